@@ -1,0 +1,39 @@
+"""SemGS: from two to four posed photos of a room, in one forward pass, a semantic 3D scene of Gaussians."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from semgs.data.scenes import open_scene
+    from semgs.data.views import Views
+    from semgs.export.scene import load_scene
+    from semgs.geometry.cameras import Cameras
+    from semgs.geometry.gaussians import Gaussians
+    from semgs.rendering.render import render
+    from semgs.weights.load import load
+
+__version__ = "0.1.0"
+__all__ = ["Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render"]
+
+_HOMES = {
+    "Cameras": "semgs.geometry.cameras",
+    "Gaussians": "semgs.geometry.gaussians",
+    "Views": "semgs.data.views",
+    "load": "semgs.weights.load",
+    "load_scene": "semgs.export.scene",
+    "open_scene": "semgs.data.scenes",
+    "render": "semgs.rendering.render",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Resolve the public names on first use, so that `import semgs` alone (and `semgs --help`) imports no torch."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'semgs' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

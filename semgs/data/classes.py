@@ -1,0 +1,74 @@
+"""Class tables: names, colours and raw ids of what a pixel can be labelled as."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+IGNORE = 255
+"""The label of a pixel that has none: it counts in no loss of classes and in no metric of classes."""
+
+
+@dataclass(frozen=True)
+class ClassTable:
+    """A table of classes; a label is a position in it.
+
+    Attributes:
+        name: how files refer to the table ("scannet20").
+        names: the classes in label order.
+        colours: their sRGB colours, 0..255, in the same order.
+        raw_ids: the ids of the source data set that are mapped to them, in the same order (NYU40 ids for ScanNet).
+
+    Raises:
+        ValueError: the lists differ in length, are empty or longer than 255, or a name comes twice.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    colours: tuple[tuple[int, int, int], ...]
+    raw_ids: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.names) == len(self.colours) == len(self.raw_ids) or not 0 < len(self.names) <= IGNORE:
+            raise ValueError(
+                f"class table {self.name} has {len(self.names)} names, {len(self.colours)} colours and {len(self.raw_ids)} ids; "
+                f"expected equal numbers between 1 and {IGNORE}"
+            )
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"class table {self.name} names a class twice")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def index(self, name: str) -> int:
+        """The label of a class by its name."""
+        return self.names.index(name)
+
+
+SCANNET20 = ClassTable(
+    name="scannet20",
+    names=(
+        "wall", "floor", "cabinet", "bed", "chair", "sofa", "table", "door", "window", "bookshelf", "picture", "counter",
+        "desk", "curtain", "refrigerator", "shower curtain", "toilet", "sink", "bathtub", "otherfurniture",
+    ),
+    colours=(
+        (174, 199, 232), (152, 223, 138), (31, 119, 180), (255, 187, 120), (188, 189, 34), (140, 86, 75), (255, 152, 150),
+        (214, 39, 40), (197, 176, 213), (148, 103, 189), (196, 156, 148), (23, 190, 207), (247, 182, 210), (219, 219, 141),
+        (255, 127, 14), (158, 218, 229), (44, 160, 44), (112, 128, 144), (227, 119, 194), (82, 84, 163),
+    ),
+    raw_ids=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 24, 28, 33, 34, 36, 39),
+)  # fmt: skip
+"""The 20 classes of the ScanNet benchmark in its order, with its colours and their NYU40 ids."""
+
+TABLES = (SCANNET20,)
+
+
+def class_table(name: str) -> ClassTable:
+    """The table of that name.
+
+    Raises:
+        ValueError: no table has it; the known ones are listed.
+    """
+    for table in TABLES:
+        if table.name == name:
+            return table
+    raise ValueError(f"unknown class table {name!r}; known: {', '.join(table.name for table in TABLES)}")

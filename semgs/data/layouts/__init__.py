@@ -1,0 +1,1 @@
+"""Layouts: one module per layout of scenes on disk."""

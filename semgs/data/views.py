@@ -1,0 +1,206 @@
+"""Views: posed pictures with what is known of them; image and camera always move together."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64, UInt8
+from torch import Tensor
+
+from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.geometry.cameras import Arrays, Cameras, as_float64
+
+INDOOR_DEPTH_RANGE = (0.5, 10.0)
+"""Near and far of rooms in metres, where nothing better is known."""
+
+
+@dataclass(frozen=True, init=False)
+class Views:
+    """Posed pictures of one scene, or of a batch of scenes.
+
+    Attributes:
+        images: 0..1, RGB.
+        cameras: one per picture, of the pictures' size.
+        depth_range: near and far z-depth of each view [m].
+        labels: class of each pixel, 255 = ignore, or None.
+        depths: z-depth of each pixel [m], 0 = unknown, or None.
+        classes: the table that labels refer to.
+
+    Raises:
+        ValueError: sizes or axes disagree, images are not in 0..1, near >= far or near <= 0, a label is outside the table.
+    """
+
+    images: Float[Tensor, "*batch v 3 h w"]
+    cameras: Cameras
+    depth_range: Float64[Tensor, "*batch v 2"]
+    labels: UInt8[Tensor, "*batch v h w"] | None = None
+    depths: Float[Tensor, "*batch v h w"] | None = None
+    classes: ClassTable = SCANNET20
+
+    def __init__(
+        self,
+        images: Tensor,
+        cameras: Cameras,
+        depth_range: Arrays,
+        labels: Tensor | None = None,
+        depths: Tensor | None = None,
+        classes: ClassTable = SCANNET20,
+    ) -> None:
+        bounds = as_float64(depth_range)
+        held = {
+            "images": images,
+            "cameras": cameras,
+            "depth_range": bounds,
+            "labels": labels,
+            "depths": depths,
+            "classes": classes,
+        }
+        for name, value in held.items():
+            object.__setattr__(self, name, value)
+        if images.ndim < 4 or images.shape[-3] != 3:
+            raise ValueError(f"images are {tuple(images.shape)}; expected [... view 3 height width]")
+        leading, size = tuple(images.shape[:-3]), tuple(images.shape[-2:])
+        if size != cameras.size:
+            raise ValueError(
+                f"images are {size} (height, width) but their cameras are for {cameras.size}; crop or resize both together"
+            )
+        if cameras.batch != leading:
+            raise ValueError(f"there are {leading} images but {cameras.batch} cameras; expected one camera per image")
+        if tuple(bounds.shape) != (*leading, 2):
+            raise ValueError(
+                f"depth_range is {tuple(bounds.shape)}; expected {(*leading, 2)}: near and far of each view"
+            )
+        near, far = bounds.unbind(-1)
+        if not (torch.isfinite(bounds).all() and (near > 0).all() and (near < far).all()):
+            raise ValueError(f"depth_range is {bounds.tolist()}; expected 0 < near < far for each view")
+        if images.numel() and not (images.amin() >= 0 and images.amax() <= 1):
+            raise ValueError(
+                f"images go from {images.amin():.4g} to {images.amax():.4g}; expected finite numbers in 0..1"
+            )
+        for name, maps in (("labels", labels), ("depths", depths)):
+            if maps is not None and tuple(maps.shape) != (*leading, *size):
+                raise ValueError(f"{name} are {tuple(maps.shape)}; expected {(*leading, *size)}, as the images")
+        if labels is not None:
+            outside = (labels >= len(classes)) & (labels != IGNORE)
+            if outside.any():
+                raise ValueError(
+                    f"labels hold {int(labels[outside][0])}; expected 0..{len(classes) - 1} of table "
+                    f"{classes.name}, or {IGNORE} for none"
+                )
+        if depths is not None and not (torch.isfinite(depths).all() and (depths >= 0).all()):
+            raise ValueError("depths hold a number that is negative or not finite; expected z-depths, 0 where unknown")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        images: Arrays,
+        world_from_camera: Arrays,
+        intrinsics: Arrays,
+        depth_range: Arrays | None = None,
+    ) -> Views:
+        """Views from plain arrays.
+
+        Args:
+            images: [v h w 3] uint8, or [v 3 h w] float in 0..1; a list of pictures will do.
+            world_from_camera: [v 4 4], camera to world, OpenCV axes [m].
+            intrinsics: [v 3 3] or one [3 3] for all [px].
+            depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning once.
+
+        Raises:
+            ValueError: as the constructor, and for pictures that are neither uint8 HWC nor float CHW.
+        """
+        pictures = torch.stack([_picture(image) for image in images])
+        matrices = as_float64(intrinsics)
+        count = len(pictures)
+        if matrices.ndim == 2:
+            matrices = matrices.expand(count, 3, 3)
+        if depth_range is None:
+            warnings.warn(
+                "depth_range is not given: taken as {:g} to {:g} metres".format(*INDOOR_DEPTH_RANGE), stacklevel=2
+            )
+            depth_range = INDOOR_DEPTH_RANGE
+        bounds = as_float64(depth_range)
+        if bounds.ndim == 1:
+            bounds = bounds.expand(count, 2)
+        return cls(pictures, Cameras(world_from_camera, matrices, tuple(pictures.shape[-2:])), bounds)
+
+    def __len__(self) -> int:
+        """The number of views of a scene."""
+        return self.images.shape[-4]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Image (height, width) [px]."""
+        return self.cameras.size
+
+    def select(self, indices: Sequence[int]) -> Views:
+        """The views at these positions of the view axis, in this order."""
+        picked = torch.as_tensor(list(indices))
+
+        def pick(maps: Tensor, axis: int) -> Tensor:
+            return maps.index_select(axis, picked.to(maps.device))
+
+        return Views(
+            images=pick(self.images, -4),
+            cameras=Cameras(
+                pick(self.cameras.world_from_camera, -3), pick(self.cameras.intrinsics, -3), self.cameras.size
+            ),
+            depth_range=pick(self.depth_range, -2),
+            labels=None if self.labels is None else pick(self.labels, -3),
+            depths=None if self.depths is None else pick(self.depths, -3),
+            classes=self.classes,
+        )
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one training or evaluation step sees: contexts in, targets to compare with.
+
+    Attributes:
+        context: the input views [b v ...].
+        target: the views to render [b v ...].
+        scenes: the name of each scene of the batch.
+    """
+
+    context: Views
+    target: Views
+    scenes: tuple[str, ...]
+
+
+def stack(views: Sequence[Views]) -> Views:
+    """Views of several scenes as one batch, with a new leading axis; labels and depths only where all have them."""
+    first = views[0]
+    labels = [one.labels for one in views if one.labels is not None]
+    depths = [one.depths for one in views if one.depths is not None]
+    return Views(
+        images=torch.stack([one.images for one in views]),
+        cameras=Cameras(
+            torch.stack([one.cameras.world_from_camera for one in views]),
+            torch.stack([one.cameras.intrinsics for one in views]),
+            first.size,
+        ),
+        depth_range=torch.stack([one.depth_range for one in views]),
+        labels=torch.stack(labels) if len(labels) == len(views) else None,
+        depths=torch.stack(depths) if len(depths) == len(views) else None,
+        classes=first.classes,
+    )
+
+
+def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
+    """One picture as float CHW.
+
+    Raises:
+        ValueError: it is neither uint8 HWC nor float CHW.
+    """
+    tensor = torch.as_tensor(np.asarray(image))
+    if tensor.dtype == torch.uint8 and tensor.ndim == 3 and tensor.shape[-1] == 3:
+        return tensor.permute(2, 0, 1).float() / 255
+    if tensor.is_floating_point() and tensor.ndim == 3 and tensor.shape[0] == 3:
+        return tensor.float()
+    raise ValueError(
+        f"a picture is {tensor.dtype} {tuple(tensor.shape)}; expected uint8 [h w 3] or float [3 h w] in 0..1"
+    )

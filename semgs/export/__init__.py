@@ -1,0 +1,1 @@
+"""Export: scenes and point clouds in files that other tools open."""

@@ -1,0 +1,1 @@
+"""Figures: class colours, pictures of depth, the HTML page of every command."""

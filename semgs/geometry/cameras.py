@@ -1,0 +1,199 @@
+"""Cameras: pinhole, OpenCV axes (x right, y down, z forward), metres, intrinsics in pixels.
+
+The corner of the first pixel is at (0, 0) and its centre at (0.5, 0.5), so `intrinsics` of an image of width W whose
+optical axis passes through its middle has cx = W / 2. A point X of the world is seen at u = K (R^T (X - t)) / z with
+`world_from_camera` = [R | t]. Every reader converts to this at its door; no other convention exists inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64
+from torch import Tensor
+
+from semgs.geometry.rotations import nearest_rotation
+
+Arrays = np.ndarray | Tensor | Sequence
+"""Numbers in whatever form a caller holds them."""
+
+ROTATION_TOLERANCE = 1e-2
+"""A pose whose 3x3 part is further than this from a rotation (largest element) is refused; ScanNet's are within 1e-3."""
+
+
+@dataclass(frozen=True, init=False)
+class Cameras:
+    """Pinhole cameras of one image size, with any leading batch axes.
+
+    Whatever comes in (arrays, lists, tensors of any dtype or device) is held as float64 on the CPU; only relative poses,
+    in float32, go to a device. Poses that are nearly rotations are orthonormalised.
+
+    Attributes:
+        world_from_camera: poses, camera to world, OpenCV axes [m].
+        intrinsics: K = [[fx, s, cx], [0, fy, cy], [0, 0, 1]] [px].
+        size: image (height, width) [px].
+
+    Raises:
+        ValueError: shapes disagree, a number is not finite, a pose is far from a rigid motion, a focal length is not
+            positive, or the size is not two positive integers.
+    """
+
+    world_from_camera: Float64[Tensor, "*batch 4 4"]
+    intrinsics: Float64[Tensor, "*batch 3 3"]
+    size: tuple[int, int]
+
+    def __init__(self, world_from_camera: Arrays, intrinsics: Arrays, size: Sequence[int]) -> None:
+        poses = as_float64(world_from_camera)
+        matrices = as_float64(intrinsics)
+        if poses.shape[-2:] != (4, 4) or matrices.shape[-2:] != (3, 3) or poses.shape[:-2] != matrices.shape[:-2]:
+            raise ValueError(
+                f"world_from_camera is {tuple(poses.shape)} and intrinsics is {tuple(matrices.shape)}; "
+                "expected [... 4 4] and [... 3 3] with equal leading axes"
+            )
+        height, width = (int(side) for side in size) if len(size) == 2 else (0, 0)
+        if (height, width) != tuple(size) or height < 1 or width < 1:
+            raise ValueError(f"size is {tuple(size)}; expected two positive integers (height, width)")
+        object.__setattr__(self, "world_from_camera", _rigid(poses))
+        object.__setattr__(self, "intrinsics", _checked_intrinsics(matrices))
+        object.__setattr__(self, "size", (height, width))
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The leading axes."""
+        return tuple(self.world_from_camera.shape[:-2])
+
+    @property
+    def camera_from_world(self) -> Float64[Tensor, "*batch 4 4"]:
+        """The inverse poses, in closed form."""
+        return inverse_rigid(self.world_from_camera)
+
+    @property
+    def centres(self) -> Float64[Tensor, "*batch 3"]:
+        """The optical centres in the world [m]."""
+        return self.world_from_camera[..., :3, 3]
+
+    @property
+    def focal_px(self) -> Float64[Tensor, "*batch 2"]:
+        """(fx, fy) [px]."""
+        return self.intrinsics.diagonal(dim1=-2, dim2=-1)[..., :2]
+
+    def __getitem__(self, index: int | slice | Tensor | tuple) -> Cameras:
+        """The cameras at an index of the leading axes."""
+        return Cameras(self.world_from_camera[index], self.intrinsics[index], self.size)
+
+
+def as_float64(numbers: Arrays) -> Float64[Tensor, ...]:
+    """Numbers in whatever form as a float64 tensor on the CPU, without gradient."""
+    if isinstance(numbers, Tensor):
+        return numbers.detach().to("cpu", torch.float64)
+    if isinstance(numbers, list | tuple) and numbers and isinstance(numbers[0], Tensor):
+        return torch.stack([as_float64(one) for one in numbers])
+    return torch.as_tensor(np.asarray(numbers, dtype=np.float64))
+
+
+def inverse_rigid(transforms: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:
+    """Inverse of rigid motions [R | t]: [R^T | -R^T t], without a general matrix inverse."""
+    rotation, translation = transforms[..., :3, :3], transforms[..., :3, 3:]
+    inverse = torch.zeros_like(transforms)
+    inverse[..., :3, :3] = rotation.mT
+    inverse[..., :3, 3:] = -rotation.mT @ translation
+    inverse[..., 3, 3] = 1
+    return inverse
+
+
+def pixel_centres(size: tuple[int, int], dtype: torch.dtype = torch.float64) -> Float[Tensor, "h w 2"]:
+    """(x, y) of every pixel's centre, at .5 [px]."""
+    height, width = size
+    rows = torch.arange(height, dtype=dtype) + 0.5
+    columns = torch.arange(width, dtype=dtype) + 0.5
+    return torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)
+
+
+def back_project(depths: Float[Tensor, "*batch h w"], cameras: Cameras) -> Float[Tensor, "*batch h w 3"]:
+    """World points of pixel centres at z-depth `depths`: R (K^-1 [x, y, 1] z) + t, in the dtype of `depths`.
+
+    Raises:
+        ValueError: the depth maps are not of the cameras' size.
+    """
+    if tuple(depths.shape[-2:]) != cameras.size:
+        raise ValueError(
+            f"depths are {tuple(depths.shape[-2:])} (height, width) but their cameras are for {cameras.size}"
+        )
+    centres = pixel_centres(cameras.size)
+    rays = torch.cat((centres, torch.ones_like(centres[..., :1])), dim=-1)
+    directions = cameras.world_from_camera[..., :3, :3] @ torch.linalg.inv(cameras.intrinsics)
+    world = torch.einsum("...ij,hwj->...hwi", directions, rays).to(depths)
+    return world * depths[..., None] + cameras.centres.to(depths)[..., None, None, :]
+
+
+def project(points: Float[Tensor, "*batch n 3"], cameras: Cameras) -> Float[Tensor, "*batch n 3"]:
+    """(x, y, z) of world points in each camera: pixel position and z-depth [px, px, m]; x and y mean nothing where z <= 0."""
+    pose = cameras.camera_from_world.to(points)
+    inside = points @ pose[..., :3, :3].mT + pose[..., None, :3, 3]
+    homogeneous = inside @ cameras.intrinsics.to(points).mT
+    depth = inside[..., 2:]
+    return torch.cat((homogeneous[..., :2] / depth, depth), dim=-1)
+
+
+def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"]:
+    """The poses with orthonormal rotations.
+
+    Raises:
+        ValueError: a pose is not finite, its last row is not (0, 0, 0, 1), or it is far from a rigid motion.
+    """
+    if not torch.isfinite(poses).all():
+        raise ValueError(
+            f"world_from_camera{_first(~torch.isfinite(poses).all(-1).all(-1))} has a number that is not finite"
+        )
+    last = poses.new_tensor([0.0, 0.0, 0.0, 1.0])
+    bad = ((poses[..., 3, :] - last).abs() > 1e-6).any(-1)
+    if bad.any():
+        raise ValueError(f"world_from_camera{_first(bad)} has a last row other than (0, 0, 0, 1)")
+    rotation = poses[..., :3, :3]
+    nearest = nearest_rotation(rotation)
+    bad = ((rotation - nearest).abs() > ROTATION_TOLERANCE).any(-1).any(-1)
+    if bad.any():
+        index = _first(bad)
+        determinant = torch.linalg.det(rotation)[bad].reshape(-1)[0]
+        raise ValueError(
+            f"world_from_camera{index} is not a rigid motion: its 3x3 part has determinant {determinant:.4g} and is more than "
+            f"{ROTATION_TOLERANCE} from the nearest rotation; expected camera-to-world poses without scale or reflection"
+        )
+    rigid = poses.clone()
+    exact = ((rotation @ rotation.mT - torch.eye(3, dtype=poses.dtype)).abs() < 1e-12).all(-1).all(-1)
+    rigid[..., :3, :3] = torch.where(exact[..., None, None], rotation, nearest)
+    return rigid
+
+
+def _checked_intrinsics(intrinsics: Float64[Tensor, "*batch 3 3"]) -> Float64[Tensor, "*batch 3 3"]:
+    """The intrinsics as they are.
+
+    Raises:
+        ValueError: a number is not finite, a focal length is not positive, or it is not an upper triangle with a last row of (0, 0, 1).
+    """
+    if not torch.isfinite(intrinsics).all():
+        raise ValueError(
+            f"intrinsics{_first(~torch.isfinite(intrinsics).all(-1).all(-1))} has a number that is not finite"
+        )
+    focal = intrinsics.diagonal(dim1=-2, dim2=-1)[..., :2]
+    if (focal <= 0).any():
+        bad = (focal <= 0).any(-1)
+        fx, fy = focal[bad].reshape(-1, 2)[0].tolist()
+        raise ValueError(
+            f"intrinsics{_first(bad)} has focal lengths fx = {fx:g}, fy = {fy:g}; expected positive ones, in pixels"
+        )
+    last = intrinsics.new_tensor([0.0, 0.0, 1.0])
+    bad = ((intrinsics[..., 2, :] - last).abs() > 1e-9).any(-1) | (intrinsics[..., 1, 0].abs() > 1e-9)
+    if bad.any():
+        raise ValueError(f"intrinsics{_first(bad)} is not [[fx, s, cx], [0, fy, cy], [0, 0, 1]]")
+    return intrinsics
+
+
+def _first(bad: Tensor) -> str:
+    """The index of the first true element, as it is written behind a name ("[0, 2]"; nothing for a scalar)."""
+    if bad.ndim == 0:
+        return ""
+    return str(bad.nonzero()[0].tolist())

@@ -1,0 +1,99 @@
+"""Gaussians: what a scene is made of, as activated quantities; how a network or file encodes them is its own affair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What one branch knows of each Gaussian: its shape and its features.
+
+    Attributes:
+        quaternions: axes in the world as unit quaternions (w, x, y, z).
+        scales: standard deviations along the axes [m].
+        features: colour harmonics [... g k 3] in the standard 3DGS basis, degree order, k = 1, 4, 9 or 16 (colour is
+            0.5 + their sum, clamped below at 0), or a class distribution [... g class] that sums to 1.
+    """
+
+    quaternions: Float[Tensor, "*batch g 4"]
+    scales: Float[Tensor, "*batch g 3"]
+    features: Float[Tensor, ...]
+
+    def __post_init__(self) -> None:
+        leading = self.quaternions.shape[:-1]
+        if self.scales.shape[:-1] != leading or self.features.shape[: len(leading)] != leading:
+            raise ValueError(
+                f"quaternions are {tuple(self.quaternions.shape)}, scales {tuple(self.scales.shape)}, features "
+                f"{tuple(self.features.shape)}; their leading axes [... gaussian] must be equal"
+            )
+        if self.quaternions.shape[-1:] != (4,) or self.scales.shape[-1:] != (3,):
+            raise ValueError(
+                f"quaternions are {tuple(self.quaternions.shape)} and scales {tuple(self.scales.shape)}; expected [... g 4] and [... g 3]"
+            )
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """Dual Gaussians: colour and semantic appearance on shared positions and opacities.
+
+    Attributes:
+        means: positions in the world [m].
+        opacities: 0..1.
+        colour: appearance whose features are harmonics [... g k 3].
+        semantic: appearance whose features are class distributions [... g class]; None for a colour-only model.
+    """
+
+    means: Float[Tensor, "*batch g 3"]
+    opacities: Float[Tensor, "*batch g"]
+    colour: Appearance
+    semantic: Appearance | None = None
+
+    def __post_init__(self) -> None:
+        leading = self.means.shape[:-1]
+        if self.means.shape[-1:] != (3,) or self.opacities.shape != leading:
+            raise ValueError(
+                f"means are {tuple(self.means.shape)} and opacities {tuple(self.opacities.shape)}; expected [... g 3] and [... g]"
+            )
+        for name, appearance in (("colour", self.colour), ("semantic", self.semantic)):
+            if appearance is not None and appearance.quaternions.shape[:-1] != leading:
+                raise ValueError(
+                    f"{name} has {tuple(appearance.quaternions.shape[:-1])} Gaussians but means has {tuple(leading)}"
+                )
+        harmonics = self.colour.features.shape[len(leading) :]
+        if len(harmonics) != 2 or harmonics[0] not in (1, 4, 9, 16) or harmonics[1] != 3:
+            raise ValueError(
+                f"colour.features are {tuple(self.colour.features.shape)}; expected [... g k 3] with k = 1, 4, 9 or 16"
+            )
+        if self.semantic is not None and self.semantic.features.ndim != len(leading) + 1:
+            raise ValueError(f"semantic.features are {tuple(self.semantic.features.shape)}; expected [... g class]")
+
+    def __len__(self) -> int:
+        """The number of Gaussians of one scene."""
+        return self.means.shape[-2]
+
+    def map(self, function) -> Gaussians:
+        """The same Gaussians with `function` applied to each tensor (to move, cast, index or detach them all)."""
+
+        def mapped(appearance: Appearance) -> Appearance:
+            return Appearance(*(function(getattr(appearance, field.name)) for field in fields(Appearance)))
+
+        return replace(
+            self,
+            means=function(self.means),
+            opacities=function(self.opacities),
+            colour=mapped(self.colour),
+            semantic=None if self.semantic is None else mapped(self.semantic),
+        )
+
+    def to(self, *args, **kwargs) -> Gaussians:
+        """The same Gaussians on another device or in another dtype, as `Tensor.to` takes them."""
+        return self.map(lambda tensor: tensor.to(*args, **kwargs))
+
+    def detach(self) -> Gaussians:
+        """The same Gaussians without their gradient."""
+        return self.map(torch.Tensor.detach)

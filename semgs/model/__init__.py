@@ -1,0 +1,1 @@
+"""The network: from views to dual Gaussians."""

@@ -1,0 +1,1 @@
+"""Reconstruction: from a scene on disk to a labelled Gaussian scene."""

@@ -1,0 +1,1 @@
+"""Rendering: Gaussians and cameras in, pictures, class maps, depth and alpha out."""

@@ -1,0 +1,1 @@
+"""Rooms: labelled scenes from a seed."""

@@ -1,0 +1,1 @@
+"""Training: samples, the step, the loop."""

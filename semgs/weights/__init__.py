@@ -1,0 +1,1 @@
+"""Weights: their file format, what ships, foreign names, loading."""
