@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from semgs.files.atomic import write_bytes, write_json, write_text
+
+
+def full_disk(*_: object, **__: object) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    write_bytes(tmp_path / "a.bin", b"\x00\xff\n")
+    write_text(tmp_path / "b.txt", "grün\n")
+    write_json(tmp_path / "c.json", {"psnr": 22.5, "names": ["ä"], "none": None}, durable=True)
+    assert (tmp_path / "a.bin").read_bytes() == b"\x00\xff\n"
+    assert (tmp_path / "b.txt").read_bytes() == "grün\n".encode()
+    assert json.loads((tmp_path / "c.json").read_text(encoding="utf-8")) == {
+        "psnr": 22.5,
+        "names": ["ä"],
+        "none": None,
+    }
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bin", "b.txt", "c.json"]
+
+
+def test_a_second_writing_replaces_the_first(tmp_path: Path) -> None:
+    write_text(tmp_path / "a.txt", "a long first text")
+    write_text(tmp_path / "a.txt", "short")
+    assert (tmp_path / "a.txt").read_text() == "short"
+
+
+@pytest.mark.parametrize("durable", [False, True])
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, durable: bool
+) -> None:
+    write_text(tmp_path / "a.txt", "old")
+    monkeypatch.setattr(os, "fsync" if durable else "replace", full_disk)
+    with pytest.raises(OSError, match="No space left"):
+        write_text(tmp_path / "a.txt", "new", durable=durable)
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_disk_that_fills_up_in_the_middle_of_a_file_leaves_no_part_of_it(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            write_bytes(tmp_path / "a.bin", b"x" * 4000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, old)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_that_json_cannot_say_are_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        write_json(tmp_path / "a.json", {"psnr": float("nan")})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_new_file_has_the_rights_of_any_other(tmp_path: Path) -> None:
+    write_text(tmp_path / "ours", "a")
+    (tmp_path / "plain").write_text("a")
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
