@@ -1,0 +1,162 @@
+"""What training minimises: cross-entropy of classes, squared error of colour, regional smoothness of classes.
+
+    L = semantic L_sem + colour L_c + smoothness L_rs                                     (the paper, section III-D)
+
+Every term is first brought to one number per view, then averaged over views and batch, so that gradients of shards of a
+batch (several processes, accumulated steps) average to the gradient of the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from semgs.data.classes import IGNORE
+from semgs.data.views import Views
+from semgs.rendering.rendering import Rendering
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """How the terms are weighed; the defaults are the paper's.
+
+    Attributes:
+        semantic: of the cross-entropy L_sem.
+        colour: of the squared error L_c.
+        smoothness: of the regional smoothness L_rs; 0 is the paper's ablation without it.
+    """
+
+    semantic: float = 0.1
+    colour: float = 1.0
+    smoothness: float = 0.001
+
+
+@dataclass(frozen=True)
+class Losses:
+    """The terms, unweighted, and their weighted sum.
+
+    Attributes:
+        semantic: L_sem, mean cross-entropy of a labelled pixel [nat].
+        colour: L_c, mean squared error of a channel of a pixel.
+        smoothness: L_rs over the number of labelled pixels.
+        total: the weighted sum, to be minimised.
+        unlabelled: views whose semantic terms are 0 because they have no labelled pixel, or the rendering no classes.
+    """
+
+    semantic: Float[Tensor, ""]
+    colour: Float[Tensor, ""]
+    smoothness: Float[Tensor, ""]
+    total: Float[Tensor, ""]
+    unlabelled: int
+
+
+def losses(
+    rendering: Rendering,
+    target: Views,
+    weights: LossWeights | None = None,
+    *,
+    class_weights: Sequence[float] | None = None,
+) -> Losses:
+    """The paper's losses of rendered views.
+
+    Ignored pixels (label 255) enter neither semantic term; the colour term knows no labels.
+
+    Args:
+        rendering: the target views as rendered [... v].
+        target: the views as they were, with labels where there are any [... v].
+        weights: of the terms; None is the paper's.
+        class_weights: factors of the cross-entropy of each true class, for classes that are rare; None (the paper) is 1
+            for all. The divisor stays the number of labelled pixels.
+
+    Raises:
+        ValueError: the rendering is not of the target's size, views or classes.
+    """
+    weights = weights or LossWeights()
+    if rendering.images.shape != target.images.shape:
+        raise ValueError(
+            f"the rendering is {tuple(rendering.images.shape)} but its target {tuple(target.images.shape)} "
+            "([... view 3 height width]); render the target's cameras"
+        )
+    colour = (rendering.images - target.images).square().mean()
+    views = target.images.shape[:-3].numel()
+    semantic = smoothness = torch.zeros_like(colour)
+    unlabelled = views
+    if rendering.semantics is not None and target.labels is not None:
+        if rendering.semantics.shape[-3] != len(target.classes):
+            raise ValueError(
+                f"the rendering has {rendering.semantics.shape[-3]} classes but table {target.classes.name} of the "
+                f"target has {len(target.classes)}; train with the table of the labels"
+            )
+        distributions = rendering.semantics.flatten(end_dim=-4)
+        labels = target.labels.reshape(views, *target.size)
+        semantic = cross_entropy(distributions, labels, class_weights).mean()
+        smoothness = regional_smoothness(distributions, labels).mean()
+        unlabelled = int((labels == IGNORE).flatten(1).all(1).sum())
+    total = weights.semantic * semantic + weights.colour * colour + weights.smoothness * smoothness
+    return Losses(semantic, colour, smoothness, total, unlabelled)
+
+
+def cross_entropy(
+    distributions: Float[Tensor, "v class h w"],
+    labels: UInt8[Tensor, "v h w"],
+    class_weights: Sequence[float] | None = None,
+) -> Float[Tensor, " v"]:
+    """L_sem of each view: - sum_l S_l log S^_l, the mean over its labelled pixels; 0 where a view has none [nat].
+
+    A rendered distribution is positive everywhere, because the light that passes all Gaussians is spread evenly over
+    the classes. The smallest normal number stands in for a zero that rounding might leave.
+    """
+    probability, labelled = _true_class_probability(distributions, labels)
+    terms = -probability.clamp(min=torch.finfo(probability.dtype).tiny).log()
+    if class_weights is not None:
+        terms = terms * terms.new_tensor(class_weights)[_indices(labels)]
+    return _per_labelled_pixel((terms * labelled).sum((-2, -1)), labelled)
+
+
+def regional_smoothness(
+    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v h w"]
+) -> Float[Tensor, " v"]:
+    """L_rs of each view over its number of labelled pixels; 0 where a view has none.
+
+    The paper's double sum runs over classes l and, inside, over neighbours down and right that both belong to the region
+    of l, of |S^_l - S^_l|. A pixel belongs to one region only, so that is one sum over neighbours of equal label, in
+    the channel of that label. Borders between classes cost nothing.
+    """
+    probability, labelled = _true_class_probability(distributions, labels)
+    down = (labels[..., 1:, :] == labels[..., :-1, :]) & labelled[..., 1:, :]
+    right = (labels[..., :, 1:] == labels[..., :, :-1]) & labelled[..., :, 1:]
+    total = (probability.diff(dim=-2).abs() * down).sum((-2, -1))
+    total = total + (probability.diff(dim=-1).abs() * right).sum((-2, -1))
+    return _per_labelled_pixel(total, labelled)
+
+
+def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*batch v h w"]) -> Float[Tensor, ""]:
+    """Mean |log depth - log truth| over the pixels whose truth is known (> 0), then over views; no part of the paper's loss.
+
+    A factor of 1.1 costs the same near and far, and in any unit.
+    """
+    known = truth > 0
+    error = (depths.log() - torch.where(known, truth, 1).log()).abs()
+    return _per_labelled_pixel((error * known).sum((-2, -1)), known).mean()
+
+
+def _true_class_probability(
+    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v h w"]
+) -> tuple[Float[Tensor, "v h w"], Bool[Tensor, "v h w"]]:
+    """The probability given to each pixel's true class, never below float32, and which pixels are labelled."""
+    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
+    return exact.gather(-3, _indices(labels)[..., None, :, :])[..., 0, :, :], labels != IGNORE
+
+
+def _indices(labels: UInt8[Tensor, "v h w"]) -> Tensor:
+    """Labels as indices; ignored pixels point to class 0 and must be masked."""
+    return torch.where(labels == IGNORE, 0, labels).long()
+
+
+def _per_labelled_pixel(sums: Float[Tensor, "*batch"], labelled: Bool[Tensor, "*batch h w"]) -> Float[Tensor, "*batch"]:
+    """Sums of views divided by their number of labelled pixels; a sum over none stays 0."""
+    return sums / labelled.sum((-2, -1)).clamp(min=1)

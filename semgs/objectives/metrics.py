@@ -1,0 +1,132 @@
+"""What evaluation reports: PSNR, and from confusion matrices mean IoU and accuracies of two kinds.
+
+Over one confusion matrix of the whole set (the ScanNet benchmark's kind), or per image and then averaged (the kind of
+S-Ray and GSNeRF: `*_per_image`). The second is easier and noisier; the two must not share a column.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Bool, Float, Int64, UInt8
+from torch import Tensor
+
+from semgs.data.classes import IGNORE
+
+
+def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h w"]) -> Float[Tensor, "*batch"]:
+    """Peak signal-to-noise ratio of each image over all pixels and channels, images clamped to 0..1 [dB].
+
+    Equal images have infinite PSNR. Over several images the mean of their values is reported.
+    """
+    return -10 * (images.clamp(0, 1) - truth).square().mean((-3, -2, -1)).log10()
+
+
+def confusion_matrix(
+    predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, "*batch h w"], classes: int
+) -> Int64[Tensor, "class class"]:
+    """Counts of pixels, rows by true class, columns by predicted class.
+
+    Pixels without truth (255) are not counted, and neither are those without a prediction (255): where those may occur,
+    tell the metrics which classes are `present`. Matrices of several images add up.
+
+    Raises:
+        ValueError: a prediction is outside the classes, or shapes differ.
+    """
+    # Importing torchmetrics takes seconds, which those who only want a PSNR need not wait for.
+    from torchmetrics.functional.classification import multiclass_confusion_matrix
+
+    if predicted.shape != truth.shape:
+        raise ValueError(f"predicted labels are {tuple(predicted.shape)} but the true ones {tuple(truth.shape)}")
+    counted = (truth != IGNORE) & (predicted != IGNORE)
+    for name, labels in (("predicted", predicted), ("true", truth)):
+        if (labels[counted] >= classes).any():
+            raise ValueError(
+                f"{name} labels hold {int(labels[counted].max())}; expected 0..{classes - 1}, or {IGNORE} for none"
+            )
+    if not counted.any():
+        return torch.zeros(classes, classes, dtype=torch.int64, device=truth.device)
+    return multiclass_confusion_matrix(
+        predicted[counted].long(), truth[counted].long(), classes, validate_args=False
+    ).long()
+
+
+def confusion_matrices(
+    predicted: UInt8[Tensor, "image h w"], truth: UInt8[Tensor, "image h w"], classes: int
+) -> Int64[Tensor, "image class class"]:
+    """One confusion matrix per image."""
+    return torch.stack([confusion_matrix(*pair, classes) for pair in zip(predicted, truth, strict=True)])
+
+
+def present_classes(truth: UInt8[Tensor, "*batch h w"], classes: int) -> Bool[Tensor, " class"]:
+    """Which classes the truth shows at all, whatever was predicted there."""
+    return torch.bincount(truth[truth != IGNORE].flatten().long(), minlength=classes) > 0
+
+
+def intersection_over_union(confusion: Int64[Tensor, "*batch class class"]) -> Float[Tensor, "*batch class"]:
+    """C_kk / (row_k + column_k - C_kk) of each class; 0 where a class is neither true nor predicted."""
+    hits = confusion.diagonal(dim1=-2, dim2=-1).double()
+    return _ratio(hits, confusion.sum(-1) + confusion.sum(-2) - hits)
+
+
+def miou(
+    confusion: Int64[Tensor, "*batch class class"], present: Bool[Tensor, "*batch class"] | None = None
+) -> Float[Tensor, "*batch"]:
+    """Mean IoU over the classes that the truth shows; 0 where it shows none.
+
+    A class that is only predicted adds no term of its own; its pixels are misses of their true class.
+
+    Args:
+        confusion: rows by true class.
+        present: the classes to average over; None is those with a count in their row.
+    """
+    return _mean_over(intersection_over_union(confusion), confusion, present)
+
+
+def class_accuracy(
+    confusion: Int64[Tensor, "*batch class class"], present: Bool[Tensor, "*batch class"] | None = None
+) -> Float[Tensor, "*batch"]:
+    """Mean over the classes that the truth shows of the share of their pixels that was hit; 0 where it shows none."""
+    hits = confusion.diagonal(dim1=-2, dim2=-1).double()
+    return _mean_over(_ratio(hits, confusion.sum(-1)), confusion, present)
+
+
+def accuracy(confusion: Int64[Tensor, "*batch class class"]) -> Float[Tensor, "*batch"]:
+    """Share of the counted pixels that was hit; 0 where there is none."""
+    return _ratio(confusion.diagonal(dim1=-2, dim2=-1).sum(-1), confusion.sum((-2, -1)))
+
+
+def miou_per_image(
+    confusions: Int64[Tensor, "image class class"], present: Bool[Tensor, "image class"] | None = None
+) -> Float[Tensor, ""]:
+    """Mean over images of each one's mean IoU over the classes that its own truth shows; an image without truth is 0.
+
+    Of several scenes S-Ray reports the mean of this number over scenes.
+    """
+    return miou(confusions, present).mean()
+
+
+def class_accuracy_per_image(
+    confusions: Int64[Tensor, "image class class"], present: Bool[Tensor, "image class"] | None = None
+) -> Float[Tensor, ""]:
+    """Mean over images of each one's class accuracy; an image without truth is 0."""
+    return class_accuracy(confusions, present).mean()
+
+
+def accuracy_per_image(confusions: Int64[Tensor, "image class class"]) -> Float[Tensor, ""]:
+    """Mean over images of each one's accuracy; an image without truth is 0."""
+    return accuracy(confusions).mean()
+
+
+def _mean_over(
+    values: Float[Tensor, "*batch class"],
+    confusion: Int64[Tensor, "*batch class class"],
+    present: Bool[Tensor, "*batch class"] | None,
+) -> Float[Tensor, "*batch"]:
+    """The mean of values over the present classes, 0 where there is none."""
+    counted = confusion.sum(-1) > 0 if present is None else present
+    return _ratio((values * counted).sum(-1), counted.sum(-1))
+
+
+def _ratio(numerator: Tensor, denominator: Tensor) -> Float[Tensor, "*batch"]:
+    """The quotient in float64, 0 for 0 / 0."""
+    return numerator.double() / denominator.clamp(min=1)

@@ -1,0 +1,70 @@
+"""Checkpoints: whole states on disk, of which the newest intact one counts.
+
+A checkpoint is two files: `00012000.safetensors` with the tensors and, written after it, `00012000.json` with the numbers
+and the hash of the first. Both are written to a temporary name and renamed, so a killed run leaves no half file under
+a checkpoint's name; a file damaged later fails its hash.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from safetensors.torch import load, save
+from torch import Tensor
+
+from semgs.files.atomic import write_bytes, write_json
+from semgs.training.state import TrainingState
+
+KEPT = 3
+"""How many checkpoints stay; each is about five times the size of the network."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A state as it was read.
+
+    Attributes:
+        tensors: by name, as `TrainingState.tensors` gave them.
+        numbers: as `TrainingState.numbers` gave them.
+        damaged: newer checkpoints that had to be passed over.
+    """
+
+    tensors: dict[str, Tensor]
+    numbers: dict[str, float]
+    damaged: tuple[Path, ...]
+
+
+def save_checkpoint(folder: Path, state: TrainingState) -> Path:
+    """Write the state, then drop all but the last few checkpoints.
+
+    Returns:
+        the file of numbers, which makes the checkpoint valid.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    tensors = save(state.tensors())
+    record = folder / f"{state.step:08d}.json"
+    write_bytes(record.with_suffix(".safetensors"), tensors)
+    write_json(record, {"sha256": hashlib.sha256(tensors).hexdigest(), **state.numbers()})
+    for old in sorted(folder.glob("*.json"))[:-KEPT]:
+        old.unlink()
+        old.with_suffix(".safetensors").unlink(missing_ok=True)
+    return record
+
+
+def newest_checkpoint(folder: Path) -> Checkpoint | None:
+    """The newest intact checkpoint of a folder, None where there is none."""
+    damaged: list[Path] = []
+    for record in sorted(folder.glob("*.json"), reverse=True):
+        try:
+            numbers = json.loads(record.read_text())
+            tensors = record.with_suffix(".safetensors").read_bytes()
+            intact = hashlib.sha256(tensors).hexdigest() == numbers.pop("sha256")
+        except (OSError, ValueError, KeyError):
+            intact = False
+        if intact:
+            return Checkpoint(load(tensors), numbers, tuple(damaged))
+        damaged.append(record)
+    return None

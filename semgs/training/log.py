@@ -1,0 +1,147 @@
+"""The log of a run: JSON lines on disk, progress with the time left on a console."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from semgs.training.step import StepReport
+from semgs.training.validation import Validation
+
+EVERY = 20
+"""Steps whose means make one line of the log."""
+
+PLAIN_LINE_SECONDS = 30.0
+"""Time between lines on a console that is no terminal."""
+
+
+class RunLog:
+    """Writes what steps and validations measured, as a context manager around the loop.
+
+    Args:
+        path: the file of JSON lines; lines after `step` are dropped, as a killed run may have left them.
+        step: where the run goes on.
+        steps: where it ends.
+        console: where progress is shown; None shows nothing.
+    """
+
+    def __init__(self, path: Path, step: int, steps: int, console: Console | None) -> None:
+        kept = [line for line in _lines(path) if json.loads(line)["step"] <= step]
+        path.write_text("".join(f"{line}\n" for line in kept))
+        self._file = path.open("a")
+        self._start, self._steps, self._console = step, steps, console
+        self._reports: list[StepReport] = []
+        self._waited = self._samples = 0.0
+        self._began = self._since = self._shown = time.monotonic()
+        self._bar: Progress | None = None
+        if console is not None and console.is_terminal:
+            self._bar = Progress(
+                TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+                TimeRemainingColumn(), console=console,
+            )  # fmt: skip
+            self._task = self._bar.add_task("training", total=steps, completed=step)
+
+    def __enter__(self) -> RunLog:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+        self._file.close()
+
+    def step(self, step: int, seconds: float, report: StepReport, scenes: int, waited: float, skipped: int) -> None:
+        """Take note of a step.
+
+        Args:
+            step: how many steps have been taken.
+            seconds: time the run has taken so far.
+            report: what the step measured.
+            scenes: in its batch.
+            waited: for its batch [s].
+            skipped: steps skipped so far.
+        """
+        self._reports.append(report)
+        self._samples += scenes
+        self._waited += waited
+        if self._bar is not None:
+            self._bar.update(self._task, completed=step)
+        if len(self._reports) >= EVERY or step == self._steps:
+            self._flush(step, seconds, skipped)
+
+    def validation(self, step: int, result: Validation) -> None:
+        """Take note of a validation."""
+        numbers = {name: getattr(result, name) for name in ("psnr", "miou", "accuracy")}
+        self._write({"step": step, "validation": numbers})
+        told = [f"PSNR {result.psnr:.2f} dB"]
+        if result.miou is not None:
+            told += [f"mIoU {result.miou:.3f}", f"accuracy {result.accuracy:.3f}"]
+        self.say(f"step {step}: validation {', '.join(told)}")
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence on the console."""
+        if self._console is not None:
+            self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+    def _flush(self, step: int, seconds: float, skipped: int) -> None:
+        """Write the means since the last line and show them."""
+        now = time.monotonic()
+        moved = [report for report in self._reports if report.moved] or self._reports
+        means = {
+            name: sum(float(value) for value in values) / len(moved)
+            for name in asdict(moved[0])
+            if name not in ("moved", "unlabelled")
+            for values in [[getattr(report, name) for report in moved]]
+        }
+        elapsed = max(now - self._since, 1e-9)
+        numbers = {
+            "step": step,
+            **means,
+            "unlabelled": sum(report.unlabelled for report in self._reports),
+            "skipped": skipped,
+            "samples_per_second": self._samples / elapsed,
+            "wait_share": self._waited / elapsed,
+            "seconds": seconds,
+        }
+        self._write(numbers)
+        told = f"loss {means['total']:.4f}, PSNR {means['psnr']:.2f} dB"
+        if self._bar is not None:
+            self._bar.update(self._task, description=told)
+        elif now - self._shown >= PLAIN_LINE_SECONDS or step == self._steps:
+            left = (now - self._began) / max(step - self._start, 1) * (self._steps - step) / 60
+            self.say(
+                f"step {step} of {self._steps}: {told}, {numbers['samples_per_second']:.2f} scenes/s, "
+                f"{100 * numbers['wait_share']:.0f} % waiting for data, about {left:.0f} min left"
+            )
+            self._shown = now
+        self._reports, self._waited, self._samples, self._since = [], 0.0, 0.0, now
+
+    def _write(self, numbers: dict) -> None:
+        """Append a line of JSON; a number that is not finite is null, as JSON has no other word for it."""
+        self._file.write(json.dumps(_finite(numbers)) + "\n")
+        self._file.flush()
+
+
+def _finite(value: object) -> object:
+    """The value with five significant digits for floats, and None for those that are not finite."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, float):
+        return float(f"{value:.5g}") if math.isfinite(value) else None
+    return value
+
+
+def _lines(path: Path) -> list[str]:
+    """The whole lines of a file; a last one that a kill cut short is no line."""
+    text = path.read_text() if path.exists() else ""
+    return text[: text.rfind("\n") + 1].splitlines()

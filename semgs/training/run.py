@@ -1,0 +1,77 @@
+"""The run folder: whose it is, and the weights that come out of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
+from semgs.training.checkpoints import newest_checkpoint
+from semgs.training.settings import TrainingSettings, differences
+from semgs.training.state import TrainingState
+from semgs.weights.file import save
+from semgs.weights.load import load
+
+
+def claim(out: Path, settings: TrainingSettings) -> None:
+    """Make the folder a run of these settings.
+
+    Raises:
+        ValueError: it holds a run of other settings; they are listed.
+        InputError: it holds something else.
+    """
+    record = out / "settings.json"
+    if record.exists():
+        other = differences(settings, read_settings(out))
+        if other:
+            listed = ", ".join(f"{name} = {there!r} there, {here!r} asked" for name, (here, there) in other.items())
+            raise ValueError(f"{out} holds a run of other settings: {listed}; give the same ones or another folder")
+        return
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(record, settings.as_json())
+
+
+def read_settings(out: Path) -> TrainingSettings:
+    """The settings of a run.
+
+    Raises:
+        InputError: the folder holds no run, or one that this version cannot read.
+    """
+    record = out / "settings.json"
+    try:
+        return TrainingSettings.from_json(json.loads(record.read_text()))
+    except FileNotFoundError as error:
+        raise InputError(record, "the settings of a training run", "no such file") from error
+    except (ValueError, TypeError) as error:
+        raise InputError(record, "the settings of a training run", str(error)) from error
+
+
+def export_weights(run: Path, path: Path) -> Path:
+    """Write the averaged weights of a run's newest checkpoint as a file of weights, in bfloat16.
+
+    Its header says of which training they are: settings, step and seed.
+
+    Raises:
+        InputError: the run has no intact checkpoint yet.
+    """
+    settings = read_settings(run)
+    checkpoint = newest_checkpoint(run / "checkpoints")
+    if checkpoint is None:
+        raise InputError(run, "a run with a checkpoint", "none that is intact", advice="train first")
+    model = load(settings.model, "random", seed=settings.seed)
+    state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
+    state.restore(checkpoint.tensors, checkpoint.numbers)
+    save(
+        path,
+        state.average.module,
+        {
+            "training": json.dumps(settings.as_json()),
+            "data": f"rooms of seed {settings.seed}, drawn live",
+            "seed": str(settings.seed),
+            "step": str(state.step),
+        },
+    )
+    return path

@@ -1,0 +1,100 @@
+"""State: all that a training carries from step to step, and its way to named tensors and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
+
+
+@dataclass
+class TrainingState:
+    """A training between two steps.
+
+    Attributes:
+        model: what learns.
+        average: the moving average of its weights; `average.module` is a network like `model`.
+        optimizer: Adam with its moments.
+        step: how many steps have been taken, skipped ones included; also the number of the next batch.
+        skipped: steps without a finite gradient so far.
+        skipped_in_a_row: those of them since the last good step.
+        seconds: time spent so far, over all sittings.
+    """
+
+    model: nn.Module
+    average: AveragedModel
+    optimizer: torch.optim.Adam
+    step: int = 0
+    skipped: int = 0
+    skipped_in_a_row: int = 0
+    seconds: float = 0.0
+
+    @classmethod
+    def begin(cls, model: nn.Module, learning_rate: float, average_decay: float) -> TrainingState:
+        """The state before the first step."""
+        model.train()
+        average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
+        average.eval()
+        return cls(model, average, torch.optim.Adam(model.parameters(), lr=learning_rate))
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Copies of every tensor: weights (`model.`), their average (`average.`), Adam's moments (`optimizer.`)."""
+        tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
+        tensors |= {f"average.{name}": tensor for name, tensor in self.average.state_dict().items()}
+        for name, parameter in self.model.named_parameters():
+            moments = self.optimizer.state.get(parameter, {})
+            tensors |= {f"optimizer.{name}/{key}": tensor for key, tensor in moments.items()}
+        return {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
+
+    def numbers(self) -> dict[str, float]:
+        """Every number beside the tensors."""
+        return {
+            "step": self.step,
+            "skipped": self.skipped,
+            "skipped_in_a_row": self.skipped_in_a_row,
+            "seconds": self.seconds,
+        }
+
+    def restore(self, tensors: dict[str, Tensor], numbers: dict[str, float]) -> None:
+        """Take over what `tensors` and `numbers` of another state gave.
+
+        Raises:
+            ValueError: the tensors are not those of this network.
+        """
+        try:
+            self.model.load_state_dict(_under("model.", tensors))
+            self.average.load_state_dict(_under("average.", tensors))
+        except RuntimeError as error:
+            raise ValueError(f"the checkpoint is of another network: {error}") from error
+        moments: dict[str, dict[str, Tensor]] = {}
+        for name, tensor in _under("optimizer.", tensors).items():
+            parameter, key = name.rsplit("/", 1)
+            moments.setdefault(parameter, {})[key] = tensor
+        names = [name for name, _ in self.model.named_parameters()]
+        held = {names.index(name): values for name, values in moments.items()}
+        self.optimizer.load_state_dict({"state": held, "param_groups": self.optimizer.state_dict()["param_groups"]})
+        self.step = int(numbers["step"])
+        self.skipped = int(numbers["skipped"])
+        self.skipped_in_a_row = int(numbers["skipped_in_a_row"])
+        self.seconds = float(numbers["seconds"])
+
+
+def _warmed_up_average(decay: float):
+    """A moving average for `AveragedModel` whose decay rises as (1 + n) / (10 + n) until it reaches `decay`.
+
+    So that the average of a young run is not its random start.
+    """
+
+    @torch.no_grad()
+    def update(averages: list[Tensor], weights: list[Tensor], count: Tensor | int) -> None:
+        now = min(decay, (1 + float(count)) / (10 + float(count)))
+        torch._foreach_lerp_(averages, weights, 1 - now)
+
+    return update
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors whose name begins with the prefix, without it."""
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
