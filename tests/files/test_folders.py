@@ -61,7 +61,7 @@ def test_an_old_folder_stays_until_the_new_one_is_complete(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device"), ValueError("no")]
+    "error", [KeyboardInterrupt("stop"), OSError(errno.ENOSPC, "No space left on device"), ValueError("no")]
 )
 def test_a_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, error: BaseException) -> None:
     fill(tmp_path / "old", "old")
