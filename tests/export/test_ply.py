@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from semgs.data.classes import SCANNET20
+from semgs.export.ply import read_ply, write_ply, write_semantic_ply
+from semgs.files.errors import InputError
+from semgs.geometry.gaussians import Appearance, Gaussians
+
+
+def some_gaussians(count: int = 7, harmonics: int = 9, seed: int = 3) -> Gaussians:
+    draw = torch.Generator().manual_seed(seed)
+
+    def shape(features: torch.Tensor) -> Appearance:
+        quaternions = torch.nn.functional.normalize(torch.randn(count, 4, generator=draw), dim=-1)
+        return Appearance(quaternions, torch.rand(count, 3, generator=draw) * 0.1 + 1e-3, features)
+
+    return Gaussians(
+        means=torch.randn(count, 3, generator=draw) * 4,
+        opacities=torch.rand(count, generator=draw),
+        colour=shape(torch.randn(count, harmonics, 3, generator=draw) * 0.3),
+        semantic=shape(torch.randn(count, 20, generator=draw).softmax(-1)),
+    )
+
+
+@pytest.mark.parametrize("harmonics", [1, 4, 9, 16])
+def test_a_file_holds_the_same_gaussians_at_every_degree(tmp_path: Path, harmonics: int) -> None:
+    gaussians = some_gaussians(harmonics=harmonics)
+    write_ply(tmp_path / "a.ply", gaussians)
+    read = read_ply(tmp_path / "a.ply")
+    torch.testing.assert_close(read.means, gaussians.means)
+    torch.testing.assert_close(read.opacities, gaussians.opacities)
+    torch.testing.assert_close(read.colour.quaternions, gaussians.colour.quaternions)
+    torch.testing.assert_close(read.colour.scales, gaussians.colour.scales)
+    torch.testing.assert_close(read.colour.features[:, :harmonics], gaussians.colour.features)
+    assert (read.colour.features[:, harmonics:] == 0).all()
+    assert read.semantic is None
+
+
+def test_the_file_is_the_one_that_viewers_expect_byte_by_byte(tmp_path: Path) -> None:
+    harmonics = torch.zeros(1, 4, 3)
+    harmonics[0, 0] = torch.tensor([0.1, 0.2, 0.3])
+    harmonics[0, 1:, 0] = torch.tensor([1.0, 2.0, 3.0])  # red, of degree 1
+    harmonics[0, 1:, 2] = torch.tensor([7.0, 8.0, 9.0])  # blue
+    colour = Appearance(torch.tensor([[2.0, 0.0, 0.0, 0.0]]), torch.tensor([[1.0, math.e, math.e**2]]), harmonics)
+    write_ply(tmp_path / "a.ply", Gaussians(torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([0.5]), colour))
+    head, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
+    lines = head.decode().splitlines()
+    assert lines[:3] == ["ply", "format binary_little_endian 1.0", "element vertex 1"]
+    names = [line.removeprefix("property float ") for line in lines[3:]]
+    row = dict(zip(names, np.frombuffer(body, "<f4").tolist(), strict=True))
+    assert names[:9] == ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
+    assert names[9:54] == [f"f_rest_{i}" for i in range(45)]
+    assert names[54:] == ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    assert [row[name] for name in ("x", "y", "z", "nx", "ny", "nz")] == [1, 2, 3, 0, 0, 0]
+    assert [row[f"f_dc_{i}"] for i in range(3)] == pytest.approx([0.1, 0.2, 0.3])
+    assert [row[f"f_rest_{i}"] for i in (0, 1, 2, 3)] == [1, 2, 3, 0]
+    assert [row[f"f_rest_{i}"] for i in (15, 16, 17)] == [0, 0, 0]
+    assert [row[f"f_rest_{i}"] for i in (30, 31, 32, 33)] == [7, 8, 9, 0]
+    assert row["opacity"] == 0
+    assert [row[f"scale_{i}"] for i in range(3)] == pytest.approx([0, 1, 2])
+    assert [row[f"rot_{i}"] for i in range(4)] == [1, 0, 0, 0]
+
+
+def test_solid_empty_and_flat_gaussians_stay_finite(tmp_path: Path) -> None:
+    gaussians = some_gaussians(3)
+    flat = Appearance(gaussians.colour.quaternions, torch.zeros(3, 3), gaussians.colour.features)
+    write_ply(tmp_path / "a.ply", Gaussians(gaussians.means, torch.tensor([0.0, 1.0, 0.25]), flat))
+    read = read_ply(tmp_path / "a.ply")
+    torch.testing.assert_close(read.opacities, torch.tensor([0.0, 1.0, 0.25]), atol=1e-6, rtol=0)
+    assert (read.colour.scales < 1e-15).all()
+
+
+def test_each_semantic_gaussian_has_its_own_shape_and_the_colour_of_its_likeliest_class(tmp_path: Path) -> None:
+    gaussians = some_gaussians(11)
+    write_semantic_ply(tmp_path / "a.ply", gaussians, SCANNET20)
+    read = read_ply(tmp_path / "a.ply")
+    assert gaussians.semantic is not None
+    torch.testing.assert_close(read.colour.scales, gaussians.semantic.scales)
+    torch.testing.assert_close(read.colour.quaternions, gaussians.semantic.quaternions)
+    expected = torch.tensor(SCANNET20.colours)[gaussians.semantic.features.argmax(-1)] / 255
+    torch.testing.assert_close(0.5 + 0.28209479177387814 * read.colour.features[:, 0], expected)
+    assert (read.colour.features[:, 1:] == 0).all()
+
+
+def test_what_a_ply_cannot_hold_is_refused(tmp_path: Path) -> None:
+    gaussians = some_gaussians(5)
+    with pytest.raises(ValueError, match="one scene"):
+        write_ply(tmp_path / "a.ply", gaussians.map(lambda tensor: tensor[None]))
+    broken = gaussians.means.clone()
+    broken[4, 1] = float("nan")
+    with pytest.raises(ValueError, match="y of Gaussian 4 is nan"):
+        write_ply(tmp_path / "a.ply", Gaussians(broken, gaussians.opacities, gaussians.colour))
+    with pytest.raises(ValueError, match="no classes"):
+        write_semantic_ply(
+            tmp_path / "a.ply", Gaussians(gaussians.means, gaussians.opacities, gaussians.colour), SCANNET20
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_without_gaussians_is_a_file_without_rows(tmp_path: Path) -> None:
+    write_ply(tmp_path / "a.ply", some_gaussians(0))
+    assert len(read_ply(tmp_path / "a.ply")) == 0
+
+
+def test_files_of_another_layout_or_length_are_refused(tmp_path: Path) -> None:
+    write_ply(tmp_path / "good.ply", some_gaussians(5))
+    good = (tmp_path / "good.ply").read_bytes()
+    for name, content, found in (
+        ("short.ply", good[:-3], "bytes behind the header"),
+        ("long.ply", good + b"x", "bytes behind the header"),
+        ("header.ply", good[:200], "something else"),
+        ("ascii.ply", b"ply\nformat ascii 1.0\nend_header\n", "something else"),
+        ("swapped.ply", good.replace(b"float nx\nproperty float ny", b"float ny\nproperty float nx"), "others"),
+        ("empty.ply", b"", "something else"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=found):
+            read_ply(tmp_path / name)
+    with pytest.raises(InputError, match="found none"):
+        read_ply(tmp_path / "absent.ply")
