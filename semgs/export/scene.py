@@ -1,0 +1,230 @@
+"""The scene file: everything a reconstruction knows, in one safetensors file, both ways.
+
+Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene"), `version`, `unit`, `image_size`
+[height, width], `frames` (names of the context frames in the source), `source`, `model`, `classes` (null, or `name`,
+`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null where the source has none).
+Tensors, float32 unless said otherwise, g Gaussians, v context views:
+
+    means [g 3]  opacities [g]
+    colour.quaternions [g 4]  colour.scales [g 3]  colour.features [g k 3]      (w, x, y, z; harmonics, 3DGS basis)
+    semantic.quaternions [g 4]  semantic.scales [g 3]  semantic.features [g class]      (absent without classes)
+    cameras.world_from_camera [v 4 4] float64  cameras.intrinsics [v 3 3] float64  depth_range [v 2] float64
+    depths [v h w]  confidences [v h w]
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Float64
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from semgs.data.classes import ClassTable
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Appearance, Gaussians
+
+FILE_NAME = "scene.safetensors"
+"""How the file is called inside a folder that `semgs reconstruct` wrote."""
+
+FORMAT = "semgs.scene"
+VERSION = 1
+
+_FLOAT64 = ("cameras.world_from_camera", "cameras.intrinsics", "depth_range")
+
+
+@dataclass(frozen=True)
+class SavedScene:
+    """A reconstructed scene: its Gaussians and what is needed to draw, measure and trace them back.
+
+    Attributes:
+        gaussians: in the order view, row, column; without a batch axis; world frame of the source.
+        cameras: the context views', of the size they were encoded at.
+        depths: z-depth of every context pixel as the network saw it [unit of the scene].
+        confidences: the largest probability among the depth candidates, 0..1.
+        depth_range: near and far of each context view [unit of the scene].
+        unit: "metric": lengths are metres; "unknown": they are not known in metres.
+        classes: the table of the class distributions; None for a colour-only model.
+        frames: names of the context frames in the source.
+        source: name of the source.
+        model: name of the model.
+        applied_transform: nerfstudio's [3 4] or [4 4]: what its tools did to the source's poses, None if not said.
+        applied_scale: likewise, their scale.
+
+    Raises:
+        ValueError: the parts disagree in size or number.
+    """
+
+    gaussians: Gaussians
+    cameras: Cameras
+    depths: Float[Tensor, "v h w"]
+    confidences: Float[Tensor, "v h w"]
+    depth_range: Float64[Tensor, "v 2"]
+    unit: Literal["metric", "unknown"]
+    classes: ClassTable | None
+    frames: tuple[str, ...]
+    source: str
+    model: str
+    applied_transform: tuple[tuple[float, ...], ...] | None = None
+    applied_scale: float | None = None
+
+    def __post_init__(self) -> None:
+        maps = (len(self.frames), *self.cameras.size)
+        if self.gaussians.means.ndim != 2:
+            raise ValueError(f"means are {tuple(self.gaussians.means.shape)}; a file holds one scene, expected [g 3]")
+        for name, found, expected in (
+            ("cameras", self.cameras.batch, maps[:1]),
+            ("depths", tuple(self.depths.shape), maps),
+            ("confidences", tuple(self.confidences.shape), maps),
+            ("depth_range", tuple(self.depth_range.shape), (maps[0], 2)),
+        ):
+            if found != expected:
+                raise ValueError(f"{name} are {found}; expected {expected} for {maps[0]} frames of {maps[1:]}")
+        if self.unit not in ("metric", "unknown"):
+            raise ValueError(f"unit is {self.unit!r}; expected 'metric' or 'unknown'")
+        semantic = self.gaussians.semantic
+        held = None if semantic is None else semantic.features.shape[-1]
+        if held != (None if self.classes is None else len(self.classes)):
+            raise ValueError(
+                f"the Gaussians have {held} classes and the table is {self.classes}; expected both or none"
+            )
+
+    @property
+    def near(self) -> float:
+        """The scene's near bound, the smallest of its views', as `render` wants it [unit of the scene]."""
+        return float(self.depth_range[:, 0].min())
+
+
+def save_scene(path: str | Path, scene: SavedScene) -> None:
+    """Write a scene file in one step; equal scenes give equal bytes.
+
+    Raises:
+        ValueError: a number in the Gaussians is not finite.
+        OSError: the file cannot be written.
+    """
+    gaussians = scene.gaussians
+    tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
+    for branch, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
+        if appearance is not None:
+            tensors[f"{branch}.quaternions"] = appearance.quaternions
+            tensors[f"{branch}.scales"] = appearance.scales
+            tensors[f"{branch}.features"] = appearance.features
+    tensors |= {"depths": scene.depths, "confidences": scene.confidences}
+    tensors = {name: tensor.detach().to("cpu", torch.float32).contiguous() for name, tensor in tensors.items()}
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise ValueError(f"{name} hold a number that is not finite")
+    tensors |= {
+        "cameras.world_from_camera": scene.cameras.world_from_camera.contiguous(),
+        "cameras.intrinsics": scene.cameras.intrinsics.contiguous(),
+        "depth_range": scene.depth_range.contiguous(),
+    }
+    table = scene.classes
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "unit": scene.unit,
+        "image_size": list(scene.cameras.size),
+        "frames": list(scene.frames),
+        "source": scene.source,
+        "model": scene.model,
+        "classes": table
+        and {
+            "name": table.name,
+            "names": list(table.names),
+            "colours": [list(colour) for colour in table.colours],
+            "raw_ids": list(table.raw_ids),
+        },
+        "applied_transform": scene.applied_transform and [list(row) for row in scene.applied_transform],
+        "applied_scale": scene.applied_scale,
+    }
+    write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, ensure_ascii=False, allow_nan=False)}))
+
+
+def load_scene(path: str | Path) -> SavedScene:
+    """Read a scene file, or the one in a folder that `semgs reconstruct` wrote.
+
+    Raises:
+        InputError: it is missing, cut short, no scene file, of a newer version, or its parts disagree.
+    """
+    file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
+    if not file.is_file():
+        raise InputError(file, "a scene file", "no such file", advice="name what `semgs reconstruct --out` wrote")
+    try:
+        with safe_open(file, framework="pt") as opened:
+            header = _header(file, (opened.metadata() or {}).get("semgs"))
+            tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
+    except (SafetensorError, OSError) as error:
+        raise InputError(file, "a complete safetensors file", str(error)) from error
+    try:
+        return _scene(header, tensors)
+    except KeyError as error:
+        raise InputError(file, f"{error.args[0]}, as every scene file has", "none") from error
+    except (ValueError, TypeError, AttributeError) as error:
+        raise InputError(file, "parts that agree", str(error)) from error
+
+
+def _header(file: Path, text: str | None) -> dict:
+    """The JSON header of a scene file that this version can read.
+
+    Raises:
+        InputError: it is not one.
+    """
+    try:
+        header = json.loads(text or "null")
+    except json.JSONDecodeError as error:
+        raise InputError(file, "JSON", str(error), key="metadata.semgs") from error
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise InputError(file, f"a scene file (format {FORMAT})", "another safetensors file")
+    if not isinstance(header.get("version"), int) or header["version"] > VERSION:
+        raise InputError(
+            file, f"version {VERSION} or older", f"version {header.get('version')}", advice="upgrade semgs to read it"
+        )
+    return header
+
+
+def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
+    """The scene of a header and its tensors; KeyError, ValueError and TypeError where they do not make one."""
+
+    def appearance(branch: str) -> Appearance:
+        return Appearance(*(tensors[f"{branch}.{name}"] for name in ("quaternions", "scales", "features")))
+
+    for name, tensor in tensors.items():
+        expected = torch.float64 if name in _FLOAT64 else torch.float32
+        if tensor.dtype != expected:
+            raise ValueError(f"{name} are {tensor.dtype}; expected {expected}")
+    table = header["classes"]
+    transform = header["applied_transform"]
+    height, width = header["image_size"]
+    return SavedScene(
+        gaussians=Gaussians(
+            means=tensors["means"],
+            opacities=tensors["opacities"],
+            colour=appearance("colour"),
+            semantic=None if table is None else appearance("semantic"),
+        ),
+        cameras=Cameras(tensors["cameras.world_from_camera"], tensors["cameras.intrinsics"], (height, width)),
+        depths=tensors["depths"],
+        confidences=tensors["confidences"],
+        depth_range=tensors["depth_range"],
+        unit=header["unit"],
+        classes=table
+        and ClassTable(
+            name=table["name"],
+            names=tuple(table["names"]),
+            colours=tuple((red, green, blue) for red, green, blue in table["colours"]),
+            raw_ids=tuple(table["raw_ids"]),
+        ),
+        frames=tuple(header["frames"]),
+        source=header["source"],
+        model=header["model"],
+        applied_transform=transform and tuple(tuple(row) for row in transform),
+        applied_scale=header["applied_scale"],
+    )

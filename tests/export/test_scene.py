@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from semgs.data.classes import SCANNET20
+from semgs.export.scene import FILE_NAME, SavedScene, load_scene, save_scene
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Appearance, Gaussians
+
+
+def some_scene(classes: bool = True) -> SavedScene:
+    draw = torch.Generator().manual_seed(5)
+
+    def shape(features: torch.Tensor) -> Appearance:
+        quaternions = torch.nn.functional.normalize(torch.randn(6, 4, generator=draw), dim=-1)
+        return Appearance(quaternions, torch.rand(6, 3, generator=draw), features)
+
+    poses = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
+    poses[:, :3, 3] = torch.tensor([[0.1, 0.2, 0.3], [0.4, 1 / 3, 1e3]], dtype=torch.float64)
+    return SavedScene(
+        gaussians=Gaussians(
+            means=torch.randn(6, 3, generator=draw),
+            opacities=torch.rand(6, generator=draw),
+            colour=shape(torch.randn(6, 4, 3, generator=draw)),
+            semantic=shape(torch.randn(6, 20, generator=draw).softmax(-1)) if classes else None,
+        ),
+        cameras=Cameras(poses, torch.tensor([[5.0, 0, 2.2], [0, 6, 1.3], [0, 0, 1]]).expand(2, 3, 3), (3, 4)),
+        depths=torch.rand(2, 3, 4, generator=draw) + 1,
+        confidences=torch.rand(2, 3, 4, generator=draw),
+        depth_range=torch.tensor([[0.7, 9.0], [0.5, 8.0]], dtype=torch.float64),
+        unit="metric",
+        classes=SCANNET20 if classes else None,
+        frames=("a.jpg", "grün.jpg"),
+        source="office",
+        model="small",
+        applied_transform=((1.0, 0.0, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
+        applied_scale=0.25,
+    )
+
+
+def flat(value: object) -> list[object]:
+    if dataclasses.is_dataclass(value):
+        return [part for field in dataclasses.fields(value) for part in flat(getattr(value, field.name))]
+    return [value.tolist() if isinstance(value, torch.Tensor) else value]
+
+
+@pytest.mark.parametrize("classes", [True, False])
+def test_a_scene_comes_back_as_it_was_from_its_file_or_folder(tmp_path: Path, classes: bool) -> None:
+    scene = some_scene(classes)
+    save_scene(tmp_path / FILE_NAME, scene)
+    for path in (tmp_path, tmp_path / FILE_NAME, str(tmp_path)):
+        assert flat(load_scene(path)) == flat(scene)
+    assert load_scene(tmp_path).near == 0.5
+
+
+def test_equal_scenes_give_equal_bytes(tmp_path: Path) -> None:
+    save_scene(tmp_path / "a", some_scene())
+    save_scene(tmp_path / "b", some_scene())
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_a_file_cut_anywhere_is_refused_in_one_line(tmp_path: Path) -> None:
+    save_scene(tmp_path / "whole", some_scene())
+    whole = (tmp_path / "whole").read_bytes()
+    for length in (0, 4, 8, 100, len(whole) // 2, len(whole) - 1):
+        (tmp_path / "part").write_bytes(whole[:length])
+        with pytest.raises(InputError, match="complete safetensors") as caught:
+            load_scene(tmp_path / "part")
+        assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_not_scenes_are_refused(tmp_path: Path) -> None:
+    save_file({"a": torch.zeros(1)}, tmp_path / "weights.safetensors")
+    with pytest.raises(InputError, match="another safetensors file"):
+        load_scene(tmp_path / "weights.safetensors")
+    (tmp_path / "text").write_text("not a scene, but long enough to look at")
+    with pytest.raises(InputError):
+        load_scene(tmp_path / "text")
+    with pytest.raises(InputError, match="no such file"):
+        load_scene(tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        load_scene(tmp_path / "absent")
+
+
+def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) -> None:
+    def write(header: dict, tensors: dict) -> Path:
+        save_file(tensors, tmp_path / "a", metadata={"semgs": json.dumps(header)})
+        return tmp_path / "a"
+
+    with pytest.raises(InputError, match="version 9"):
+        load_scene(write({"format": "semgs.scene", "version": 9}, {"a": torch.zeros(1)}))
+    with pytest.raises(InputError, match="classes, as every scene file has"):
+        load_scene(write({"format": "semgs.scene", "version": 1}, {"a": torch.zeros(1)}))
+    save_scene(tmp_path / "b", some_scene())
+    with safe_open(tmp_path / "b", framework="pt") as file:
+        header = json.loads(file.metadata()["semgs"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    with pytest.raises(InputError, match="means, as every scene file has"):
+        load_scene(write(header, {name: tensor for name, tensor in tensors.items() if name != "means"}))
+    with pytest.raises(InputError, match="opacities"):
+        load_scene(write(header, tensors | {"opacities": tensors["opacities"][:-1]}))
+    with pytest.raises(InputError, match="means are torch.float64; expected torch.float32"):
+        load_scene(write(header, tensors | {"means": tensors["means"].double()}))
+    with pytest.raises(InputError, match="not finite"):
+        load_scene(write(header, tensors | {"cameras.world_from_camera": torch.full((2, 4, 4), float("nan"))}))
+    with pytest.raises(InputError, match="depths"):
+        load_scene(write(header | {"image_size": [4, 3]}, tensors))
+
+
+def test_a_scene_whose_parts_disagree_cannot_be_made() -> None:
+    scene = some_scene()
+    with pytest.raises(ValueError, match="cameras are \\(2,\\); expected \\(1,\\)"):
+        dataclasses.replace(scene, frames=scene.frames[:1])
+    with pytest.raises(ValueError, match="20 classes and the table is None"):
+        dataclasses.replace(scene, classes=None)
+
+
+def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
+    scene = some_scene()
+    means = scene.gaussians.means.clone()
+    means[2, 2] = float("inf")
+    with pytest.raises(ValueError, match="means hold a number that is not finite"):
+        save_scene(
+            tmp_path / "a", dataclasses.replace(scene, gaussians=dataclasses.replace(scene.gaussians, means=means))
+        )
+    assert list(tmp_path.iterdir()) == []
