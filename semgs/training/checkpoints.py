@@ -46,11 +46,9 @@ def save_checkpoint(folder: Path, state: TrainingState) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     tensors = save(state.tensors())
     record = folder / f"{state.step:08d}.json"
-    write_bytes(record.with_suffix(".safetensors"), tensors)
-    write_json(record, {"sha256": hashlib.sha256(tensors).hexdigest(), **state.numbers()})
-    for old in sorted(folder.glob("*.json"))[:-KEPT]:
-        old.unlink()
-        old.with_suffix(".safetensors").unlink(missing_ok=True)
+    write_bytes(record.with_suffix(".safetensors"), tensors, durable=True)
+    write_json(record, {"sha256": hashlib.sha256(tensors).hexdigest(), **state.numbers()}, durable=True)
+    _tidy(folder)
     return record
 
 
@@ -68,3 +66,14 @@ def newest_checkpoint(folder: Path) -> Checkpoint | None:
             return Checkpoint(load(tensors), numbers, tuple(damaged))
         damaged.append(record)
     return None
+
+
+def _tidy(folder: Path) -> None:
+    """Remove older checkpoints, and what a killed run left half-written."""
+    records = sorted(folder.glob("*.json"))
+    for old in records[:-KEPT]:
+        old.unlink()
+    kept = {record.stem for record in records[-KEPT:]}
+    for file in [*folder.glob("[0-9]*.safetensors"), *folder.glob(".[0-9]*.part")]:
+        if file.stem not in kept:
+            file.unlink()

@@ -114,13 +114,14 @@ def fit(
     """The loop itself: take the state through the batches, which begin with that of its step."""
     began = saved = time.monotonic()
     seconds_before = state.seconds
-    checked = state.step
+    first = checked = state.step
     with RunLog(out / "log.jsonl", state.step, settings.steps, console) as log, _termination_asked() as asked:
 
         def check() -> None:
             result = validate(state.average.module, validation)
             log.validation(state.step, result)
             if result.pictures is not None:
+                (out / "validation").mkdir(exist_ok=True)
                 write_png(out / "validation" / f"{state.step:08d}.png", result.pictures)
 
         for batch, waited in _timed(batches):
@@ -145,7 +146,8 @@ def fit(
         finished = state.step >= settings.steps
         if finished and validation and checked < state.step:
             check()
-        save_checkpoint(out / "checkpoints", state)
+        if state.step > first:
+            save_checkpoint(out / "checkpoints", state)
     return Outcome(state.step, finished, state.skipped)
 
 
