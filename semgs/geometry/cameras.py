@@ -80,6 +80,10 @@ class Cameras:
         """(fx, fy) [px]."""
         return self.intrinsics.diagonal(dim1=-2, dim2=-1)[..., :2]
 
+    def flatten(self) -> Cameras:
+        """The cameras with a single leading axis."""
+        return Cameras(self.world_from_camera.reshape(-1, 4, 4), self.intrinsics.reshape(-1, 3, 3), self.size)
+
     def __getitem__(self, index: int | slice | Tensor | tuple) -> Cameras:
         """The cameras at an index of the leading axes."""
         return Cameras(self.world_from_camera[index], self.intrinsics[index], self.size)

@@ -1,0 +1,155 @@
+"""Camera-aware attention: what the paper calls camera pose injection (its equations 1 to 5), after PRoPE and GTA.
+
+Each token t of view i carries the block-diagonal matrix G_t = blockdiag(I (x) P_i, RoPE(x_t), RoPE(y_t)): half of its
+channels are multiplied by the view's projection, a quarter each is rotated by its column and its row. Queries become
+G^T q, keys G^-1 k, values G^-1 v, so that logits depend on P_i P_j^-1 alone; the output is multiplied by G (PRoPE and
+GTA; the paper's text leaves it out, `output_transform=False`), without which it would depend on the choice of world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras, inverse_rigid
+
+ROPE_BASE = 100.0
+"""Base of the rotary frequencies, as PRoPE's."""
+
+MINIMAL_BASELINE = 0.01
+"""Smallest unit of translation, as a share of the near bound, so that a camera that only turns is valid input."""
+
+
+@dataclass(frozen=True)
+class TokenTransforms:
+    """The factors of G for all tokens of a set of views.
+
+    Attributes:
+        projection: P of each view.
+        inverse: P^-1 of each view.
+        cosines: of the rotary angles of (columns, rows) [h w 2 frequency].
+        sines: likewise.
+        output: whether the attention output is multiplied by G.
+    """
+
+    projection: Float[Tensor, "b v 4 4"]
+    inverse: Float[Tensor, "b v 4 4"]
+    cosines: Float[Tensor, "h w 2 f"]
+    sines: Float[Tensor, "h w 2 f"]
+    output: bool = True
+
+    def queries(self, q: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v h w d"]:
+        """G^T q."""
+        return self._apply(q, self.projection, 1)
+
+    def keys(self, k: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v h w d"]:
+        """G^-1 k; values are treated alike."""
+        return self._apply(k, self.inverse.mT, 1)
+
+    def outputs(self, o: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v h w d"]:
+        """G o, or o itself in the form of the paper's text."""
+        return self._apply(o, self.projection.mT, -1) if self.output else o
+
+    def _apply(self, x: Float[Tensor, "b v h w d"], right: Float[Tensor, "b v 4 4"], sign: int) -> Tensor:
+        """Row vectors of four times `right` in the first half of the channels; rotation by -sign * angle in the others.
+
+        For the rotations G^T = G^-1, so queries, keys and values are all turned by -angle and outputs by +angle.
+        """
+        b, v, h, w, d = x.shape
+        projective = (x[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
+        first, second = x[..., d // 2 :].unflatten(-1, (2, 2, d // 8)).unbind(-2)
+        turned = torch.stack(
+            (
+                self.cosines * first + sign * self.sines * second,
+                self.cosines * second - sign * self.sines * first,
+            ),
+            dim=-2,
+        )
+        return torch.cat((projective, turned.flatten(-3)), dim=-1)
+
+
+def normalised_projections(
+    cameras: Cameras, near: Float[Tensor, " b"]
+) -> tuple[Float[Tensor, "b v 4 4"], Float[Tensor, "b v 4 4"]]:
+    """P_i = [K_i R_i | K_i t_i; 0 1] (equation 1) of each view and its inverse, in float64.
+
+    Poses are those relative to the first camera, K is divided by width and height with the image centre at 0, and
+    translations are divided by the mean distance between camera centres (at least 1 % of the near bound). Both
+    matrices are in closed form.
+
+    Args:
+        cameras: [b v].
+        near: the near bound of each scene.
+    """
+    poses = cameras.world_from_camera
+    first_from_camera = inverse_rigid(poses[:, :1]) @ poses
+    camera_from_first = inverse_rigid(first_from_camera)
+    centres = first_from_camera[..., :3, 3]
+    pairs = torch.cdist(centres, centres)
+    views = poses.shape[1]
+    mean_distance = pairs.sum((-1, -2)) / max(views * (views - 1), 1)
+    unit = torch.maximum(mean_distance, MINIMAL_BASELINE * near)[:, None, None]
+    height, width = cameras.size
+    k = cameras.intrinsics
+    fx, fy = k[..., 0, 0] / width, k[..., 1, 1] / height
+    cx, cy = k[..., 0, 2] / width - 0.5, k[..., 1, 2] / height - 0.5
+    zero, one = torch.zeros_like(fx), torch.ones_like(fx)
+
+    def matrix(*rows: Tensor) -> Tensor:
+        return torch.stack(rows, dim=-1).unflatten(-1, (4, 4))
+
+    lift = matrix(fx, zero, cx, zero, zero, fy, cy, zero, zero, zero, one, zero, zero, zero, zero, one)
+    drop = matrix(
+        1 / fx, zero, -cx / fx, zero, zero, 1 / fy, -cy / fy, zero, zero, zero, one, zero, zero, zero, zero, one
+    )
+    there, back = camera_from_first.clone(), first_from_camera.clone()
+    there[..., :3, 3] /= unit
+    back[..., :3, 3] /= unit
+    return lift @ there, back @ drop
+
+
+def token_transforms(
+    cameras: Cameras,
+    near: Float[Tensor, " b"],
+    grid: tuple[int, int],
+    channels: int,
+    like: Tensor,
+    output_transform: bool = True,
+) -> TokenTransforms:
+    """G of every token of a feature map.
+
+    Args:
+        cameras: of the context views [b v].
+        near: the near bound of each scene.
+        grid: (height, width) of the feature map; positions are its integer columns and rows.
+        channels: d, a multiple of 8.
+        like: a tensor on the device and in the dtype of the features; half precisions get float32.
+        output_transform: multiply the attention output by G.
+
+    Raises:
+        ValueError: `channels` is not a multiple of 8.
+    """
+    if channels % 8:
+        raise ValueError(f"camera-aware attention has {channels} channels; expected a multiple of 8")
+    projection, inverse = normalised_projections(cameras, near)
+    dtype = torch.float64 if like.dtype == torch.float64 else torch.float32
+    count = channels // 8
+    frequencies = ROPE_BASE ** (-torch.arange(count, dtype=torch.float64) / count)
+    rows, columns = (torch.arange(side, dtype=torch.float64) for side in grid)
+    angles = torch.stack(
+        (
+            (columns[:, None] * frequencies).expand(grid[0], -1, -1),
+            (rows[:, None] * frequencies)[:, None].expand(-1, grid[1], -1),
+        ),
+        dim=-2,
+    )
+    return TokenTransforms(
+        projection.to(like.device, dtype),
+        inverse.to(like.device, dtype),
+        angles.cos().to(like.device, dtype),
+        angles.sin().to(like.device, dtype),
+        output_transform,
+    )

@@ -1,0 +1,91 @@
+"""The plane sweep's correlation as one differentiable operation on the CPU, without the warped features in memory."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.model import correlation_kernels as kernels
+
+
+def correlate_fused(
+    reference: Float[Tensor, "n h w c"],
+    source: Float[Tensor, "n h w c"],
+    matrices: Float[Tensor, "n 3 3"],
+    offsets: Float[Tensor, "n 3"],
+    depths: Float[Tensor, "n l"],
+    smallest: Float[Tensor, " n"],
+    mask_unseen: bool,
+) -> tuple[Float[Tensor, "n l h w"], Float[Tensor, "n l h w"]]:
+    """As `semgs.model.cost_volume.correlate`, with channels last and gradients for the two feature maps alone."""
+    sums, seen = _correlate(reference, source, matrices, offsets, depths, smallest, mask_unseen)
+    return sums, seen
+
+
+@torch.library.custom_op("semgs::correlate", mutates_args=())
+def _correlate(
+    reference: torch.Tensor,
+    source: torch.Tensor,
+    matrices: torch.Tensor,
+    offsets: torch.Tensor,
+    depths: torch.Tensor,
+    smallest: torch.Tensor,
+    mask_unseen: bool,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    n, h, w, _ = reference.shape
+    sums = reference.new_empty(n, depths.shape[1], h, w)
+    seen = torch.empty_like(sums)
+    kernels.correlate(
+        *_arrays(reference, source, matrices, offsets, depths, smallest), mask_unseen, *_arrays(sums, seen)
+    )
+    return sums, seen
+
+
+@_correlate.register_fake
+def _(reference, source, matrices, offsets, depths, smallest, mask_unseen):
+    n, h, w, _ = reference.shape
+    sums = reference.new_empty(n, depths.shape[1], h, w)
+    return sums, torch.empty_like(sums)
+
+
+@torch.library.custom_op("semgs::correlate_backward", mutates_args=())
+def _correlate_backward(
+    reference: torch.Tensor,
+    source: torch.Tensor,
+    matrices: torch.Tensor,
+    offsets: torch.Tensor,
+    depths: torch.Tensor,
+    smallest: torch.Tensor,
+    mask_unseen: bool,
+    grad: torch.Tensor,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    d_reference, d_source = torch.zeros_like(reference), torch.zeros_like(source)
+    kernels.correlate_backward(
+        *_arrays(reference, source, matrices, offsets, depths, smallest),
+        mask_unseen,
+        *_arrays(grad.contiguous(), d_reference, d_source),
+    )
+    return d_reference, d_source
+
+
+@_correlate_backward.register_fake
+def _(reference, source, matrices, offsets, depths, smallest, mask_unseen, grad):
+    return torch.empty_like(reference), torch.empty_like(source)
+
+
+def _setup(ctx, inputs, output) -> None:
+    *tensors, ctx.mask_unseen = inputs
+    ctx.save_for_backward(*tensors)
+
+
+def _backward(ctx, grad, _):
+    d_reference, d_source = _correlate_backward(*ctx.saved_tensors, ctx.mask_unseen, grad)
+    return d_reference, d_source, None, None, None, None, None
+
+
+_correlate.register_autograd(_backward, setup_context=_setup)
+
+
+def _arrays(*tensors: torch.Tensor) -> tuple:
+    return tuple(tensor.detach().contiguous().numpy() for tensor in tensors)

@@ -1,0 +1,140 @@
+"""Cost volume: correlation of each view's features with those of the other views, warped at each depth candidate."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.plane_sweep import sweep
+from semgs.model.conventions import OURS, Conventions
+
+BEHIND = 1e-3
+"""What is nearer to a source camera than this share of the near bound counts as behind it (MVSplat: this many metres)."""
+
+CHUNK = 16
+"""Depth candidates that the plain form warps at a time."""
+
+
+def cost_volume(
+    features: Float[Tensor, "b v c h w"],
+    cameras: Cameras,
+    near: Float[Tensor, "b v"],
+    candidates: Float[Tensor, "b v l"],
+    conventions: Conventions = OURS,
+    *,
+    fused: bool | None = None,
+) -> Float[Tensor, "b v l h w"]:
+    """C_i: for each view, texel and candidate the mean of <F_i, F_j warped to i> / sqrt(c) over the other views j.
+
+    The mean is over those views that see the point, and 0 where none does. No gradient flows through the positions.
+
+    Args:
+        features: of N >= 2 views.
+        cameras: of the views' pictures [b v].
+        near: near bounds [m].
+        candidates: depths of each reference view [m].
+        conventions: of geometry; MVSplat's mean is over all other views.
+        fused: use the compiled kernel; None chooses it on the CPU. The plain form is its specification.
+    """
+    b, v, c, h, w = features.shape
+    if fused is None:
+        fused = features.device.type == "cpu"
+    smallest = BEHIND * near if conventions.mask_unseen else torch.full_like(near, BEHIND)
+    reference = torch.arange(v).repeat_interleave(v - 1)
+    source = torch.tensor([j for i in range(v) for j in range(v) if j != i])
+    plan = sweep(
+        cameras[:, reference],
+        cameras[:, source],
+        (h, w),
+        own_intrinsics=conventions.own_intrinsics,
+        pixel_centres=conventions.pixel_centres,
+    )
+    pairs = (b, v * (v - 1))
+    # Positions are computed in float32 at least, from relative cameras that were multiplied in float64.
+    precise = torch.float64 if features.dtype == torch.float64 else torch.float32
+    matrices = plan.matrix.to(features.device, precise).flatten(0, 1)
+    offsets = plan.offset.to(features.device, precise).flatten(0, 1)
+    depths = candidates[:, reference].to(precise).flatten(0, 1)
+    limits = smallest[:, reference].to(precise).flatten(0, 1)
+    if fused:
+        from semgs.model.correlation import correlate_fused
+
+        texels = features.permute(0, 1, 3, 4, 2)
+        sums, seen = correlate_fused(
+            texels[:, reference].flatten(0, 1).to(precise).contiguous(),
+            texels[:, source].flatten(0, 1).to(precise).contiguous(),
+            matrices,
+            offsets,
+            depths,
+            limits,
+            conventions.mask_unseen,
+        )
+        sums = sums.to(features.dtype)
+    else:
+        sums, seen = correlate(
+            features[:, reference].flatten(0, 1),
+            features[:, source].flatten(0, 1),
+            matrices,
+            offsets,
+            depths,
+            limits,
+            conventions.mask_unseen,
+        )
+    sums = sums.reshape(b, v, v - 1, -1, h, w).sum(2) / math.sqrt(c)
+    if not conventions.mask_unseen:
+        return sums / (v - 1)
+    count = seen.reshape(*pairs, -1, h, w).unflatten(1, (v, v - 1)).sum(2)
+    return sums / count.clamp(min=1)
+
+
+def correlate(
+    reference: Float[Tensor, "n c h w"],
+    source: Float[Tensor, "n c h w"],
+    matrices: Float[Tensor, "n 3 3"],
+    offsets: Float[Tensor, "n 3"],
+    depths: Float[Tensor, "n l"],
+    smallest: Float[Tensor, " n"],
+    mask_unseen: bool,
+) -> tuple[Float[Tensor, "n l h w"], Float[Tensor, "n l h w"]]:
+    """<reference, warped source> of pairs of feature maps at each depth, and 1 where the source sees the point.
+
+    Args:
+        reference: features of the views that the result belongs to.
+        source: features that are sampled bilinearly.
+        matrices, offsets: the plane sweep's projective map in texels.
+        depths: of each plane [m].
+        smallest: depth in the source below which a point is behind it [m].
+        mask_unseen: what is behind or outside the source is 0 and unseen, and the border's texels extend to the
+            map's edge; else depth is clamped to `smallest` and the map is surrounded by zeros.
+    """
+    n, _, h, w = reference.shape
+    rows, columns = torch.meshgrid(
+        torch.arange(h, device=depths.device, dtype=depths.dtype),
+        torch.arange(w, device=depths.device, dtype=depths.dtype),
+        indexing="ij",
+    )
+    texels = torch.stack((columns, rows, torch.ones_like(rows)), dim=-1)
+    rays = torch.einsum("nij,hwj->nhwi", matrices, texels)
+    limit = smallest[:, None, None, None]
+    sums, seen = [], []
+    for chunk in depths.split(CHUNK, dim=1):
+        points = rays[:, None] * chunk[:, :, None, None, None] + offsets[:, None, None, None]
+        z = points[..., 2]
+        u, v = (points[..., axis] / z.clamp(min=limit) for axis in (0, 1))
+        grid = torch.stack(((2 * u + 1) / w - 1, (2 * v + 1) / h - 1), dim=-1).to(source.dtype)
+        warped = torch.nn.functional.grid_sample(
+            source,
+            grid.flatten(1, 2),
+            mode="bilinear",
+            padding_mode="border" if mask_unseen else "zeros",
+            align_corners=False,
+        ).unflatten(2, (-1, h))
+        product = (reference[:, :, None] * warped).sum(1)
+        visible = (z > limit) & (u >= -0.5) & (u <= w - 0.5) & (v >= -0.5) & (v <= h - 0.5)
+        sums.append(product * visible if mask_unseen else product)
+        seen.append(visible.to(product.dtype))
+    return torch.cat(sums, dim=1), torch.cat(seen, dim=1)

@@ -1,0 +1,284 @@
+"""SemGS: the whole network, from views to dual Gaussians."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.views import Views
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.plane_sweep import depth_candidates, expected_depth
+from semgs.model.camera_attention import token_transforms
+from semgs.model.cnn import FeatureCNN, ResidualBlock
+from semgs.model.conventions import OURS, Conventions
+from semgs.model.cost_volume import cost_volume
+from semgs.model.encoding import Encoding
+from semgs.model.heads import (
+    CostRegressor,
+    DepthRefinement,
+    Head,
+    Rays,
+    Upsampler,
+    colour_appearance,
+    points,
+    semantic_appearance,
+    upsampled,
+)
+from semgs.model.swin import MultiViewSwin
+
+SHRINK = 4
+"""Features are at 1/4 of the picture."""
+
+MULTIPLE = 16
+"""Sides of the pictures are padded to a multiple of this."""
+
+RENDERED_HARMONICS = 16
+"""Coefficients a colour that are ever drawn: degrees 0 to 3."""
+
+
+class SemGS(nn.Module):
+    """Views in, dual Gaussians out; the defaults are the paper's sizes with MVSplat's layer shapes.
+
+    Args:
+        classes: table of the semantic branch; None builds a colour-only network.
+        channels: d of features and transformers.
+        cnn_widths: channels of the shallow CNN.
+        candidates: L.
+        colour_blocks, semantic_blocks: transformer blocks of each branch.
+        windows: along each side of the token map; 1 is full attention (ablation *Sw-Trans*).
+        expansion: of the transformers' feed-forward networks.
+        reduction: 2 lets the transformers work at 1/8 of the picture.
+        shared_layers: one shallow CNN for both branches (ablation *Sh-Layer*).
+        camera_aware_colour, camera_aware_semantic: camera-aware attention in each branch (ablation *C-Inj*).
+        output_transform: multiply the attention output by G; False is the paper's text.
+        cost_width, cost_hidden, cost_levels: of the network that turns cost into depth probabilities.
+        upsampled_channels, projected_channels: of the features at the Gaussians' scale.
+        refine_width, refine_levels: of the full-size refinement.
+        decoder_blocks: residual blocks a level on the way up of both U-Nets.
+        colour_hidden, semantic_hidden: width between the two layers of the heads.
+        last_kernel: of the heads' second layer.
+        harmonics: coefficients a colour that the head predicts; those beyond degree 3 are never drawn nor computed.
+        colour_from_image: the colour head predicts a correction of the picture's own colour.
+        gaussian_stride: 1 places a Gaussian per pixel, 2 one per 2x2 pixels.
+        conventions: of geometry.
+        name: of the preset.
+    """
+
+    def __init__(
+        self,
+        *,
+        classes: ClassTable | None = SCANNET20,
+        channels: int = 128,
+        cnn_widths: tuple[int, int, int] = (64, 96, 128),
+        candidates: int = 128,
+        colour_blocks: int = 6,
+        semantic_blocks: int = 3,
+        windows: int = 2,
+        expansion: int = 4,
+        reduction: int = 1,
+        shared_layers: bool = True,
+        camera_aware_colour: bool = True,
+        camera_aware_semantic: bool = True,
+        output_transform: bool = True,
+        cost_width: int = 128,
+        cost_hidden: int = 256,
+        cost_levels: int = 3,
+        upsampled_channels: int = 128,
+        projected_channels: int = 32,
+        refine_width: int = 32,
+        refine_levels: int = 5,
+        decoder_blocks: int = 2,
+        colour_hidden: int = 168,
+        semantic_hidden: int = 54,
+        last_kernel: int = 3,
+        harmonics: int = 25,
+        colour_from_image: bool = False,
+        gaussian_stride: int = 1,
+        conventions: Conventions = OURS,
+        name: str = "base",
+    ) -> None:
+        super().__init__()
+        self.settings = {
+            key: value for key, value in locals().items() if key not in ("self", "__class__", "classes", "conventions")
+        }
+        self.settings["cnn_widths"] = list(cnn_widths)
+        self.settings["conventions"] = asdict(conventions)
+        self.name = name
+        self.classes = classes
+        self.conventions = conventions
+        self.candidates = candidates
+        self.camera_aware = {"colour": camera_aware_colour, "semantic": camera_aware_semantic}
+        self.output_transform = output_transform
+        self.harmonics = harmonics
+        self.colour_from_image = colour_from_image
+        self.stride = gaussian_stride
+        factor = SHRINK // gaussian_stride
+
+        self.cnn = FeatureCNN(cnn_widths, channels)
+        self.colour_transformer = MultiViewSwin(channels, colour_blocks, windows, expansion, reduction)
+        self.cost_regressor = CostRegressor(channels, candidates, cost_width, cost_hidden, cost_levels, decoder_blocks)
+        self.colour_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
+        self.depth_refinement = DepthRefinement(
+            upsampled_channels, projected_channels, refine_width, refine_levels, decoder_blocks
+        )
+        self.colour_head = Head(refine_width + 3 + upsampled_channels, colour_hidden, 9 + 3 * harmonics, last_kernel)
+        if classes is not None:
+            self.semantic_cnn = None if shared_layers else FeatureCNN(cnn_widths, channels)
+            self.semantic_refinement = nn.Sequential(
+                ResidualBlock(channels, channels), ResidualBlock(channels, channels)
+            )
+            self.semantic_transformer = MultiViewSwin(channels, semantic_blocks, windows, expansion, reduction)
+            self.semantic_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
+            self.semantic_head = Head(3 + upsampled_channels, semantic_hidden, 7 + len(classes), last_kernel)
+
+    def forward(self, views: Views) -> Encoding:
+        """The Gaussians of N >= 2 views, and depth at their full size.
+
+        Raises:
+            ValueError: there is one view only.
+        """
+        count = len(views)
+        if count < 2:
+            raise ValueError(f"the network was given {count} view; expected two or more that overlap")
+        leading = views.images.shape[:-4]
+        flat = _flattened(views, self.cnn.conv1.weight)
+        encoding = self._encode(flat.images, flat.cameras, flat.depth_range, (views.size[0], views.size[1]))
+
+        def restored(tensor: Tensor) -> Tensor:
+            return tensor.reshape(*leading, *tensor.shape[1:])
+
+        return Encoding(encoding.gaussians.map(restored), restored(encoding.depths), restored(encoding.confidences))
+
+    def _encode(
+        self,
+        images: Float[Tensor, "b v 3 h w"],
+        cameras: Cameras,
+        depth_range: Float[Tensor, "b v 2"],
+        size: tuple[int, int],
+    ) -> Encoding:
+        """As `forward`, for padded pictures of a batch, cropped back to `size`."""
+        b, v = images.shape[:2]
+        pictures = images.flatten(0, 1)
+        shallow = self.cnn(pictures)
+        colour = self._transformed(shallow, self.colour_transformer, "colour", cameras, depth_range)
+
+        bounds = depth_range.to(colour)
+        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(colour)
+        cost = cost_volume(colour.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
+        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).softmax(1)
+        coarse = 1 / expected_depth(probabilities, candidates.flatten(0, 1), self.conventions.candidates)
+
+        factor = SHRINK // self.stride
+        features = self.colour_upsampler(torch.cat((colour, shallow), dim=1))
+        disparities = upsampled(coarse[:, None], factor, self.conventions.pixel_centres)[:, 0]
+        confidences = probabilities.amax(1).repeat_interleave(factor, -1).repeat_interleave(factor, -2)
+        small = nn.functional.avg_pool2d(pictures, self.stride) if self.stride > 1 else pictures
+        near, far = bounds.flatten(0, 1)[:, :, None, None].unbind(1)
+        unit = near if self.conventions.relative_disparity else torch.ones_like(near)
+        refined, raw = self.depth_refinement(small, features, disparities * unit, confidences, v)
+        disparities = (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
+        depths = 1 / disparities
+
+        grid = _shrunk(cameras, self.stride)
+        rays = Rays.of(grid.flatten(), depths)
+        attributes = self._colour_attributes(torch.cat((refined, small, features), dim=1))
+        kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
+        means = points(depths, attributes[:, :2], rays, self.conventions)
+        shown = small if self.colour_from_image else None
+        appearance = colour_appearance(attributes[:, 2:], shown, depths, rays, self.conventions)
+        semantic = None
+        if self.classes is not None:
+            semantic = self._semantic(pictures, small, shallow, depths, cameras, depth_range, rays)
+
+        def gathered(tensor: Tensor) -> Tensor:
+            maps = tensor.reshape(b, v, *depths.shape[-2:], *tensor.shape[2:])
+            return maps[:, :, : kept[0], : kept[1]].flatten(1, 3)
+
+        flat = Gaussians(means.flatten(1, 2), raw[:, 1].sigmoid().flatten(1), appearance, semantic)
+
+        def full(maps: Tensor) -> Tensor:
+            wide = maps.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
+            return wide[..., : size[0], : size[1]].unflatten(0, (b, v))
+
+        return Encoding(flat.map(gathered), full(depths), full(confidences))
+
+    def _transformed(
+        self,
+        features: Float[Tensor, "n c h w"],
+        transformer: MultiViewSwin,
+        branch: str,
+        cameras: Cameras,
+        depth_range: Float[Tensor, "b v 2"],
+    ) -> Float[Tensor, "n c h w"]:
+        """Features of one branch after its transformer."""
+        batch = cameras.batch
+        transforms = None
+        if self.camera_aware[branch]:
+            transforms = token_transforms(
+                cameras,
+                depth_range[..., 0].amin(-1),
+                transformer.grid((features.shape[-2], features.shape[-1])),
+                features.shape[1],
+                features,
+                self.output_transform,
+            )
+        return transformer(features.unflatten(0, batch), transforms).flatten(0, 1)
+
+    def _semantic(
+        self,
+        pictures: Float[Tensor, "n 3 h w"],
+        small: Float[Tensor, "n 3 h2 w2"],
+        shallow: Float[Tensor, "n c h4 w4"],
+        depths: Float[Tensor, "n h2 w2"],
+        cameras: Cameras,
+        depth_range: Float[Tensor, "b v 2"],
+        rays: Rays,
+    ) -> Appearance:
+        """The semantic branch."""
+        refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
+        features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
+        wide = self.semantic_upsampler(torch.cat((features, refined), dim=1))
+        return semantic_appearance(self.semantic_head(torch.cat((small, wide), dim=1)), depths, rays)
+
+    def _colour_attributes(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
+        """The colour head's output without the harmonics that are never drawn."""
+        if self.harmonics <= RENDERED_HARMONICS:
+            return self.colour_head(x)
+        first, activation, last = self.colour_head
+        live = [*range(9), *(9 + self.harmonics * c + k for c in range(3) for k in range(RENDERED_HARMONICS))]
+        return nn.functional.conv2d(activation(first(x)), last.weight[live], last.bias[live], padding=last.padding)
+
+
+def _flattened(views: Views, like: Tensor) -> Views:
+    """Views with one batch axis, on the network's device and in its dtype, padded to a multiple of 16 below and right."""
+    height, width = views.size
+    padded = (-(-height // MULTIPLE) * MULTIPLE, -(-width // MULTIPLE) * MULTIPLE)
+    images = views.images.reshape(-1, *views.images.shape[-4:]).to(like)
+    if padded != (height, width):
+        images = nn.functional.pad(
+            images.flatten(0, 1), (0, padded[1] - width, 0, padded[0] - height), mode="replicate"
+        ).unflatten(0, images.shape[:2])
+    cameras = views.cameras
+    return Views(
+        images,
+        Cameras(
+            cameras.world_from_camera.reshape(-1, len(views), 4, 4),
+            cameras.intrinsics.reshape(-1, len(views), 3, 3),
+            padded,
+        ),
+        views.depth_range.reshape(-1, len(views), 2),
+    )
+
+
+def _shrunk(cameras: Cameras, stride: int) -> Cameras:
+    """The cameras of pictures whose sides are `stride` times smaller."""
+    if stride == 1:
+        return cameras
+    scale = torch.tensor([1 / stride, 1 / stride, 1.0], dtype=torch.float64)
+    height, width = cameras.size
+    return replace(cameras, intrinsics=cameras.intrinsics * scale[:, None], size=(height // stride, width // stride))

@@ -1,0 +1,225 @@
+"""Multi-view Swin Transformer: windowed self-attention, then cross-attention to the other views, in every block.
+
+Layer shapes and names are MVSplat's (UniMatch's transformer), so that its weights load; one class serves the colour and
+the semantic branch. The paper's ablation replaces windows by full attention (`windows=1`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.model.camera_attention import TokenTransforms
+
+MASKED = -100.0
+"""Added to the logits of pairs that a shifted window brought together from opposite edges of the map."""
+
+
+class WindowAttention(nn.Module):
+    """Post-norm attention of one head in windows: norm(merge(attention(q, k, v))).
+
+    Args:
+        channels: d.
+        expansion: hidden width of the feed-forward network over (source, message), as a multiple of 2d; 0 for none.
+    """
+
+    def __init__(self, channels: int, expansion: int = 0) -> None:
+        super().__init__()
+        self.q_proj = nn.Linear(channels, channels, bias=False)
+        self.k_proj = nn.Linear(channels, channels, bias=False)
+        self.v_proj = nn.Linear(channels, channels, bias=False)
+        self.merge = nn.Linear(channels, channels, bias=False)
+        self.norm1 = nn.LayerNorm(channels)
+        self.mlp: nn.Sequential | None = None
+        if expansion:
+            hidden = 2 * channels * expansion
+            self.mlp = nn.Sequential(
+                nn.Linear(2 * channels, hidden, bias=False), nn.GELU(), nn.Linear(hidden, channels, bias=False)
+            )
+            self.norm2 = nn.LayerNorm(channels)
+
+    def forward(
+        self,
+        source: Float[Tensor, "b v h w d"],
+        target: Float[Tensor, "b v h w d"],
+        windows: Windows,
+        transforms: TokenTransforms | None,
+        cross: bool,
+    ) -> Float[Tensor, "b v h w d"]:
+        """`source` plus its message from `target`: the same view's tokens, or those of all other views."""
+        q, k, v = self.q_proj(source), self.k_proj(target), self.v_proj(target)
+        if transforms is not None:
+            q, k, v = transforms.queries(q), transforms.keys(k), transforms.keys(v)
+        message = windows.attend(q, k, v, cross)
+        if transforms is not None:
+            message = transforms.outputs(message)
+        message = self.norm1(self.merge(message))
+        if self.mlp is not None:
+            message = self.norm2(self.mlp(torch.cat((source, message), dim=-1)))
+        return source + message
+
+
+class Block(nn.Module):
+    """One of the paper's Transformer blocks: self-attention, then cross-attention with a feed-forward network."""
+
+    def __init__(self, channels: int, expansion: int) -> None:
+        super().__init__()
+        self.self_attn = WindowAttention(channels)
+        self.cross_attn_ffn = WindowAttention(channels, expansion)
+
+    def forward(
+        self, tokens: Float[Tensor, "b v h w d"], windows: Windows, transforms: TokenTransforms | None
+    ) -> Float[Tensor, "b v h w d"]:
+        """All views in lock-step: each attends to the other views as they were at the input of this block."""
+        own = self.self_attn(tokens, tokens, windows, transforms, cross=False)
+        return self.cross_attn_ffn(own, tokens, windows, transforms, cross=True)
+
+
+class Windows:
+    """A partition of a feature map into windows, shifted by half a window or not.
+
+    Args:
+        grid: (height, width) of the map, multiples of `count`.
+        count: windows along each side; 1 is full attention.
+        shifted: roll the map by half a window first, and mask what the roll brought together.
+        like: a tensor on the device and in the dtype of the features.
+
+    Raises:
+        ValueError: the map cannot be divided.
+    """
+
+    def __init__(self, grid: tuple[int, int], count: int, shifted: bool, like: Tensor) -> None:
+        if grid[0] % count or grid[1] % count:
+            raise ValueError(f"a map of {grid} (height, width) cannot be cut into {count}x{count} windows")
+        self.grid = grid
+        self.count = count
+        self.size = (grid[0] // count, grid[1] // count)
+        self.shift = (self.size[0] // 2, self.size[1] // 2) if shifted and count > 1 else (0, 0)
+        self.mask = self._mask(like) if self.shift != (0, 0) else None
+
+    def split(self, x: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v windows tokens d"]:
+        """Tokens by window."""
+        return split_windows(
+            x.roll((-self.shift[0], -self.shift[1]), (2, 3)) if self.mask is not None else x, self.count
+        )
+
+    def join(self, x: Float[Tensor, "b v windows tokens d"]) -> Float[Tensor, "b v h w d"]:
+        """The inverse of `split`."""
+        joined = join_windows(x, self.grid)
+        return joined.roll(self.shift, (2, 3)) if self.mask is not None else joined
+
+    def attend(
+        self,
+        q: Float[Tensor, "b v h w d"],
+        k: Float[Tensor, "b v h w d"],
+        v: Float[Tensor, "b v h w d"],
+        cross: bool,
+    ) -> Float[Tensor, "b v h w d"]:
+        """Softmax(q k^T / sqrt(d)) v in each window; with `cross`, over the tokens of all other views in one softmax."""
+        q, k, v = self.split(q), self.split(k), self.split(v)
+        b, views, windows, tokens, d = q.shape
+        mask = self.mask
+        if cross:
+            others = torch.tensor([[j for j in range(views) if j != i] for i in range(views)], device=q.device)
+            k, v = (x[:, others].transpose(2, 3).flatten(3, 4) for x in (k, v))
+            mask = None if mask is None else mask.repeat(1, 1, views - 1)
+        out = nn.functional.scaled_dot_product_attention(
+            q.flatten(0, 1),
+            k.flatten(0, 1),
+            v.flatten(0, 1),
+            attn_mask=None if mask is None else mask[None].to(q.dtype),
+        )
+        return self.join(out.reshape(b, views, windows, tokens, d))
+
+    def _mask(self, like: Tensor) -> Float[Tensor, "windows tokens tokens"]:
+        """-100 between tokens of different regions: Swin's nine regions of a rolled map."""
+        regions = torch.zeros(1, 1, *self.grid, 1)
+        for axis, (side, size, shift) in enumerate(zip(self.grid, self.size, self.shift, strict=True)):
+            position = torch.arange(side)
+            band = (position >= side - size).long() + (position >= side - shift).long()
+            regions = regions * 3 + band.reshape([-1 if i == axis + 2 else 1 for i in range(5)])
+        labels = split_windows(regions, self.count)[0, 0, ..., 0]
+        return (labels[:, :, None] != labels[:, None, :]).to(like) * MASKED
+
+
+def split_windows(x: Float[Tensor, "b v h w d"], count: int) -> Float[Tensor, "b v windows tokens d"]:
+    """A map cut into count x count windows, rows of windows first, tokens row-major inside each."""
+    b, v, h, w, d = x.shape
+    x = x.reshape(b, v, count, h // count, count, w // count, d).transpose(3, 4)
+    return x.reshape(b, v, count**2, (h // count) * (w // count), d)
+
+
+def join_windows(x: Float[Tensor, "b v windows tokens d"], grid: tuple[int, int]) -> Float[Tensor, "b v h w d"]:
+    """The inverse of `split_windows` for a map of size `grid`."""
+    b, v, windows, _, d = x.shape
+    count = math.isqrt(windows)
+    x = x.reshape(b, v, count, count, grid[0] // count, grid[1] // count, d).transpose(3, 4)
+    return x.reshape(b, v, *grid, d)
+
+
+class MultiViewSwin(nn.Module):
+    """Blocks over the tokens of all views, every other one with shifted windows.
+
+    Args:
+        channels: d.
+        blocks: how many.
+        windows: along each side of the map; 1 is full attention.
+        expansion: of the feed-forward networks (MVSplat: 4).
+        reduction: 2 lets the blocks work at half of the features' size: a strided convolution before, and bilinear
+            upsampling with a residual connection after (a choice of `small`; the paper has 1).
+    """
+
+    def __init__(self, channels: int, blocks: int, windows: int = 2, expansion: int = 4, reduction: int = 1) -> None:
+        super().__init__()
+        self.windows = windows
+        self.reduction = reduction
+        self.layers = nn.ModuleList(Block(channels, expansion) for _ in range(blocks))
+        if reduction > 1:
+            self.reduce = nn.Conv2d(channels, channels, reduction + 1, stride=reduction, padding=reduction // 2)
+            self.expand = nn.Conv2d(channels, channels, 1)
+
+    def grid(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Size of the token map for features of that size."""
+        return size[0] // self.reduction, size[1] // self.reduction
+
+    def forward(
+        self, features: Float[Tensor, "b v d h w"], transforms: TokenTransforms | None
+    ) -> Float[Tensor, "b v d h w"]:
+        """Features that know of the other views, of the same size."""
+        b, v = features.shape[:2]
+        x = features.flatten(0, 1)
+        if self.reduction > 1:
+            x = self.reduce(x)
+        grid = (x.shape[-2], x.shape[-1])
+        plain = Windows(grid, self.windows, False, x)
+        shifted = Windows(grid, self.windows, True, x)
+        x = x + sine_positions(plain.size, x.shape[1], x).repeat(1, self.windows, self.windows)
+        tokens = x.unflatten(0, (b, v)).permute(0, 1, 3, 4, 2)
+        for index, block in enumerate(self.layers):
+            tokens = block(tokens, shifted if index % 2 else plain, transforms)
+        x = tokens.permute(0, 1, 4, 2, 3)
+        if self.reduction > 1:
+            x = nn.functional.interpolate(
+                self.expand(x.flatten(0, 1)), scale_factor=self.reduction, mode="bilinear", align_corners=False
+            )
+            x = features + x.unflatten(0, (b, v))
+        return x
+
+
+def sine_positions(size: tuple[int, int], channels: int, like: Tensor) -> Float[Tensor, "d h w"]:
+    """DETR's sine encoding of the positions 1..n scaled to 2 pi, rows in the first half of the channels, then columns."""
+    count = channels // 2
+    exponents = 2 * (torch.arange(count, dtype=torch.float32, device=like.device) // 2) / count
+    frequencies = 10000**-exponents
+    codes = []
+    for side in size:
+        position = torch.arange(1, side + 1, dtype=torch.float32, device=like.device) / (side + 1e-6) * 2 * math.pi
+        angles = position[:, None] * frequencies
+        codes.append(torch.where(torch.arange(count, device=like.device) % 2 == 0, angles.sin(), angles.cos()))
+    rows, columns = codes
+    return torch.cat((rows.T[:, :, None].expand(-1, -1, size[1]), columns.T[:, None, :].expand(-1, size[0], -1))).to(
+        like.dtype
+    )
