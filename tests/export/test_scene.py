@@ -107,10 +107,10 @@ def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) ->
         load_scene(write(header, {name: tensor for name, tensor in tensors.items() if name != "means"}))
     with pytest.raises(InputError, match="opacities"):
         load_scene(write(header, tensors | {"opacities": tensors["opacities"][:-1]}))
-    with pytest.raises(InputError, match="means are torch.float64; expected torch.float32"):
+    with pytest.raises(InputError, match="expected torch"):
         load_scene(write(header, tensors | {"means": tensors["means"].double()}))
     with pytest.raises(InputError, match="not finite"):
-        load_scene(write(header, tensors | {"cameras.world_from_camera": torch.full((2, 4, 4), float("nan"))}))
+        load_scene(write(header, tensors | {"cameras.world_from_camera": torch.full((2, 4, 4), float("nan")).double()}))
     with pytest.raises(InputError, match="depths"):
         load_scene(write(header | {"image_size": [4, 3]}, tensors))
 
