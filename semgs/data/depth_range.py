@@ -1,0 +1,145 @@
+"""Near and far: the depths between which a model looks for surfaces, and why these.
+
+Where lengths are metres, they are those of rooms. Where they are not, they come from what is known of the scene: its sparse
+points, points triangulated from its pictures, or at least how far its cameras are apart. Depth maps are never looked at:
+they are what results are compared with.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semgs.data.frames import Frame
+from semgs.data.parallax import Seen, inverse_depths, seen
+from semgs.data.views import INDOOR_DEPTH_RANGE
+
+ROOM_RATIO = INDOOR_DEPTH_RANGE[1] / INDOOR_DEPTH_RANGE[0]
+"""Far over near of rooms; without metres the range has at least this ratio about the middle depth."""
+
+MIDDLE_PER_BASELINE = 10.0
+"""A good pair of views has a baseline of 5 to 15 % of the middle depth; without anything better, pairs are taken as good."""
+
+FEW_POINTS = 20
+"""Fewer points than this are not believed."""
+
+
+@dataclass(frozen=True)
+class DepthRange:
+    """Near and far of a set of views, one for all.
+
+    Attributes:
+        near: the smallest z-depth [m, or the scene's unit].
+        far: the largest.
+        unit: "metric" or "unknown".
+        reason: where they come from, as a phrase.
+    """
+
+    near: float
+    far: float
+    unit: str
+    reason: str
+
+    @property
+    def middle(self) -> float:
+        """The geometric mean of near and far: the depth at which overlap and baseline are judged."""
+        return (self.near * self.far) ** 0.5
+
+
+def depth_range(
+    frames: Sequence[Frame], asked: Sequence[int], unit: str, points: np.ndarray | None = None
+) -> DepthRange:
+    """Near and far for some frames of a scene.
+
+    Args:
+        frames: all usable frames of the scene.
+        asked: positions of those that the range is for.
+        unit: "metric" or "unknown".
+        points: the scene's sparse points [n 3] in the world, or None.
+    """
+    if unit == "metric":
+        return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric and rooms are between these")
+    if points is not None:
+        inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in asked])
+        if len(inverse) >= FEW_POINTS:
+            return _around(inverse, unit, f"from {len(inverse)} sightings of the scene's sparse points")
+    pictures: dict[int, Seen] = {}
+    for pairs in (_pairs_among(asked), _pairs_beside(frames, asked)):
+        inverse = _triangulated(frames, pairs, pictures)
+        if len(inverse) >= FEW_POINTS:
+            return _around(inverse, unit, f"from {len(inverse)} points triangulated between the pictures")
+    return _from_baseline(frames, asked, unit)
+
+
+def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:
+    """The range about measured inverse depths: room-like about their median, wider where their 2nd or 98th percentile is."""
+    farthest, middle, nearest = np.percentile(inverse, (2, 50, 98))
+    near = min(1 / (middle * ROOM_RATIO**0.5), 0.8 / nearest)
+    far = max(ROOM_RATIO**0.5 / middle, 1.25 / max(farthest, 0.02 * middle))
+    return DepthRange(float(near), float(far), unit, reason)
+
+
+def _inverse_depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Inverse z-depths of the sparse points that a frame sees (all in front of it, where the layout does not say which)."""
+    ours = points if frame.points is None else points[frame.points]
+    pose = frame.world_from_camera
+    depths = (ours - pose[:3, 3]) @ pose[:3, 2]
+    return 1 / depths[depths > 0]
+
+
+def _pairs_among(asked: Sequence[int], most: int = 6) -> list[list[tuple[int, int]]]:
+    """All pairs of the frames asked for, or of some spread evenly over them; each a trial of its own."""
+    few = [asked[round(step)] for step in np.linspace(0, len(asked) - 1, min(len(asked), 4))]
+    pairs = [pair for pair in itertools.combinations(dict.fromkeys(few), 2)]
+    return [[pair] for pair in pairs[:most]]
+
+
+def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tuple[int, int]]]:
+    """For some of the frames asked for, other frames of the scene to try in turn until one shows parallax.
+
+    They are the 1st, 3rd, 9th ... nearest among those that look the same way to 30 degrees: a film needs a far one, a few photos
+    the next one.
+    """
+    centres = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
+    axes = np.stack([frame.world_from_camera[:3, 2] for frame in frames])
+    trials = []
+    for index in dict.fromkeys(asked[round(step)] for step in np.linspace(0, len(asked) - 1, min(len(asked), 4))):
+        distances = np.linalg.norm(centres - centres[index], axis=1)
+        alike = (axes @ axes[index] > np.cos(np.radians(30))) & (np.arange(len(frames)) != index)
+        order = [int(other) for other in np.argsort(distances, kind="stable") if alike[other]]
+        ranks = itertools.takewhile(lambda rank: rank <= len(order), (3**power for power in range(20)))
+        trials.append([(index, order[rank - 1]) for rank in ranks])
+    return trials
+
+
+def _triangulated(
+    frames: Sequence[Frame], trials: list[list[tuple[int, int]]], pictures: dict[int, Seen]
+) -> np.ndarray:
+    """Inverse depths from the first pair of each trial that shows parallax; `pictures` keeps features between calls."""
+    found = []
+    for trial in trials:
+        for first, second in trial:
+            for index in (first, second):
+                if index not in pictures:
+                    pictures[index] = seen(frames[index])
+            inverse = inverse_depths(pictures[first], pictures[second])
+            if len(inverse):
+                found.append(inverse)
+                break
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def _from_baseline(frames: Sequence[Frame], asked: Sequence[int], unit: str) -> DepthRange:
+    """The range of a room whose middle depth is `MIDDLE_PER_BASELINE` times the distance between cameras."""
+    everyone = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
+    for centres, whose in ((everyone[list(asked)], "these cameras"), (everyone, "the scene's cameras")):
+        mean = centres.mean(axis=0)
+        baseline = float(np.sqrt(2 * ((centres - mean) ** 2).sum(-1).mean()))  # root mean square over all pairs
+        if baseline > 1e-9 * (1 + float(np.abs(mean).max())):
+            middle = MIDDLE_PER_BASELINE * baseline
+            reason = f"{MIDDLE_PER_BASELINE:g} times the distance between {whose} ({baseline:.3g}) as the middle depth"
+            return DepthRange(middle / ROOM_RATIO**0.5, middle * ROOM_RATIO**0.5, unit, reason)
+    return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the cameras are all at one place, so nothing tells the scale")

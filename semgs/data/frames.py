@@ -1,0 +1,147 @@
+"""Frames: one posed picture of a scene on disk, and how its pixels become a view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+
+from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.data.lens import Lens
+from semgs.data.views import Views
+from semgs.files.errors import InputError
+from semgs.files.pictures import read_rgb, read_uint8, read_uint16
+from semgs.geometry.cameras import Cameras
+
+ASPECT_TOLERANCE = 0.02
+"""Depth and label maps may be smaller than their picture, as phones' are, if their aspect is the same to this fraction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture of a scene with what the scene's file says about it; nothing is decoded yet.
+
+    Attributes:
+        name: as listed in the scene's file ("images/0001.jpg").
+        picture_path: where it is.
+        lens: the camera that took it, distortion included.
+        world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
+        depth_path: z-depth map, 16-bit PNG or .npy, or None.
+        depth_unit: what one count of the depth map is worth [m].
+        label_path: class map, 8-bit PNG, or None.
+        points: which of the scene's sparse points it sees (indices), or None where the layout has none.
+    """
+
+    name: str
+    picture_path: Path
+    lens: Lens
+    world_from_camera: np.ndarray
+    depth_path: Path | None = None
+    depth_unit: float = 0.001
+    label_path: Path | None = None
+    points: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def camera(self) -> Cameras:
+        """The camera of the picture as it is read: without distortion, at the picture's own size."""
+        return Cameras(self.world_from_camera, self.lens.intrinsics, self.lens.size)
+
+    def read(
+        self,
+        depth_range: tuple[float, float],
+        classes: ClassTable | None = None,
+        *,
+        maps: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> Views:
+        """The frame as one view at its own size, distortion undone.
+
+        Args:
+            depth_range: near and far to give the view.
+            classes: the table of its labels; None leaves labels out.
+            maps: what `undistortion` gave, for a caller who reads several frames of one lens.
+
+        Raises:
+            InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
+        """
+        image = read_rgb(self.picture_path, self.lens.size)
+        depths = None if self.depth_path is None else self._read_depths(self.depth_path)
+        labels = None if self.label_path is None or classes is None else self._read_labels(self.label_path, classes)
+        if not self.lens.is_pinhole:
+            x, y = self.undistortion() if maps is None else maps
+            image = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            nearest = {"interpolation": cv2.INTER_NEAREST, "borderMode": cv2.BORDER_REPLICATE}
+            depths = None if depths is None else cv2.remap(depths, x, y, **nearest)
+            labels = None if labels is None else cv2.remap(labels, x, y, **nearest)
+        return Views(
+            images=torch.from_numpy(image).permute(2, 0, 1)[None].float() / 255,
+            cameras=Cameras(self.world_from_camera[None], self.lens.intrinsics[None], self.lens.size),
+            depth_range=[depth_range],
+            labels=None if labels is None else torch.from_numpy(labels)[None],
+            depths=None if depths is None else torch.from_numpy(depths)[None],
+            classes=classes or SCANNET20,
+        )
+
+    def undistortion(self) -> tuple[np.ndarray, np.ndarray]:
+        """The undistortion maps of its lens, `Lens.maps`.
+
+        Raises:
+            InputError: the distortion cannot be undone.
+        """
+        try:
+            return self.lens.maps()
+        except ValueError as error:
+            raise InputError(self.picture_path, "a lens whose distortion can be undone", str(error)) from error
+
+    def _read_depths(self, path: Path) -> np.ndarray:
+        """The depth map in metres, float32 [h w], 0 where unknown.
+
+        Raises:
+            InputError: it is absent, damaged, of another type, or has another aspect than the picture.
+        """
+        if path.suffix.lower() == ".npy":
+            try:
+                counts = np.load(path, allow_pickle=False)
+            except (OSError, ValueError, EOFError) as error:
+                raise InputError(path, "an array of depths", str(error)) from error
+            if not isinstance(counts, np.ndarray) or counts.ndim != 2 or counts.dtype.kind not in "fiu":
+                raise InputError(path, "an array [height width] of numbers", f"{getattr(counts, 'shape', counts)}")
+        else:
+            counts = read_uint16(path)
+        depths = counts.astype(np.float32) * np.float32(self.depth_unit)
+        depths[~np.isfinite(depths) | (depths < 0)] = 0
+        return self._fitted(path, depths)
+
+    def _read_labels(self, path: Path, classes: ClassTable) -> np.ndarray:
+        """The class map, uint8 [h w].
+
+        Raises:
+            InputError: it is absent, damaged, of another aspect than the picture, or has a label outside the table.
+        """
+        labels = read_uint8(path)
+        outside = labels[(labels >= len(classes)) & (labels != IGNORE)]
+        if outside.size:
+            raise InputError(
+                path,
+                f"labels 0..{len(classes) - 1} of table {classes.name}, or {IGNORE} for none",
+                f"{int(outside[0])} at {outside.size} pixels",
+                key=f"frame {self.name}",
+            )
+        return self._fitted(path, labels)
+
+    def _fitted(self, path: Path, values: np.ndarray) -> np.ndarray:
+        """A map at the picture's size, each pixel from the one that its centre lies in.
+
+        Raises:
+            InputError: its aspect is not the picture's.
+        """
+        (height, width), (rows, columns) = self.lens.size, values.shape
+        if (rows, columns) == (height, width):
+            return values
+        if not rows or not columns or abs(rows * width / (columns * height) - 1) > ASPECT_TOLERANCE:
+            raise InputError(path, f"{width}x{height} pixels (width x height), as its picture", f"{columns}x{rows}")
+        row = (2 * np.arange(height) + 1) * rows // (2 * height)
+        column = (2 * np.arange(width) + 1) * columns // (2 * width)
+        return np.ascontiguousarray(values[row[:, None], column])

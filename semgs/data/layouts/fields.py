@@ -1,0 +1,123 @@
+"""Values of a JSON file by key, with errors that name the key."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from semgs.files.errors import InputError
+
+
+def parsed(path: Path) -> Fields:
+    """The object that a JSON file holds.
+
+    Raises:
+        InputError: it cannot be read, is no JSON, or holds something other than an object.
+    """
+    try:
+        content = json.loads(path.read_bytes().decode("utf-8-sig"))
+    except json.JSONDecodeError as error:
+        raise InputError(path, "JSON", f"{error.msg} in line {error.lineno}, column {error.colno}") from error
+    except (UnicodeDecodeError, RecursionError) as error:
+        raise InputError(path, "JSON in UTF-8", type(error).__name__) from error
+    except OSError as error:
+        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    if not isinstance(content, dict):
+        raise InputError(path, "a JSON object", f"a {type(content).__name__}")
+    return Fields(path, content)
+
+
+@dataclass(frozen=True)
+class Fields:
+    """An object of a JSON file. What it lacks, and null, is looked up in the object around it.
+
+    Attributes:
+        path: the file.
+        values: its keys and values.
+        place: where it is in the file ("frames[3]."), as the start of a key.
+        around: the object whose values hold where this one has none, or None.
+    """
+
+    path: Path
+    values: dict[str, Any]
+    place: str = ""
+    around: Fields | None = None
+
+    def holder(self, *keys: str) -> Fields | None:
+        """The innermost object that has one of these keys."""
+        if any(self.values.get(key) is not None for key in keys):
+            return self
+        return self.around.holder(*keys) if self.around else None
+
+    def value(self, key: str) -> Any:
+        """The value of a key, None where there is none."""
+        holder = self.holder(key)
+        return holder.values[key] if holder else None
+
+    def number(self, key: str) -> float | None:
+        """A finite number, None where there is none.
+
+        Raises:
+            InputError: it is something else.
+        """
+        value = self.value(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise self.refused(key, "a finite number", repr(value))
+        return float(value)
+
+    def positive(self, key: str) -> float | None:
+        """A number above 0, None where there is none.
+
+        Raises:
+            InputError: it is something else.
+        """
+        number = self.number(key)
+        if number is not None and number <= 0:
+            raise self.refused(key, "a number above 0", f"{number:g}")
+        return number
+
+    def whole(self, key: str) -> int | None:
+        """A positive whole number, None where there is none.
+
+        Raises:
+            InputError: it is something else.
+        """
+        number = self.positive(key)
+        if number is not None and not number.is_integer():
+            raise self.refused(key, "a whole number", f"{number:g}")
+        return None if number is None else int(number)
+
+    def text(self, key: str) -> str | None:
+        """A text that is not empty, None where there is none.
+
+        Raises:
+            InputError: it is something else.
+        """
+        value = self.value(key)
+        if value is not None and (not isinstance(value, str) or not value.strip() or "\0" in value):
+            raise self.refused(key, "a text", repr(value))
+        return value
+
+    def objects(self, key: str) -> list[Fields]:
+        """A list of objects that is not empty; each looks up in this one what it lacks.
+
+        Raises:
+            InputError: it is absent or something else.
+        """
+        values = self.value(key)
+        if not isinstance(values, list) or not values:
+            raise self.refused(key, "a list of objects", "nothing" if values is None else f"{values!r:.40}")
+        for index, value in enumerate(values):
+            if not isinstance(value, dict):
+                raise InputError(self.path, "an object", f"{value!r:.40}", f"{self.place}{key}[{index}]")
+        return [Fields(self.path, value, f"{self.place}{key}[{index}].", self) for index, value in enumerate(values)]
+
+    def refused(self, key: str, expected: str, found: str, advice: str | None = None) -> InputError:
+        """The error for a value, with the place that it is from (this object, where it is nowhere)."""
+        holder = self.holder(key) or self
+        return InputError(self.path, expected, found, f"{holder.place}{key}", advice)

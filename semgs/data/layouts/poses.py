@@ -1,0 +1,72 @@
+"""Poses as files give them: checked all at once, the file's place named where one cannot be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import ROTATION_TOLERANCE
+from semgs.geometry.rotations import nearest_rotation
+
+EXPECTED = "a 4x4 camera-to-world matrix [R t; 0 0 0 1] of finite numbers, R a rotation"
+
+
+def checked_poses(path: Path, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
+    """The matrices as rigid motions, float64 [n 4 4]; those that are nearly rotations are orthonormalised.
+
+    Args:
+        path: the file that they are from.
+        matrices: nested lists or arrays, one per frame, whatever the file held.
+        keys: the place of each in the file.
+
+    Raises:
+        InputError: one is no 4x4 matrix of finite numbers, or is far from a rigid motion; its key is named.
+    """
+    poses = _array(path, matrices, keys)
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    if not finite.all():
+        raise _refused(path, keys[int(np.argmin(finite))], "a number that is not finite")
+    last = np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1)
+    if (last > 1e-6).any():
+        index = int(np.argmax(last > 1e-6))
+        raise _refused(path, keys[index], f"a last row of {poses[index, 3].tolist()}")
+    rotations = nearest_rotation(torch.from_numpy(poses[:, :3, :3])).numpy()
+    off = np.abs(rotations - poses[:, :3, :3]).max(axis=(1, 2))
+    if (off > ROTATION_TOLERANCE).any():
+        index = int(np.argmax(off > ROTATION_TOLERANCE))
+        determinant = float(np.linalg.det(poses[index, :3, :3]))
+        kind = (
+            "it mirrors" if determinant < 0 else "it is singular" if abs(determinant) < 1e-6 else "it scales or shears"
+        )
+        raise _refused(path, keys[index], f"a 3x3 part with determinant {determinant:.4g} that is no rotation ({kind})")
+    poses[:, :3, :3] = rotations
+    return poses
+
+
+def _array(path: Path, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
+    """The matrices as float64 [n 4 4].
+
+    Raises:
+        InputError: one is not a 4x4 matrix of numbers.
+    """
+    poses = np.empty((len(matrices), 4, 4))
+    for index, matrix in enumerate(matrices):
+        if matrix is None:
+            raise _refused(path, keys[index], "nothing")
+        try:
+            numbers = np.array(matrix, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise _refused(path, keys[index], "something that is no matrix of numbers") from None
+        if numbers.shape != (4, 4):
+            raise _refused(path, keys[index], f"an array of shape {numbers.shape}")
+        poses[index] = numbers
+    return poses
+
+
+def _refused(path: Path, key: str, found: str) -> InputError:
+    """The error for one pose."""
+    return InputError(path, EXPECTED, found, key)

@@ -1,0 +1,279 @@
+"""`transforms.json`: the dialects of nerfstudio and of instant-ngp.
+
+Poses are camera to world with OpenGL axes (x right, y up, z backward); they become OpenCV's here, by turning the signs of
+their second and third column. Intrinsics are pixels with the centre of the first pixel at (0.5, 0.5), shared or per frame.
+https://docs.nerf.studio/quickstart/data_conventions.html, https://github.com/NVlabs/instant-ngp (docs/nerf_dataset_tips.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.classes import IGNORE, ClassTable, class_table
+from semgs.data.frames import Frame
+from semgs.data.layouts.fields import Fields, parsed
+from semgs.data.layouts.poses import checked_poses
+from semgs.data.lens import Lens
+from semgs.data.scene import Scene
+from semgs.files.errors import InputError
+from semgs.files.pictures import is_turned, read_header
+
+FILE_NAMES = ("transforms.json", "transforms_train.json")
+LOOKED_FOR = "transforms.json (nerfstudio, instant-ngp)"
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
+"""What is tried behind a `file_path` without an ending, as instant-ngp and the synthetic NeRF scenes write it."""
+
+CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL")
+"""Camera models that k1, k2, p1, p2, k3 of OpenCV cover; which of these a file gives counts, not the model's name."""
+
+DISTORTION = ("k1", "k2", "p1", "p2", "k3")
+OTHER_DISTORTION = ("k4", "k5", "k6")
+OTHER_LENSES = ("is_fisheye", "ftheta_p0", "ftheta_p1", "ftheta_p2", "ftheta_p3", "ftheta_p4", "latlong", "equirect")
+"""instant-ngp's marks of lenses that are no pinholes."""
+
+DEPTH_UNIT = 0.001
+"""nerfstudio's `depth_unit_scale_factor` where none is given: millimetres."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is a transforms file or a folder with one."""
+    return path.suffix.lower() == ".json" if path.is_file() else _file(path) is not None
+
+
+def open_transforms(path: Path) -> Scene:
+    """The scene of a transforms file, or of a folder with one.
+
+    Raises:
+        InputError: it is no JSON, a key is missing or cannot be used, fewer than two pictures are there, or one has
+            another size than its camera; the file and key are named.
+    """
+    file = path if path.is_file() else _file(path) or path / FILE_NAMES[0]
+    shared = parsed(file)
+    listed = shared.objects("frames")
+    names = _names(listed)
+    poses = checked_poses(
+        file,
+        [frame.values.get("transform_matrix") for frame in listed],
+        [f"{one.place}transform_matrix" for one in listed],
+    )
+    poses[:, :3, 1:3] *= -1
+    lenses: dict[Lens, Lens] = {}
+    frames, absent, notes = [], [], _Notes()
+    for fields, name, pose in zip(listed, names, poses, strict=True):
+        picture = _found(file, name, ENDINGS)
+        if picture is None:
+            absent.append(name)
+            continue
+        lens = _lens(fields, picture, notes)
+        frames.append(
+            Frame(
+                name=name,
+                picture_path=picture,
+                lens=lenses.setdefault(lens, lens),
+                world_from_camera=pose,
+                depth_path=_map(fields, "depth_file_path", (".png", ".npy"), notes),
+                depth_unit=fields.positive("depth_unit_scale_factor") or DEPTH_UNIT,
+                label_path=_map(fields, "label_file_path", (".png",), notes),
+            )
+        )
+    return Scene(
+        path=file,
+        name=file.absolute().parent.name,
+        layout="transforms.json",
+        unit=_unit(shared, listed),
+        frames=tuple(frames),
+        classes=_classes(shared, frames),
+        absent=tuple(absent),
+        notes=tuple(notes.sentences(absent, len(listed), listed)),
+        applied_transform=_applied_transform(shared),
+        applied_scale=shared.positive("applied_scale"),
+    )
+
+
+class _Notes:
+    """What is counted while frames are read, to be told in a sentence each."""
+
+    def __init__(self) -> None:
+        self.transparent = 0
+        self.missing_maps: list[str] = []
+        self.unread_maps: list[str] = []
+
+    def sentences(self, absent: Sequence[str], count: int, listed: Sequence[Fields]) -> list[str]:
+        """The notes on a scene."""
+        notes = []
+        if absent:
+            notes.append(f"{len(absent)} of the {count} listed pictures are absent, the first is {absent[0]}.")
+        if self.transparent:
+            notes.append(
+                f"{self.transparent} pictures have an alpha channel; where transparent they are laid on white."
+            )
+        if self.missing_maps:
+            notes.append(
+                f"{len(self.missing_maps)} listed depth or label files are absent, the first is {self.missing_maps[0]}."
+            )
+        if self.unread_maps:
+            notes.append(
+                f"{len(self.unread_maps)} depth or label files are of a kind that is not read, the first is {self.unread_maps[0]}."
+            )
+        if any(frame.value("mask_path") for frame in listed):
+            notes.append("The frames list masks, which are not used.")
+        return notes
+
+
+def _file(folder: Path) -> Path | None:
+    """The transforms file of a folder, if it has one."""
+    return next((folder / name for name in FILE_NAMES if (folder / name).is_file()), None)
+
+
+def _names(listed: Sequence[Fields]) -> list[str]:
+    """The frames' names: their `file_path` with slashes, without a leading `./`.
+
+    Raises:
+        InputError: one is missing, no text, or comes twice.
+    """
+    places: dict[str, str] = {}
+    for frame in listed:
+        name = Fields(frame.path, frame.values, frame.place).text("file_path")
+        if name is None:
+            raise frame.refused("file_path", "the path of a picture", "nothing")
+        name = name.replace("\\", "/").removeprefix("./")
+        if name in places:
+            raise frame.refused("file_path", "a picture listed once", f"{name}, which {places[name]}file_path is too")
+        places[name] = frame.place
+    return list(places)
+
+
+def _found(file: Path, name: str, endings: Sequence[str] = ()) -> Path | None:
+    """The file of that name, relative to the transforms file, or the first that exists with one of the endings added."""
+    for ending in ("", *endings):
+        path = file.parent / (name + ending)
+        if path.is_file():
+            return path
+    return None
+
+
+def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes) -> Path | None:
+    """The depth or label file of a frame, where it has one of a kind that is read."""
+    name = Fields(fields.path, fields.values, fields.place).text(key)
+    if name is None:
+        return None
+    path = _found(fields.path, name.replace("\\", "/"))
+    if path is None:
+        notes.missing_maps.append(name)
+    elif path.suffix.lower() not in kinds:
+        notes.unread_maps.append(name)
+        return None
+    return path
+
+
+def _lens(fields: Fields, picture: Path, notes: _Notes) -> Lens:
+    """The lens of a frame, its own keys before the shared ones.
+
+    Raises:
+        InputError: the camera model is not one of `CAMERA_MODELS`, no focal length is given or it is not positive, or the picture
+            has another size than the camera.
+    """
+    model = fields.text("camera_model")
+    if model is not None and model.upper() not in CAMERA_MODELS:
+        raise fields.refused(
+            "camera_model", "one of " + ", ".join(CAMERA_MODELS), model, "undistort the pictures to pinholes first"
+        )
+    for key in (*OTHER_LENSES, *OTHER_DISTORTION):
+        if fields.value(key):
+            raise fields.refused(
+                key, "a pinhole with " + " ".join(DISTORTION), f"{fields.value(key)!r}", "undistort the pictures first"
+            )
+    header = read_header(picture)
+    notes.transparent += header.transparent
+    width, height = fields.whole("w"), fields.whole("h")
+    stated = None if width is None or height is None else (height, width)
+    is_turned(picture, header, stated)  # refuses a picture of another size
+    if stated is None and (width or header.size[1], height or header.size[0]) != header.size[::-1]:
+        key = "w" if width else "h"
+        raise fields.refused(key, f"{header.size[::-1]} (width, height) of {picture}", f"{fields.value(key)}")
+    size = stated or header.size
+    fx, fy = _focal(fields, "x", size[1]), _focal(fields, "y", size[0])
+    if fx is None or fy is None:
+        if fx is None and fy is None:
+            raise fields.refused("fl_x", "a focal length in pixels, or camera_angle_x", "neither")
+        fx = fy = fx or fy
+    cx, cy = fields.number("cx"), fields.number("cy")
+    lens = Lens(
+        size=size,
+        focal=(fx, fy),
+        centre=(size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy),
+        distortion=tuple(fields.number(key) or 0.0 for key in DISTORTION),
+    )
+    return lens
+
+
+def _focal(fields: Fields, axis: str, side: int) -> float | None:
+    """The focal length along an axis: `fl_x`, or that of the angle `camera_angle_x` that `side` pixels cover.
+
+    Raises:
+        InputError: it is not positive, or the angle is not between 0 and pi.
+    """
+    length, angle = f"fl_{axis}", f"camera_angle_{axis}"
+    holder = fields.holder(length, angle)
+    if holder is None:
+        return None
+    if holder.values.get(length) is not None:
+        return holder.positive(length)
+    radians = holder.positive(angle)
+    if radians is None or radians >= math.pi:
+        raise holder.refused(angle, "an angle between 0 and pi", f"{radians}")
+    return 0.5 * side / math.tan(0.5 * radians)
+
+
+def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
+    """Metric if the file says so or, where it says nothing, if it has depth files, whose unit it gives.
+
+    Raises:
+        InputError: `metric` is neither true nor false.
+    """
+    metric = shared.value("metric")
+    if metric is None:
+        metric = any(frame.value("depth_file_path") for frame in listed)
+    if not isinstance(metric, bool):
+        raise shared.refused("metric", "true or false", repr(metric))
+    return "metric" if metric else "unknown"
+
+
+def _classes(shared: Fields, frames: Sequence[Frame]) -> ClassTable | None:
+    """The table that labels refer to, None where no frame has any.
+
+    Raises:
+        InputError: there are labels and `label_set` names no known table, or `label_ignore` is not 255.
+    """
+    if not any(frame.label_path for frame in frames):
+        return None
+    name, ignore = shared.text("label_set"), shared.number("label_ignore")
+    if ignore not in (None, IGNORE):
+        raise shared.refused("label_ignore", f"{IGNORE}", f"{ignore:g}")
+    try:
+        return class_table(name or "")
+    except ValueError as error:
+        raise shared.refused("label_set", "the table of classes that the label files refer to", str(error)) from error
+
+
+def _applied_transform(shared: Fields) -> np.ndarray | None:
+    """nerfstudio's transform from the original world to that of the poses, [3 4].
+
+    Raises:
+        InputError: it is no 3x4 or 4x4 matrix of finite numbers.
+    """
+    value = shared.value("applied_transform")
+    if value is None:
+        return None
+    try:
+        matrix = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        matrix = np.zeros(0)
+    if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
+        raise shared.refused("applied_transform", "a 3x4 matrix of finite numbers", f"{value!r:.40}")
+    return matrix[:3]

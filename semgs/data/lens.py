@@ -1,0 +1,88 @@
+"""Lenses: a pinhole with the distortion of OpenCV's radial-tangential model, and how it is undone on reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+_HALF = 0.5
+"""OpenCV's first pixel centre is at 0, ours at 0.5: taken from cx, cy and positions before its calls, added after."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """The camera as the file describes it, before its distortion is undone.
+
+    Attributes:
+        size: (height, width) of its pictures [px].
+        focal: (fx, fy) [px].
+        centre: (cx, cy) [px], the centre of the first pixel at (0.5, 0.5).
+        distortion: (k1, k2, p1, p2, k3), all 0 for a pinhole.
+    """
+
+    size: tuple[int, int]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether there is nothing to undo."""
+        return not any(self.distortion)
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """K [3 3] of the pictures as they are read: after undistortion, at the same size [px].
+
+        Of the pinholes that could follow undistortion it is the widest in which every pixel has been seen (OpenCV's
+        optimal camera matrix with alpha = 0), so that no border has to be invented.
+
+        Raises:
+            ValueError: the distortion is so strong that no such pinhole exists.
+        """
+        if self.is_pinhole:
+            return _matrix(self.focal, self.centre)
+        height, width = self.size
+        ideal, _ = cv2.getOptimalNewCameraMatrix(
+            self._opencv_matrix, np.array(self.distortion), (width, height), 0, (width, height)
+        )
+        if not np.isfinite(ideal).all() or ideal[0, 0] <= 0 or ideal[1, 1] <= 0:
+            raise ValueError(f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the picture")
+        return _matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + _HALF, ideal[1, 2] + _HALF))
+
+    def maps(self) -> tuple[np.ndarray, np.ndarray]:
+        """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each.
+
+        Raises:
+            ValueError: a pixel would come from outside the picture, since the distortion folds over before its edge.
+        """
+        height, width = self.size
+        ideal = self.intrinsics - _HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+        x, y = cv2.initUndistortRectifyMap(
+            self._opencv_matrix, np.array(self.distortion), np.eye(3), ideal, (width, height), cv2.CV_32FC1
+        )
+        slack = 0.01 * max(
+            self.size
+        )  # OpenCV finds the pinhole from a grid of points, so an edge may be off by a little
+        if min(x.min(), y.min()) < -slack or x.max() > width + slack or y.max() > height + slack:
+            raise ValueError(f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the picture")
+        return x, y
+
+    def directions(self, positions: np.ndarray) -> np.ndarray:
+        """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
+        if not len(positions):
+            return np.zeros((0, 3))
+        points = np.asarray(positions, dtype=np.float64)[:, None] - _HALF
+        plane = cv2.undistortPoints(points, self._opencv_matrix, np.array(self.distortion))[:, 0]
+        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
+
+    @property
+    def _opencv_matrix(self) -> np.ndarray:
+        return _matrix(self.focal, (self.centre[0] - _HALF, self.centre[1] - _HALF))
+
+
+def _matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
+    """K of focal lengths and a principal point."""
+    return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])

@@ -1,0 +1,102 @@
+"""First hits of rays on a triangle mesh, through Embree; the one place that imports it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int, Num
+
+REACH = 1e30
+"""Where a ray without a limit ends [m]; Embree calls anything beyond it a miss."""
+
+
+class Raycaster:
+    """A triangle mesh that rays can be cast at.
+
+    Embree works in float32: keep the mesh within some tens of metres of the origin, and where more is needed than about
+    1e-6 of that distance, meet the ray with the plane of the triangle that was hit, in float64.
+
+    Args:
+        vertices: corners [m].
+        faces: three vertex numbers a triangle.
+
+    Raises:
+        ValueError: there is no triangle, a vertex is not finite, or a face names a vertex that does not exist.
+        ImportError: embreex is not installed; names the extra that brings it.
+    """
+
+    def __init__(self, vertices: Num[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> None:
+        if len(faces) == 0:
+            raise ValueError("the mesh has no triangle; expected at least one")
+        if not np.isfinite(vertices).all():
+            raise ValueError("a vertex of the mesh is not finite")
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError(
+                f"faces name vertices {faces.min()}..{faces.max()}, but the mesh has vertices 0..{len(vertices) - 1}"
+            )
+        scene_type, mesh_type = _embree()
+        self._scene = scene_type()
+        self._mesh = mesh_type(
+            self._scene,
+            np.ascontiguousarray(vertices, dtype=np.float32),
+            np.ascontiguousarray(faces, dtype=np.int32),
+        )
+
+    def cast(
+        self,
+        origins: Num[np.ndarray, "r 3"],
+        directions: Num[np.ndarray, "r 3"],
+        reach: Num[np.ndarray, " r"] | None = None,
+    ) -> tuple[Int[np.ndarray, " r"], Float[np.ndarray, " r"]]:
+        """The nearest triangle that each ray meets, and where.
+
+        Args:
+            origins: where rays start [m].
+            directions: where they go, of any length > 0.
+            reach: how far each ray goes, in lengths of its direction; None is without limit.
+
+        Returns:
+            Number of the triangle, -1 where nothing is hit, and the distance of the hit in lengths of the direction (inf
+            where nothing is hit). Both sides of a triangle count.
+        """
+        if len(origins) == 0:
+            return np.zeros(0, np.int32), np.zeros(0, np.float32)
+        hits = self._scene.run(
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            dists=None if reach is None else np.array(reach, dtype=np.float32),
+            output=True,
+        )
+        triangles = hits["primID"]
+        return triangles, np.where(triangles >= 0, hits["tfar"], np.float32(np.inf))
+
+    def reached(
+        self,
+        origins: Num[np.ndarray, "r 3"],
+        directions: Num[np.ndarray, "r 3"],
+        reach: Num[np.ndarray, " r"] | float = REACH,
+    ) -> np.ndarray:
+        """Whether each ray gets to the end of its reach without meeting a triangle [r], boolean."""
+        if len(origins) == 0:
+            return np.zeros(0, bool)
+        limits = np.array(np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins)))
+        triangles = self._scene.run(
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            dists=limits,
+            query="INTERSECT",
+        )
+        return triangles < 0
+
+
+def _embree() -> tuple[type, type]:
+    """Embree's scene and mesh types.
+
+    Raises:
+        ImportError: embreex is not installed.
+    """
+    try:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+    except ImportError as error:
+        raise ImportError('casting rays needs embreex, which is not installed; pip install "semgs[raycast]"') from error
+    return EmbreeScene, TriangleMesh

@@ -1,0 +1,156 @@
+"""A scene on disk: its frames with their cameras, read on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.depth_range import DepthRange, depth_range
+from semgs.data.frames import Frame
+from semgs.data.views import Views, resized
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Posed pictures as a layout describes them. Nothing but headers has been read yet.
+
+    Frames are counted by their position among the usable ones, in file order, from 0.
+
+    Attributes:
+        path: the file or folder that describes the scene.
+        name: its folder's name.
+        layout: "transforms.json" or "COLMAP".
+        unit: "metric" or "unknown": what lengths are in.
+        frames: the usable frames.
+        classes: the table of the labels, None where the scene has none.
+        absent: names that are listed and whose pictures are missing.
+        notes: what the user should be told, a sentence each.
+        points: sparse points [n 3] in the world, or None.
+        applied_transform: nerfstudio's [3 4], from the original world to that of the poses, which is ours; or None.
+        applied_scale: nerfstudio's scale between the two, or None.
+    """
+
+    path: Path
+    name: str
+    layout: str
+    unit: str
+    frames: tuple[Frame, ...]
+    classes: ClassTable | None = None
+    absent: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    points: np.ndarray | None = field(default=None, repr=False)
+    applied_transform: np.ndarray | None = None
+    applied_scale: float | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.frames) < 2:
+            listed = len(self.frames) + len(self.absent)
+            raise InputError(
+                self.path,
+                "at least two usable frames",
+                f"{len(self.frames)} ({listed} listed, {len(self.absent)} without their picture)",
+                advice=f"the first missing one is {self.absent[0]}" if self.absent else None,
+            )
+
+    def __len__(self) -> int:
+        """The number of usable frames."""
+        return len(self.frames)
+
+    @property
+    def cameras(self) -> list[Cameras]:
+        """The camera of each frame, as it is read: at the picture's own size, distortion undone."""
+        return [frame.camera for frame in self.frames]
+
+    def index(self, frame: int | str) -> int:
+        """The position of a frame given by its position or name (as listed, the file's name, or that without its ending).
+
+        Raises:
+            ValueError: no frame has that position or name, or several have that name.
+        """
+        if isinstance(frame, str):
+            wanted = frame.replace("\\", "/").removeprefix("./")
+            for key in (lambda name: name, lambda name: Path(name).name, lambda name: Path(name).stem):
+                found = [index for index, one in enumerate(self.frames) if key(one.name) == wanted]
+                if len(found) > 1:
+                    raise ValueError(
+                        f"frame {frame!r} may be {self.frames[found[0]].name} or {self.frames[found[1]].name} "
+                        f"of {self.path}; give the whole name or its position"
+                    )
+                if found:
+                    return found[0]
+            reason = ", its picture is missing" if wanted in {Path(name).name for name in self.absent} else ""
+            raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
+        if not 0 <= frame < len(self.frames):
+            raise ValueError(
+                f"{self.path} has no frame {frame}; expected a position from 0 to {len(self.frames) - 1} among the usable frames"
+            )
+        return int(frame)
+
+    def depth_range(self, frames: Sequence[int | str] | None = None) -> DepthRange:
+        """Near and far for some frames (None: for all), with the reason.
+
+        Raises:
+            ValueError: no frame has that position or name, or none is asked for.
+            InputError: the scale has to be found from pictures and one cannot be read.
+        """
+        asked = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
+        if not asked:
+            raise ValueError(f"no frames are asked for; {self.path} has {len(self)}")
+        return depth_range(self.frames, asked, self.unit, self.points)
+
+    def read(self, frames: Sequence[int | str], size: Sequence[int] | None = None) -> Views:
+        """Read frames as views: distortion undone, near and far filled in, labels and depths where all of them have them.
+
+        Args:
+            frames: positions or names, in the order wanted.
+            size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the pictures at their own size.
+
+        Raises:
+            ValueError: no frame has that position or name, none is asked for, or sizes differ and `size` is None.
+            InputError: a picture, depth or label file cannot be used.
+        """
+        chosen = [self.frames[self.index(frame)] for frame in frames]
+        bounds = self.depth_range(frames)
+        if size is None:
+            for frame in chosen[1:]:
+                if frame.lens.size != chosen[0].lens.size:
+                    raise ValueError(
+                        f"{chosen[0].name} is {chosen[0].lens.size} (height, width) and {frame.name} {frame.lens.size}; "
+                        "give a size to bring them to"
+                    )
+        views, lens, maps = [], None, None
+        for frame in chosen:
+            if frame.lens != lens and not frame.lens.is_pinhole:
+                lens, maps = frame.lens, frame.undistortion()
+            view = frame.read((bounds.near, bounds.far), self.classes, maps=None if frame.lens.is_pinhole else maps)
+            views.append(view if size is None else resized(view, size))
+        return _joined(views, self.classes or SCANNET20)
+
+
+def _joined(views: Sequence[Views], classes: ClassTable) -> Views:
+    """Views of one size, one after the other; labels and depths only where all have them."""
+
+    def together(maps: Sequence[Tensor | None]) -> Tensor | None:
+        held = [one for one in maps if one is not None]
+        return torch.cat(held) if len(held) == len(maps) else None
+
+    return Views(
+        images=torch.cat([one.images for one in views]),
+        cameras=Cameras(
+            torch.cat([one.cameras.world_from_camera for one in views]),
+            torch.cat([one.cameras.intrinsics for one in views]),
+            views[0].size,
+        ),
+        depth_range=torch.cat([one.depth_range for one in views]),
+        labels=together([one.labels for one in views]),
+        depths=together([one.depths for one in views]),
+        classes=classes,
+    )

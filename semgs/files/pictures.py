@@ -1,0 +1,267 @@
+"""Pictures in and out: JPEG and PNG to arrays, arrays to PNG.
+
+What a file means is decided here and nowhere else. 8-bit RGB is what comes out; 16-bit is rounded to 8, grey is repeated,
+palettes are looked up, transparent areas are laid on white (as NeRF's synthetic scenes are meant). What has no certain
+meaning (CMYK, an EXIF rotation that the camera neither confirms nor denies, a picture cut short) is refused.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+
+FORMATS = ("JPEG", "PNG")
+_ORIENTATION = 0x0112
+_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
+"""What Pillow raises on files that are damaged, by format and place of the damage."""
+
+
+@dataclass(frozen=True)
+class PictureHeader:
+    """What a picture's header tells without decoding it.
+
+    Attributes:
+        size: (height, width) of the pixels as stored [px].
+        orientation: EXIF orientation, 1 (as stored) to 8.
+        transparent: whether it has an alpha channel or a transparent colour.
+    """
+
+    size: tuple[int, int]
+    orientation: int
+    transparent: bool
+
+
+def read_header(path: str | Path) -> PictureHeader:
+    """Size, orientation and transparency of a JPEG or PNG.
+
+    Raises:
+        InputError: the file is absent, or is no JPEG or PNG.
+    """
+    with _opened(path) as image:
+        return _header(path, image)
+
+
+def is_turned(path: str | Path, header: PictureHeader, size: tuple[int, int] | None) -> bool:
+    """Whether the EXIF rotation of a picture has to be applied, so that its pixels are those of a camera of `size`.
+
+    Programs disagree on EXIF: some work on the stored pixels, some on the turned ones. The camera's size tells which,
+    where the turn exchanges height and width; in all other cases the picture is refused, for a guess could be silently wrong.
+
+    Args:
+        path: the picture, for the message.
+        header: its header.
+        size: (height, width) that its camera was made for, None if nobody said.
+
+    Raises:
+        InputError: the size fits neither the stored nor the turned pixels, or an orientation is set that the size cannot decide.
+    """
+    stored, turned = header.size, header.size[::-1]
+    quarter_turn = header.orientation >= 5
+    if size is not None and size != stored and not (quarter_turn and size == turned):
+        raise InputError(
+            path,
+            f"{size[1]}x{size[0]} pixels (width x height), as its camera says",
+            f"{stored[1]}x{stored[0]}",
+            advice="give the pictures that the cameras were made for, or cameras for these pictures",
+        )
+    if header.orientation == 1:
+        return False
+    if size is None or not quarter_turn or stored == turned:
+        raise InputError(
+            path,
+            "pixels stored upright, or a camera whose width and height tell whether EXIF was applied",
+            f"EXIF orientation {header.orientation} and "
+            + ("no stated size" if size is None else "a size that fits both ways"),
+            advice="store the pixels as the cameras were made for and remove the orientation tag",
+        )
+    return size == turned
+
+
+def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarray:
+    """A picture as uint8 [h w 3], RGB.
+
+    Args:
+        path: a JPEG or PNG: grey, palette or RGB, 8 or 16 bits, with or without alpha.
+        size: (height, width) of the camera that took it; it also decides whether an EXIF rotation is applied (see `is_turned`).
+
+    Raises:
+        InputError: absent, cut short, of another format, of another size, CMYK, or with an undecidable EXIF rotation.
+    """
+    data = _bytes(path)
+    with _opened(path, data) as image:
+        header = _header(path, image)
+        turn = is_turned(path, header, size)
+        _decode(path, image)
+        if data[:4] == b"\x89PNG" and data[24] == 16:
+            pixels = _eight_bits(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+        else:
+            pixels = _channels(path, image)
+    rgb = _on_white(pixels)
+    return np.ascontiguousarray(_TURNS[header.orientation](rgb)) if turn else rgb
+
+
+def read_grey(path: str | Path, longest: int, size: tuple[int, int] | None = None) -> np.ndarray:
+    """A picture in grey, uint8 [h w], reduced so that its longer side is at most `longest` pixels.
+
+    For finding features, where speed counts more than the last bit: JPEGs are decoded at the smaller size.
+
+    Raises:
+        InputError: as `read_rgb`.
+    """
+    with _opened(path) as image:
+        header = _header(path, image)
+        turn = is_turned(path, header, size)
+        scale = min(1.0, longest / max(header.size))
+        height, width = (max(1, round(side * scale)) for side in header.size)
+        if image.format == "JPEG":
+            image.draft("L", (width, height))
+        _decode(path, image)
+        grey = np.asarray(image) if image.mode == "L" else cv2.cvtColor(read_rgb(path, size), cv2.COLOR_RGB2GRAY)
+    if image.mode == "L" and turn:
+        grey = np.ascontiguousarray(_TURNS[header.orientation](grey))
+    return cv2.resize(grey, (height, width) if turn else (width, height), interpolation=cv2.INTER_AREA)
+
+
+def read_uint16(path: str | Path) -> np.ndarray:
+    """A 16-bit PNG of one channel, uint16 [h w]: depth maps.
+
+    Raises:
+        InputError: absent, cut short, or not that.
+    """
+    with _opened(path) as image:
+        _decode(path, image)
+        if image.mode not in ("I;16", "I;16B", "I;16L") or image.format != "PNG":
+            raise InputError(path, "a 16-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
+        return np.asarray(image).astype(np.uint16)
+
+
+def read_uint8(path: str | Path) -> np.ndarray:
+    """An 8-bit PNG of one channel, uint8 [h w]: labels and masks; of a palette picture the indices, not the colours.
+
+    Raises:
+        InputError: absent, cut short, or not that.
+    """
+    with _opened(path) as image:
+        _decode(path, image)
+        if image.mode not in ("L", "P") or image.format != "PNG":
+            raise InputError(path, "an 8-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
+        return np.array(image)
+
+
+def write_png(path: str | Path, array: np.ndarray) -> None:
+    """Write a PNG: uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w]; complete or not at all.
+
+    Raises:
+        ValueError: another type or shape.
+    """
+    rgb = array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
+    if not (rgb or (array.dtype in (np.uint8, np.uint16) and array.ndim == 2)) or not array.size:
+        raise ValueError(
+            f"a picture is {array.dtype} {array.shape}; expected uint8 [h w 3], uint8 [h w] or uint16 [h w]"
+        )
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=4)
+    write_bytes(Path(path), buffer.getvalue())
+
+
+_TURNS = {
+    5: lambda pixels: pixels.swapaxes(0, 1),
+    6: lambda pixels: np.rot90(pixels, -1),
+    7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
+    8: lambda pixels: np.rot90(pixels, 1),
+}
+"""From stored to upright pixels, for the EXIF orientations that exchange height and width."""
+
+
+def _bytes(path: str | Path) -> bytes:
+    """The content of a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(path, "a picture", error.strerror or str(error)) from error
+
+
+def _opened(path: str | Path, data: bytes | None = None) -> Image.Image:
+    """The picture with its header read and its pixels not yet.
+
+    Raises:
+        InputError: the file is absent, or no JPEG or PNG.
+    """
+    if data is None and not Path(path).is_file():
+        raise InputError(path, "a picture", "no such file")
+    try:
+        return Image.open(path if data is None else io.BytesIO(data), formats=FORMATS)
+    except UnidentifiedImageError as error:
+        raise InputError(path, "a JPEG or PNG picture", "something else or a damaged header") from error
+    except _DAMAGE as error:
+        raise InputError(path, "a JPEG or PNG picture", str(error)) from error
+
+
+def _header(path: str | Path, image: Image.Image) -> PictureHeader:
+    """What the header of an opened picture says.
+
+    Raises:
+        InputError: its EXIF data are damaged.
+    """
+    try:
+        orientation = image.getexif().get(_ORIENTATION, 1)
+    except _DAMAGE as error:
+        raise InputError(path, "readable EXIF data or none", str(error)) from error
+    transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
+    known = isinstance(orientation, int) and 1 <= orientation <= 8
+    return PictureHeader((image.height, image.width), orientation if known else 1, transparent)
+
+
+def _decode(path: str | Path, image: Image.Image) -> None:
+    """Decode all pixels.
+
+    Raises:
+        InputError: the file is cut short or damaged.
+    """
+    try:
+        image.load()
+    except _DAMAGE as error:
+        raise InputError(path, "a complete picture", str(error)) from error
+
+
+def _channels(path: str | Path, image: Image.Image) -> np.ndarray:
+    """The pixels of an 8-bit picture as [h w 3] or, with alpha, [h w 4].
+
+    Raises:
+        InputError: its colour space is not grey, RGB or a palette of such.
+    """
+    if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
+        raise InputError(path, "grey or RGB pixels", f"mode {image.mode}", advice="convert it to sRGB first")
+    transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
+    return np.array(image.convert("RGBA" if transparent else "RGB"))
+
+
+def _eight_bits(pixels: np.ndarray) -> np.ndarray:
+    """16-bit pixels as OpenCV decodes them (grey, BGR or BGRA) rounded to 8 bits, as [h w 3] or [h w 4] in RGB order."""
+    reduced = ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    if reduced.ndim == 2:
+        return np.repeat(reduced[..., None], 3, axis=-1)
+    return np.ascontiguousarray(reduced[..., [2, 1, 0, 3][: reduced.shape[2]]])
+
+
+def _on_white(pixels: np.ndarray) -> np.ndarray:
+    """Pixels [h w 3] as they are, [h w 4] laid on white."""
+    if pixels.shape[2] == 3:
+        return pixels
+    alpha = pixels[..., 3:].astype(np.uint32)
+    blend = pixels[..., :3] * alpha + 255 * (255 - alpha)
+    return ((blend + 127) // 255).astype(np.uint8)
