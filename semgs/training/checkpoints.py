@@ -33,7 +33,7 @@ class Checkpoint:
     """
 
     tensors: dict[str, Tensor]
-    numbers: dict[str, float]
+    numbers: dict[str, int | float]
     damaged: tuple[Path, ...]
 
 

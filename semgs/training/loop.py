@@ -21,6 +21,7 @@ from pathlib import Path
 
 from rich.console import Console
 from safetensors.torch import save
+from torch import Tensor
 
 from semgs.data.views import Batch
 from semgs.files.atomic import write_bytes
@@ -186,7 +187,7 @@ def _termination_asked() -> Iterator[threading.Event]:
 
 def _keep(batch: Batch, path: Path) -> None:
     """Write a batch to look at."""
-    tensors = {}
+    tensors: dict[str, Tensor] = {}
     for name, views in (("context", batch.context), ("target", batch.target)):
         held = {
             "images": views.images,

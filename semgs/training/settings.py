@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields
+from typing import Any
 
 from semgs.objectives.losses import LossWeights
 
@@ -85,7 +86,9 @@ class TrainingSettings:
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
             raise ValueError(f"the settings hold {', '.join(unknown)}, which this version of semgs does not know")
-        values = {name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()
+        }
         if "losses" in values:
             values["losses"] = LossWeights(**values["losses"])
         return cls(**values)

@@ -48,7 +48,7 @@ class TrainingState:
             tensors |= {f"optimizer.{name}/{key}": tensor for key, tensor in moments.items()}
         return {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
 
-    def numbers(self) -> dict[str, float]:
+    def numbers(self) -> dict[str, int | float]:
         """Every number beside the tensors."""
         return {
             "step": self.step,
@@ -57,7 +57,7 @@ class TrainingState:
             "seconds": self.seconds,
         }
 
-    def restore(self, tensors: dict[str, Tensor], numbers: dict[str, float]) -> None:
+    def restore(self, tensors: dict[str, Tensor], numbers: dict[str, int | float]) -> None:
         """Take over what `tensors` and `numbers` of another state gave.
 
         Raises:

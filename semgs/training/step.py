@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from semgs.data.views import Batch, Views
 from semgs.geometry.cameras import Cameras
 from semgs.model.encoding import Encoding
-from semgs.objectives.losses import Losses, depth_error, losses
+from semgs.objectives.losses import depth_error, losses
 from semgs.objectives.metrics import psnr
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
@@ -21,28 +21,28 @@ from semgs.training.state import TrainingState
 
 @dataclass(frozen=True)
 class StepReport:
-    """What a step measured, as plain numbers.
+    """What a step measured, as plain numbers; not a number where it did not come so far.
 
     Attributes:
+        learning_rate: of this step.
         total: the weighted sum that was minimised, the depth term included.
         semantic, colour, smoothness, depth: its terms, unweighted; depth is 0 where it has no weight.
         psnr: mean over the rendered views [dB].
         gradient_norm: before clipping.
-        learning_rate: of this step.
         unlabelled: rendered views without a labelled pixel.
         moved: whether the weights moved; false if the loss or the gradient was not finite.
     """
 
-    total: float
-    semantic: float
-    colour: float
-    smoothness: float
-    depth: float
-    psnr: float
-    gradient_norm: float
     learning_rate: float
-    unlabelled: int
-    moved: bool
+    total: float = math.nan
+    semantic: float = math.nan
+    colour: float = math.nan
+    smoothness: float = math.nan
+    depth: float = math.nan
+    psnr: float = math.nan
+    gradient_norm: float = math.nan
+    unlabelled: int = 0
+    moved: bool = False
 
 
 def training_step(state: TrainingState, batch: Batch, settings: TrainingSettings) -> StepReport:
@@ -50,34 +50,52 @@ def training_step(state: TrainingState, batch: Batch, settings: TrainingSettings
     rate = learning_rate(state.step, settings.steps, settings.learning_rate, settings.warmup)
     for group in state.optimizer.param_groups:
         group["lr"] = rate
-    encoding, rendering, target = encode_and_render(state.model, batch, settings.context_targets)
-    terms = losses(rendering, target, settings.losses, class_weights=settings.class_weights)
-    depth = _depth_term(encoding, batch.context, settings.depth_weight, like=terms.total)
-    total = terms.total + settings.depth_weight * depth
-    state.optimizer.zero_grad()
-    total.backward()
-    norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), settings.clip))
-    moved = math.isfinite(float(total.detach())) and math.isfinite(norm)
-    if moved:
+    report = _descend(state, batch, settings, rate)
+    if report.moved:
         state.optimizer.step()
         state.average.update_parameters(state.model)
     state.step += 1
-    state.skipped += not moved
-    state.skipped_in_a_row = 0 if moved else state.skipped_in_a_row + 1
-    return _report(terms, total, depth, float(psnr(rendering.images.detach(), target.images).mean()), norm, rate, moved)
+    state.skipped += not report.moved
+    state.skipped_in_a_row = 0 if report.moved else state.skipped_in_a_row + 1
+    return report
 
 
-def encode_and_render(
-    model: nn.Module, batch: Batch, context_targets: bool = False
-) -> tuple[Encoding, Rendering, Views]:
-    """Gaussians from the contexts, seen by the targets (and by the contexts, if asked), and what should be seen there.
+def _descend(state: TrainingState, batch: Batch, settings: TrainingSettings, rate: float) -> StepReport:
+    """Leave the clipped gradient of a batch in the parameters, if there is one."""
+    state.optimizer.zero_grad()
+    encoding = state.model(batch.context)
+    if not _can_be_drawn(encoding):
+        return StepReport(learning_rate=rate)
+    rendering, target = render_targets(encoding, batch, settings.context_targets)
+    terms = losses(rendering, target, settings.losses, class_weights=settings.class_weights)
+    depth = torch.zeros_like(terms.total)
+    if settings.depth_weight and batch.context.depths is not None:
+        depth = depth_error(encoding.depths, batch.context.depths)
+    total = terms.total + settings.depth_weight * depth
+    total.backward()
+    norm = nn.utils.clip_grad_norm_(state.model.parameters(), settings.clip)
+    return StepReport(
+        total=float(total.detach()),
+        semantic=float(terms.semantic.detach()),
+        colour=float(terms.colour.detach()),
+        smoothness=float(terms.smoothness.detach()),
+        depth=float(depth.detach()),
+        psnr=float(psnr(rendering.images.detach(), target.images).mean()),
+        gradient_norm=float(norm),
+        learning_rate=rate,
+        unlabelled=terms.unlabelled,
+        moved=bool(torch.isfinite(total.detach()) and torch.isfinite(norm)),
+    )
 
-    Nothing nearer than a fifth of the contexts' near bound is drawn.
+
+def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:
+    """The Gaussians of the contexts as the targets see them (and the contexts, if asked), and what they should see.
+
+    The near bound is the smallest of each scene's contexts, as for its encoding.
     """
-    encoding = model(batch.context)
     target = _joined(batch.target, batch.context) if context_targets else batch.target
-    near = batch.context.depth_range[..., 0].amin(-1)
-    return encoding, render(encoding.gaussians, target.cameras, near=near), target
+    near = batch.context.depth_range[..., 0].amin(-1, keepdim=True)
+    return render(encoding.gaussians, target.cameras, near=near.expand(target.cameras.batch)), target
 
 
 def learning_rate(step: int, steps: int, peak: float, warmup: float) -> float:
@@ -98,11 +116,16 @@ def _cosine(start: float, end: float, share: float) -> float:
     return end + (start - end) * (1 + math.cos(math.pi * share)) / 2
 
 
-def _depth_term(encoding: Encoding, context: Views, weight: float, like: Tensor) -> Tensor:
-    """The error of the contexts' depths, 0 where it has no weight or no truth."""
-    if not weight or context.depths is None:
-        return torch.zeros_like(like)
-    return depth_error(encoding.depths, context.depths)
+def _can_be_drawn(encoding: Encoding) -> bool:
+    """Whether every number of the Gaussians is finite."""
+    finite: list[bool] = []
+
+    def look(tensor: Tensor) -> Tensor:
+        finite.append(bool(torch.isfinite(tensor.detach()).all()))
+        return tensor
+
+    encoding.gaussians.map(look)
+    return all(finite)
 
 
 def _joined(first: Views, second: Views) -> Views:
@@ -123,11 +146,3 @@ def _joined(first: Views, second: Views) -> Views:
         depths=join(first.depths, second.depths, -3),
         classes=first.classes,
     )
-
-
-def _report(
-    terms: Losses, total: Tensor, depth: Tensor, decibels: float, norm: float, rate: float, moved: bool
-) -> StepReport:
-    """The step's numbers off the graph."""
-    values = [total, terms.semantic, terms.colour, terms.smoothness, depth]
-    return StepReport(*(float(value.detach()) for value in values), decibels, norm, rate, terms.unlabelled, moved)

@@ -12,7 +12,7 @@ from torch import nn
 from semgs.data.views import Batch
 from semgs.objectives.metrics import accuracy, confusion_matrix, miou, psnr
 from semgs.training.pictures import strip
-from semgs.training.step import encode_and_render
+from semgs.training.step import render_targets
 
 PICTURED = 4
 """Scenes in the strip of pictures."""
@@ -42,7 +42,7 @@ def validate(model: nn.Module, batches: Sequence[Batch]) -> Validation:
     confusion = None
     rows: list[np.ndarray] = []
     for batch in batches:
-        _, rendering, target = encode_and_render(model, batch)
+        rendering, target = render_targets(model(batch.context), batch)
         decibels.append(psnr(rendering.images, target.images).flatten())
         if rendering.semantics is not None and target.labels is not None:
             predicted = rendering.semantics.argmax(-3).to(torch.uint8)

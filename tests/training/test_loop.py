@@ -1,0 +1,173 @@
+"""The loop: a run that was cut anywhere ends with the bits of one that was not."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from rich.console import Console
+
+from semgs.data.views import Batch
+from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
+from semgs.training.loop import fit, resume
+from semgs.training.state import TrainingState
+
+
+class Killed(BaseException):
+    """Stands for kill -9: nothing in the loop may catch it."""
+
+
+@pytest.fixture
+def sitting(network, batch, settings, tmp_path):
+    """One sitting of a run: begins or goes on, and may be cut before a step."""
+
+    def sit(out: Path, *, cut: int | None = None, ask_to_stop: int | None = None, **options) -> TrainingState:
+        out.mkdir(exist_ok=True)
+        state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+        resume(state, out)
+
+        def batches() -> Iterator[Batch]:
+            for step in range(state.step, settings.steps):
+                if step == cut:
+                    raise Killed
+                if step == ask_to_stop:
+                    os.kill(os.getpid(), signal.SIGTERM)
+                yield batch(step)
+
+        fit(state, settings, out, batches(), [batch(1000), batch(1001)], **options)
+        return state
+
+    return sit
+
+
+def same(a: TrainingState, b: TrainingState) -> bool:
+    mine, theirs = a.tensors(), b.tensors()
+    return mine.keys() == theirs.keys() and all(torch.equal(mine[name], theirs[name]) for name in mine)
+
+
+def test_a_run_killed_twice_and_gone_on_with_gives_the_same_bits(sitting, tmp_path):
+    whole = sitting(tmp_path / "whole")
+    for cut in (5, 9):
+        with pytest.raises(Killed):
+            sitting(tmp_path / "cut", cut=cut, save_minutes=0.0)
+    parts = sitting(tmp_path / "cut")
+    assert parts.step == 12
+    assert same(whole, parts)
+
+
+def test_a_run_killed_between_checkpoints_goes_on_from_the_last_one(sitting, tmp_path):
+    whole = sitting(tmp_path / "whole")
+    sitting(tmp_path / "cut", minutes=0.0)
+    assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers["step"] == 1
+    with pytest.raises(Killed):
+        sitting(tmp_path / "cut", cut=7)
+    assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers["step"] == 1
+    assert same(whole, sitting(tmp_path / "cut"))
+
+
+def test_sigterm_ends_the_sitting_after_its_step_with_a_checkpoint(sitting, tmp_path):
+    handler = signal.getsignal(signal.SIGTERM)
+    state = sitting(tmp_path / "run", ask_to_stop=4)
+    assert state.step == 5
+    assert newest_checkpoint(tmp_path / "run" / "checkpoints").numbers["step"] == 5
+    assert signal.getsignal(signal.SIGTERM) is handler
+
+
+def test_a_finished_run_is_left_as_it_is(sitting, tmp_path):
+    sitting(tmp_path / "run")
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "run" / "checkpoints").iterdir()}
+    sitting(tmp_path / "run")
+    assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "run" / "checkpoints").iterdir()}
+
+
+def test_a_truncated_checkpoint_is_passed_over_for_the_one_before(sitting, settings, network, tmp_path):
+    whole = sitting(tmp_path / "whole")
+    with pytest.raises(Killed):
+        sitting(tmp_path / "cut", cut=6, save_minutes=0.0)
+    folder = tmp_path / "cut" / "checkpoints"
+    newest = folder / "00000006.safetensors"
+    newest.write_bytes(newest.read_bytes()[:-7])
+    checkpoint = newest_checkpoint(folder)
+    assert checkpoint.numbers["step"] == 5
+    assert checkpoint.damaged == (folder / "00000006.json",)
+    assert same(whole, sitting(tmp_path / "cut"))
+
+
+def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, network, settings, tmp_path):
+    folder = tmp_path / "checkpoints"
+    folder.mkdir()
+    (folder / ".00000001.safetensors.abcd.part").write_bytes(b"half")
+    (folder / "00000002.safetensors").write_bytes(b"without its record")
+    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    for state.step in (3, 5, 7, 9):
+        save_checkpoint(folder, state)
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"0000000{step}.{suffix}" for step in (5, 7, 9) for suffix in ("json", "safetensors")
+    ]
+
+
+def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, settings, tmp_path, monkeypatch):
+    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state.step = 4
+    save_checkpoint(tmp_path, state)
+
+    def full_disk(path: Path, data: bytes, durable: bool = False) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("semgs.training.checkpoints.write_bytes", full_disk)
+    state.step = 5
+    with pytest.raises(OSError, match="No space left"):
+        save_checkpoint(tmp_path, state)
+    assert newest_checkpoint(tmp_path).numbers["step"] == 4
+
+
+def test_ten_broken_steps_in_a_row_end_the_run_and_keep_the_batch(network, batch, settings, tmp_path):
+    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state.model.register_forward_hook(lambda module, inputs, e: replace(e, depths=e.depths * float("nan")))
+    with pytest.raises(FloatingPointError, match="10 steps in a row up to step 10"):
+        fit(state, settings, tmp_path, (batch(step) for step in range(12)), [])
+    assert (tmp_path / "bad_batch.safetensors").stat().st_size > 10_000
+
+
+def test_the_log_has_each_step_once_and_the_validations_and_their_pictures(sitting, tmp_path):
+    with pytest.raises(Killed):
+        sitting(tmp_path / "run", cut=9, save_minutes=0.0)
+    sitting(tmp_path / "run")
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    steps = [line["step"] for line in lines if "total" in line]
+    checks = [line for line in lines if "validation" in line]
+    assert steps == [12]
+    assert [line["step"] for line in checks] == [6, 12]
+    assert 0 <= checks[0]["validation"]["miou"] <= 1
+    assert {"total", "psnr", "gradient_norm", "samples_per_second", "wait_share", "seconds", "skipped"} <= set(
+        lines[-2]
+    )
+    picture = np.asarray(Image.open(tmp_path / "run" / "validation" / "00000006.png"))
+    assert picture.shape == (2 * 16, 6 * 24, 3)
+
+
+def test_a_log_that_ran_ahead_of_the_checkpoint_loses_what_is_computed_again(sitting, tmp_path):
+    sitting(tmp_path / "run", ask_to_stop=6)
+    log = tmp_path / "run" / "log.jsonl"
+    log.write_text(log.read_text() + '{"step": 9, "total": 1.0}\n{"step": 10, "tot')
+    sitting(tmp_path / "run")
+    assert [json.loads(line)["step"] for line in log.read_text().splitlines()] == [6, 12, 12]
+
+
+def test_a_console_that_is_no_terminal_gets_plain_lines(sitting, tmp_path):
+    import io
+
+    console = Console(file=io.StringIO(), width=200)
+    sitting(tmp_path / "run", console=console)
+    told = console.file.getvalue()
+    assert "step 12 of 12: loss" in told
+    assert "min left" in told
+    assert "validation PSNR" in told
