@@ -1,0 +1,176 @@
+"""What belongs to walls: doors, windows, curtains, pictures; and what lies about: clutter.
+
+Pieces for walls have y = 0 on the wall's face and stand with z = 0 on the floor, unless said otherwise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from semgs.data.classes import IGNORE
+from semgs.rooms import materials as m
+from semgs.rooms.furniture import LABEL
+from semgs.rooms.materials import Row
+from semgs.rooms.solids import BALL, CYLINDER, Part, Piece, block
+from semgs.rooms.texture_kernels import TILES
+
+
+def door(rng: np.random.Generator, room_height: float) -> Piece:
+    """A closed leaf with panels or none, its frame and a handle."""
+    own = LABEL["door"]
+    width, height = rng.uniform(0.75, 1.0), min(rng.uniform(1.95, 2.15), room_height - 0.12)
+    leaf = m.lacquer(rng) if rng.random() < 0.55 else m.wood(rng, 2)
+    frame = leaf if rng.random() < 0.5 else m.lacquer(rng)
+    bar = rng.uniform(0.05, 0.1)
+    parts = [block(own, leaf, (bar, 0, 0), (width + bar, 0.025, height))]
+    parts += [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.04, height + bar)) for x in (0, width + bar)]
+    parts.append(block(own, frame, (bar, 0, height), (width + bar, 0.04, height + bar)))
+    if rng.random() < 0.6:
+        rows, columns = int(rng.integers(1, 4)), int(rng.integers(1, 3))
+        tall, wide = height / rows, width / columns
+        glass = rng.random() < 0.15
+        pane = m.outdoors(rng, rng.uniform(0.2, 1.0)) if glass else leaf
+        for i in range(rows):
+            for j in range(columns):
+                x, z = bar + j * wide, i * tall
+                depth = 0.026 if glass else 0.034
+                parts.append(block(own, pane, (x + 0.1, 0.0, z + 0.1), (x + wide - 0.1, depth, z + tall - 0.08)))
+    steel, side = m.metal(rng), bar + (0.07 if rng.random() < 0.5 else width - 0.07)
+    parts.append(block(own, steel, (side - 0.02, 0.025, 0.98), (side + 0.02, 0.035, 1.16)))
+    reach = 0.12 if side < width / 2 else -0.12
+    parts.append(block(own, steel, (min(side, side + reach), 0.06, 1.05), (max(side, side + reach), 0.08, 1.075)))
+    parts.append(block(own, steel, (side - 0.01, 0.025, 1.05), (side + 0.01, 0.08, 1.075)))
+    return Piece("door", (width + 2 * bar, 0.08, height + bar), tuple(parts))
+
+
+def window(rng: np.random.Generator, width: float, height: float, light: float) -> Piece:
+    """Frame, mullions, panes that shine with the day outside, a sill, blinds at times; z = 0 is its lower edge."""
+    own = LABEL["window"]
+    frame = m.lacquer(rng) if rng.random() < 0.7 else m.wood(rng)
+    bar = rng.uniform(0.04, 0.08)
+    pane = m.outdoors(rng, light)
+    parts = [block(own, pane, (bar, 0, bar), (width - bar, 0.012, height - bar))]
+    parts += [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.05, height)) for x in (0, width - bar)]
+    parts += [block(own, frame, (bar, 0, z), (width - bar, 0.05, z + bar)) for z in (0, height - bar)]
+    columns, rows = max(1, round(width / rng.uniform(0.45, 1.0))), int(rng.choice([1, 1, 2, 3]))
+    thin = 0.035 if columns * rows < 4 else 0.025
+    for x in np.linspace(0, width, columns + 1)[1:-1]:
+        parts.append(block(own, frame, (x - thin / 2, 0, bar), (x + thin / 2, 0.035, height - bar)))
+    for z in np.linspace(0, height, rows + 1)[1:-1]:
+        parts.append(block(own, frame, (bar, 0, z - thin / 2), (width - bar, 0.034, z + thin / 2)))
+    if rng.random() < 0.6:
+        parts.append(block(own, frame, (-0.05, 0, -0.03), (width + 0.05, rng.uniform(0.06, 0.16), 0.0)))
+    if rng.random() < 0.2:
+        colour, gap = m.colour(rng, saturation=(0, 0.2), value=(0.6, 0.95)), (0.12, 0.12, 0.12)
+        slats = m.row(rng, TILES, colour, gap, scale=rng.uniform(0.03, 0.06), aspect=1e3, duty=0.8)
+        drop = height * rng.uniform(0.3, 1.0)
+        parts.append(block(own, slats, (0.01, 0.052, height - drop), (width - 0.01, 0.06, height)))
+    return Piece("window", (width, 0.1, height), tuple(parts))
+
+
+def folds(
+    rng: np.random.Generator, label: int, cloth: Row, width: float, low: float, high: float, y: float
+) -> list[Part]:
+    """A curtain from x = 0 to `width` in zigzag folds about depth `y`."""
+    count = max(3, round(width / rng.uniform(0.05, 0.11)))
+    step = width / count
+    angle = rng.uniform(0.5, 1.0)
+    long = step / np.cos(angle) + 0.008
+    return [
+        Part(
+            label,
+            cloth,
+            ((i + 0.5) * step, y, (low + high) / 2),
+            (long, 0.008, high - low),
+            yaw=angle if i % 2 else -angle,
+        )
+        for i in range(count)
+    ]
+
+
+def curtain(rng: np.random.Generator, width: float, low: float, high: float) -> Piece:
+    """One drape with its rod above; z is the room's."""
+    own = LABEL["curtain"]
+    parts = folds(rng, own, m.drapery(rng), width, low, high, 0.1)
+    return Piece("curtain", (width, 0.18, high), tuple(parts))
+
+
+def shower_curtain(rng: np.random.Generator, width: float, room_height: float) -> Piece:
+    """Hangs from a rod along a bathtub or round a corner; light cloth, often patterned."""
+    own, low = LABEL["shower curtain"], rng.uniform(0.1, 0.35)
+    high = min(rng.uniform(1.85, 2.05), room_height - 0.1)
+    parts = folds(rng, own, m.drapery(rng), width, low, high, 0.05)
+    parts.append(block(own, m.metal(rng), (-0.05, 0.04, high), (width + 0.05, 0.06, high + 0.02)))
+    return Piece("shower curtain", (width, 0.1, high), tuple(parts))
+
+
+def picture(rng: np.random.Generator) -> Piece:
+    """A framed picture or a bare poster; z = 0 is its lower edge."""
+    own = LABEL["picture"]
+    width = rng.uniform(0.3, 1.2)
+    height = width * rng.uniform(0.6, 1.5) if width < 0.8 else width * rng.uniform(0.5, 0.9)
+    art = m.artwork(rng)
+    if rng.random() < 0.2:
+        return Piece("picture", (width, 0.01, height), (block(own, art, (0, 0, 0), (width, 0.008, height)),))
+    frame = m.wood(rng) if rng.random() < 0.5 else m.lacquer(rng)
+    bar, mount = rng.uniform(0.015, 0.06), rng.choice([0.0, 0.0, 0.05, 0.09])
+    parts = [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.03, height)) for x in (0, width - bar)]
+    parts += [block(own, frame, (bar, 0, z), (width - bar, 0.03, z + bar)) for z in (0, height - bar)]
+    if mount and width > 0.4 and height > 0.4:
+        parts.append(block(own, m.row(rng, a=(0.8, 0.8, 0.77)), (bar, 0, bar), (width - bar, 0.012, height - bar)))
+        bar += mount
+    parts.append(block(own, art, (bar, 0, bar), (width - bar, 0.016, height - bar)))
+    return Piece("picture", (width, 0.03, height), tuple(parts))
+
+
+def clutter(rng: np.random.Generator, size: float) -> Piece:
+    """Some small thing of about that size [m] on a floor or a table: a box, a pile of books, a cup, a vase, a plant."""
+    look = int(rng.integers(6))
+    width, depth, height = (size * rng.uniform(0.5, 1.0) for _ in range(3))
+    if look == 0:
+        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, depth, height))]
+    elif look == 1:
+        height, parts = 0.0, []
+        for _ in range(int(rng.integers(1, 5))):
+            thick = size * rng.uniform(0.08, 0.2)
+            parts.append(
+                block(IGNORE, m.thing(rng), (0, 0, height), (width, depth, height + thick), yaw=rng.uniform(-0.3, 0.3))
+            )
+            height += thick
+    elif look == 2:
+        depth = width
+        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), CYLINDER)]
+    elif look == 3:
+        depth = width = size * 0.6
+        height = size * rng.uniform(1.0, 1.6)
+        parts = [
+            block(
+                IGNORE,
+                m.ceramic(rng),
+                (0.2 * width, 0.2 * width, 0),
+                (0.8 * width, 0.8 * width, height * 0.35),
+                CYLINDER,
+            )
+        ]
+        leaf = m.colour(rng, m.GREEN_HUES, (0.3, 0.8), (0.15, 0.6))
+        green = m.row(rng, a=leaf, fine=0.4, fine_scale=size * 0.05, blotch=0.4, blotch_scale=size * 0.15)
+        for _ in range(5):
+            x, y, z = width * rng.uniform(0.3, 0.7), width * rng.uniform(0.3, 0.7), height * rng.uniform(0.5, 0.85)
+            half = size * rng.uniform(0.12, 0.22)
+            parts.append(block(IGNORE, green, (x - half, y - half, z - half), (x + half, y + half, z + half), BALL))
+    elif look == 4:
+        depth = width
+        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), BALL)]
+    else:
+        depth = width = size * 0.7
+        height = size * 1.3
+        middle, shade = (
+            width / 2,
+            m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=rng.choice([0.0, 1.2])),
+        )
+        parts = [
+            block(IGNORE, m.thing(rng), (middle * 0.6, middle * 0.6, 0), (middle * 1.4, middle * 1.4, height * 0.12), CYLINDER),
+            block(IGNORE, m.metal(rng), (middle * 0.9, middle * 0.9, 0), (middle * 1.1, middle * 1.1, height * 0.6), CYLINDER),
+            block(IGNORE, shade, (0, 0, height * 0.6), (width, width, height), CYLINDER),
+        ]  # fmt: skip
+    return Piece("clutter", (width, depth, height), tuple(parts))

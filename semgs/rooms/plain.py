@@ -1,0 +1,140 @@
+"""Plain rooms: furnished boxes from a seed, in the form that rays need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from semgs.data.raycast import Raycaster
+from semgs.rooms import shading_kernels as kernels
+from semgs.rooms.plans import WALL, Plan, draw_plan
+from semgs.rooms.solids import Solids, gather, triangulate
+
+FIELD_STEP = 0.1
+"""Spacing of the distance field's nodes [m]."""
+FIELD_REACH = 0.7
+"""Distances are exact up to here and cut off there [m]."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room that can be looked at.
+
+    Attributes:
+        plan: what stands where.
+        solids: its parts as arrays.
+        owners: the part of each triangle.
+        planes: unit normal and offset of each triangle's plane (n . x = offset).
+        caster: its triangles.
+        field: distance of grid nodes to the nearest solid, at most `FIELD_REACH` [m].
+        corner: where the grid starts [m].
+        shifts: moves the texture of each part.
+        lights: rows for the shading kernels.
+        ambient: light from everywhere, linear RGB.
+        darkening: how much of the ambient light goes missing in corners, 0..1.
+    """
+
+    plan: Plan
+    solids: Solids
+    owners: Int64[np.ndarray, " t"]
+    planes: Float64[np.ndarray, "t 4"]
+    caster: Raycaster
+    field: Float64[np.ndarray, "x y z"]
+    corner: Float64[np.ndarray, "3"]
+    shifts: Float64[np.ndarray, " p"]
+    lights: Float64[np.ndarray, "l 16"]
+    ambient: Float64[np.ndarray, "3"]
+    darkening: float
+
+    def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
+        """Distance of places in the room to the nearest solid, at most `FIELD_REACH` [m]."""
+        result = np.empty(len(places))
+        kernels.clearances(self.field, self.corner, FIELD_STEP, places, result)
+        return result
+
+    def inside(self, places: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Whether places are between the walls."""
+        half = np.array([self.plan.size[0] / 2, self.plan.size[1] / 2, self.plan.size[2] / 2])
+        return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
+
+
+def build_room(rng: np.random.Generator) -> Room:
+    """A random furnished room with its light.
+
+    Raises:
+        ImportError: embreex is not installed; names the extra that brings it.
+    """
+    plan = draw_plan(rng)
+    solids = gather(plan.parts)
+    corners, owners = triangulate(solids)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
+    caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    field, corner = _distance_field(plan, solids)
+    lights, ambient = _lighting(rng, plan)
+    return Room(
+        plan,
+        solids,
+        owners,
+        planes,
+        caster,
+        field,
+        corner,
+        shifts=rng.uniform(0, 50, len(plan.parts)),
+        lights=lights,
+        ambient=ambient,
+        darkening=float(rng.uniform(0.45, 0.85)),
+    )
+
+
+def _distance_field(plan: Plan, solids: Solids) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, "3"]]:
+    """Distance to the nearest solid on a grid that reaches half way into walls, floor and ceiling."""
+    size = np.array(plan.size)
+    corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
+    nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
+    field = np.full(tuple(nodes), FIELD_REACH)
+    kernels.distance_field(field, corner, FIELD_STEP, FIELD_REACH, solids.rotations, solids.centres, solids.sizes)
+    return field, corner
+
+
+def _lighting(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, "3"]]:
+    """Lamps, windows, and at times the sun through one of them; at least one light, some rooms dim and warm, some bright."""
+    day = len(plan.windows) > 0 and rng.random() < 0.75
+    warm = np.array([1.0, rng.uniform(0.75, 0.95), rng.uniform(0.5, 0.85)])
+    cool = np.array([rng.uniform(0.85, 1.0), rng.uniform(0.93, 1.0), 1.0])
+    rows = []
+    if day:
+        for window in plan.windows[:2]:
+            place = np.array(window.middle) + 0.12 * np.array(window.facing)
+            area = 4 * np.hypot(*window.half_width[:2]) * window.half_height
+            power = rng.uniform(1.0, 3.0) * np.sqrt(area)
+            rows.append(_light(kernels.WINDOW, place, cool * power, window))
+        if rng.random() < 0.45:
+            window = plan.windows[0]
+            aside = np.array([-window.facing[1], window.facing[0], 0.0]) * rng.uniform(-1, 1)
+            way = np.array(window.facing) + aside + (0, 0, -rng.uniform(0.25, 0.9))
+            row = _light(
+                kernels.SUN, np.array(window.middle), np.array([1.0, 0.93, 0.82]) * rng.uniform(1.0, 3.0), window
+            )
+            row[7:10] = way / np.linalg.norm(way)
+            rows.append(row)
+    if not day or rng.random() < 0.5:
+        x, y, z = plan.size
+        spots = 1 + int(rng.random() < 0.3 and len(rows) < 2)
+        for _ in range(spots):
+            place = np.array([rng.uniform(-0.25, 0.25) * x, rng.uniform(-0.25, 0.25) * y, z - rng.uniform(0.15, 0.6)])
+            rows.append(_light(kernels.LAMP, place, warm * rng.uniform(1.0, 4.0) / spots, None))
+    ambient = rng.uniform(0.25, 0.8) * (0.5 * warm + 0.5 * cool if day else warm)
+    return np.array(rows), ambient
+
+
+def _light(kind: int, place: np.ndarray, colour: np.ndarray, window) -> Float64[np.ndarray, "16"]:
+    row = np.zeros(kernels.LIGHT_WIDTH)
+    row[0] = kind
+    row[1:4], row[4:7] = place, colour
+    if window is not None:
+        row[7:10], row[10:13], row[13] = window.facing, window.half_width, window.half_height
+    return row

@@ -1,0 +1,130 @@
+"""Pictures of a room: colours, exact labels and exact depths at pixel centres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int, UInt8
+
+from semgs.data.classes import IGNORE
+from semgs.rooms import shading_kernels as kernels
+from semgs.rooms.plain import FIELD_STEP, Room
+
+EDGE_RAYS = ((-0.27, 0.11), (0.19, 0.31), (0.12, -0.29))
+"""Where the additional rays of pixels on an edge pass, from the pixel's centre [px]."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a camera sees.
+
+    Attributes:
+        radiance: linear RGB, before the camera's own doing.
+        labels: class at each pixel's centre, 255 = ignore.
+        depths: z-depth at each pixel's centre [m].
+    """
+
+    radiance: Float32[np.ndarray, "h w 3"]
+    labels: UInt8[np.ndarray, "h w"]
+    depths: Float32[np.ndarray, "h w"]
+
+
+def pixel_directions(
+    world_from_camera: Float64[np.ndarray, "4 4"],
+    intrinsics: Float64[np.ndarray, "3 3"],
+    pixels: Float64[np.ndarray, "n 2"],
+) -> Float64[np.ndarray, "n 3"]:
+    """Directions in the world, of camera z = 1, through places (x, y) of the image [px]."""
+    rays = np.column_stack((pixels, np.ones(len(pixels))))
+    return rays @ (world_from_camera[:3, :3] @ np.linalg.inv(intrinsics)).T
+
+
+def centres(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
+    """(x, y) of all pixel centres, row by row [px]."""
+    height, width = size
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    return np.column_stack((columns.ravel(), rows.ravel()))
+
+
+def look(
+    room: Room,
+    world_from_camera: Float64[np.ndarray, "4 4"],
+    directions: Float64[np.ndarray, "n 3"],
+) -> tuple[Int[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+    """Labels and z-depths (0 where nothing is hit) along directions of camera z = 1, without colours."""
+    origin = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
+    triangles, _ = room.caster.cast(origin, directions)
+    planes = room.planes[triangles]
+    depths = (planes[:, 3] - planes[:, :3] @ world_from_camera[:3, 3]) / (planes[:, :3] * directions).sum(-1)
+    labels = room.solids.labels[room.owners[triangles]]
+    return np.where(triangles < 0, IGNORE, labels), np.where(triangles < 0, 0.0, depths)
+
+
+def photograph(
+    room: Room,
+    world_from_camera: Float64[np.ndarray, "4 4"],
+    intrinsics: Float64[np.ndarray, "3 3"],
+    size: tuple[int, int],
+) -> Frame:
+    """One frame. Labels and depths are those of the pixel's centre; colours of pixels on an edge are the mean of four rays."""
+    pixels = centres(size)
+    spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
+    triangles, depths, colours = _trace(
+        room, world_from_camera, pixel_directions(world_from_camera, intrinsics, pixels), spread
+    )
+    owners = np.where(triangles < 0, -1, room.owners[triangles]).reshape(size)
+    edges = np.flatnonzero(_edges(owners))
+    if len(edges):
+        total = colours[edges]
+        for shift in EDGE_RAYS:
+            directions = pixel_directions(world_from_camera, intrinsics, pixels[edges] + shift)
+            total = total + _trace(room, world_from_camera, directions, spread)[2]
+        colours[edges] = total / (1 + len(EDGE_RAYS))
+    labels = np.where(triangles < 0, IGNORE, room.solids.labels[room.owners[triangles]])
+    return Frame(
+        colours.reshape(*size, 3).astype(np.float32),
+        labels.reshape(size).astype(np.uint8),
+        depths.reshape(size).astype(np.float32),
+    )
+
+
+def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
+    """Pixels whose part differs from a neighbour's [h w], boolean."""
+    edges = np.zeros(owners.shape, bool)
+    across, down = owners[:, 1:] != owners[:, :-1], owners[1:] != owners[:-1]
+    edges[:, 1:] |= across
+    edges[:, :-1] |= across
+    edges[1:] |= down
+    edges[:-1] |= down
+    return edges
+
+
+def _trace(
+    room: Room, world_from_camera: Float64[np.ndarray, "4 4"], directions: Float64[np.ndarray, "n 3"], spread: float
+) -> tuple[Int[np.ndarray, " n"], Float64[np.ndarray, " n"], Float64[np.ndarray, "n 3"]]:
+    """Triangles, depths and radiance along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
+    count, solids = len(directions), room.solids
+    origins = np.empty_like(directions)
+    origins[:] = world_from_camera[:3, 3]
+    triangles, _ = room.caster.cast(origins, directions)
+    depths, feet = np.empty(count), np.empty(count)
+    places, normals = np.zeros((count, 3)), np.zeros((count, 3))
+    kernels.locate(
+        triangles, origins, directions, spread, room.planes, room.owners, solids.rotations, solids.centres, solids.sizes,
+        solids.shapes, depths, places, normals, feet,
+    )  # fmt: skip
+    strengths = np.empty((len(room.lights), count))
+    seen = np.zeros((len(room.lights), count), bool)
+    ways = np.empty_like(directions)
+    for number, light in enumerate(room.lights):
+        kernels.towards_light(light, triangles, places, normals, origins, ways, strengths[number])
+        lit = np.flatnonzero(strengths[number])
+        seen[number, lit] = room.caster.reached(origins[lit], ways[lit], 1.0)
+    colours = np.empty((count, 3))
+    kernels.shade(
+        triangles, directions, places, normals, feet, room.owners, solids.rotations, solids.centres, solids.sizes,
+        solids.materials, room.shifts, room.lights, strengths, seen, room.ambient, room.field, room.corner, FIELD_STEP,
+        room.darkening, colours,
+    )  # fmt: skip
+    return triangles, depths, colours
