@@ -4,49 +4,44 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterable
-from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Batch, stack
-from semgs.rooms.stream import sample
+from semgs.rooms.stream import RoomSamples
 from semgs.training.settings import TrainingSettings
 
 VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; a training may not use it."""
 
 
-@dataclass(frozen=True)
 class RoomBatches(Dataset):
-    """Batches of rooms drawn from their seed.
+    """Batch k of a stream of rooms: its samples k * scenes, k * scenes + 1, ..., with equal numbers of views.
 
-    Attributes:
-        seed: of the rooms.
-        batch: scenes per batch.
+    Args:
+        seed: the stream.
         size: of the pictures, (height, width) [px].
         contexts: fewest and most input views.
         targets: views to render per scene.
+        scenes: per batch.
+        length: number of batches.
     """
 
-    seed: int
-    batch: int
-    size: tuple[int, int]
-    contexts: tuple[int, int]
-    targets: int
+    def __init__(
+        self, seed: int, size: tuple[int, int], contexts: tuple[int, int], targets: int, scenes: int, length: int
+    ) -> None:
+        self._seed, self._scenes, self._length = seed, scenes, length
+        self._samples = RoomSamples(seed, size, contexts, targets, length=length * scenes, group=scenes)
+
+    def __len__(self) -> int:
+        return self._length
 
     def __getitem__(self, step: int) -> Batch:
-        """The batch of a step. Its scenes are samples step * batch, step * batch + 1, ..."""
-        fewest, most = self.contexts
-        contexts = int(np.random.default_rng((self.seed, step)).integers(fewest, most + 1))
-        indices = range(step * self.batch, (step + 1) * self.batch)
-        pairs = [sample(self.seed, index, size=self.size, contexts=contexts, targets=self.targets) for index in indices]
-        return Batch(
-            context=stack([context for context, _ in pairs]),
-            target=stack([target for _, target in pairs]),
-            scenes=tuple(f"room {self.seed}/{index}" for index in indices),
-        )
+        """The batch of a step."""
+        indices = range(step * self._scenes, (step + 1) * self._scenes)
+        contexts, targets = zip(*(self._samples[index] for index in indices), strict=True)
+        return Batch(stack(contexts), stack(targets), tuple(f"room {self._seed}/{index}" for index in indices))
 
 
 def training_batches(settings: TrainingSettings, start: int, workers: int) -> Iterable[Batch]:
@@ -57,7 +52,9 @@ def training_batches(settings: TrainingSettings, start: int, workers: int) -> It
     """
     if settings.seed == VALIDATION_SEED:
         raise ValueError(f"seed is {settings.seed}, which is kept for the validation rooms; take another")
-    rooms = RoomBatches(settings.seed, settings.batch, settings.size, settings.contexts, settings.targets)
+    rooms = RoomBatches(
+        settings.seed, settings.size, settings.contexts, settings.targets, settings.batch, settings.steps
+    )
     return DataLoader(
         rooms,
         batch_size=None,
@@ -73,8 +70,11 @@ def training_batches(settings: TrainingSettings, start: int, workers: int) -> It
 def validation_batches(settings: TrainingSettings) -> list[Batch]:
     """The validation rooms, one scene a batch, with the fewest input views that the training uses."""
     fewest = settings.contexts[0]
-    rooms = RoomBatches(VALIDATION_SEED, 1, settings.size, (fewest, fewest), settings.targets)
-    return [rooms[index] for index in range(settings.validation_scenes)]
+    count = settings.validation_scenes
+    if not count:
+        return []
+    rooms = RoomBatches(VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, scenes=1, length=count)
+    return [rooms[index] for index in range(count)]
 
 
 def _be_a_quiet_worker(index: int) -> None:
