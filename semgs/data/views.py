@@ -142,7 +142,7 @@ class Views:
 
     def select(self, indices: Sequence[int]) -> Views:
         """The views at these positions of the view axis, in this order."""
-        picked = torch.as_tensor(list(indices))
+        picked = torch.as_tensor(list(indices), dtype=torch.int64)
 
         def pick(maps: Tensor, axis: int) -> Tensor:
             return maps.index_select(axis, picked.to(maps.device))
