@@ -1,0 +1,65 @@
+"""Arguments: what was typed becomes a command's options, or one line that says what is wrong. No torch."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from typing import TypeVar
+
+import tyro
+
+from semgs.cli.errors import UsageError
+
+Options = TypeVar("Options")
+
+SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
+"""Sides of the pictures that can be asked for [px]."""
+
+
+def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
+    """The options of a command from its arguments; `--help` prints its help and leaves with 0.
+
+    Args:
+        options: a dataclass whose fields, comments and docstring are the help.
+        name: of the command.
+        arguments: what was typed behind the name.
+
+    Raises:
+        UsageError: an option is unknown, missing or has an impossible value.
+        SystemExit: with 0, after `--help`.
+    """
+    told = io.StringIO()
+    try:
+        with redirect_stderr(told):
+            return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=(tyro.conf.FlagCreatePairsOff,))
+    except SystemExit as leaving:
+        if leaving.code in (None, 0):
+            raise
+        raise UsageError(f"{_one_line(told.getvalue())}; see semgs {name} --help") from None
+
+
+def parse_size(text: str) -> tuple[int, int] | None:
+    """(height, width) [px] of "240x320", None of "auto".
+
+    Raises:
+        UsageError: it is neither, or a side is outside 32 to 4096.
+    """
+    if text == "auto":
+        return None
+    match = re.fullmatch(r"(\d{1,6})[x×X](\d{1,6})", text)
+    if not match:
+        raise UsageError(f"--size is {text!r}; expected height x width in pixels, such as 240x320")
+    height, width = int(match[1]), int(match[2])
+    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in (height, width)):
+        raise UsageError(f"--size is {text}; expected sides from {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
+    return height, width
+
+
+def _one_line(box: str) -> str:
+    """The message inside the box that tyro draws, without its frame and the help below it."""
+    lines = [line.strip(" │") for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
+    inside = [line for line in lines if line and not line.startswith(("╭", "╰"))]
+    rule = next((number for number, line in enumerate(inside) if set(line) == {"─"}), len(inside))
+    return " ".join(inside[:rule]).rstrip(".") or "the arguments cannot be understood"

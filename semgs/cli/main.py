@@ -1,0 +1,139 @@
+"""The command `semgs`: finds the command that was named, runs it, turns errors of input into one line and exit code 2."""
+
+from __future__ import annotations
+
+import errno
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+
+from semgs import __version__
+from semgs.cli.arguments import parse
+from semgs.cli.errors import UsageError
+from semgs.files.errors import InputError
+
+BAD_INPUT = 2
+INTERRUPTED = 128 + signal.SIGINT
+TERMINATED = 128 + signal.SIGTERM
+
+_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+@dataclass(frozen=True)
+class Command:
+    """Where a command lives; it is imported only when it is called.
+
+    Attributes:
+        module: holds the command and imports no torch at its head.
+        options: the dataclass in it whose fields are the options and whose `run()` is the command.
+        summary: its line in `semgs --help`.
+    """
+
+    module: str
+    options: str
+    summary: str
+
+
+COMMANDS = {
+    "demo": Command("semgs.cli.demo", "Demo", "Reconstruct the embedded room, to see what comes out."),
+    "reconstruct": Command(
+        "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
+    ),
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line and return its exit code.
+
+    Args:
+        arguments: without the program's name; None takes those of the process.
+
+    Returns:
+        0; 2 after input that cannot be used or a full disk; 130 and 143 after an interrupt and a request to end.
+        Faults of ours raise.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        with _ended_like_interrupted():
+            return _run(given)
+    except (InputError, UsageError) as error:
+        return _refuse(str(error))
+    except OSError as error:
+        if error.errno not in _DISK_FULL:
+            raise
+        where = f" ({error.filename})" if error.filename else ""
+        return _refuse(f"the disk is full{where}; nothing was changed, free some space or write elsewhere")
+    except KeyboardInterrupt:
+        print("semgs: interrupted, nothing was changed", file=sys.stderr)
+        return INTERRUPTED
+    except SystemExit as leaving:
+        return leaving.code if isinstance(leaving.code, int) else 0
+
+
+def _run(arguments: list[str]) -> int:
+    """Run the command that the first argument names.
+
+    Raises:
+        UsageError: there is none of that name, or its options are wrong.
+        InputError: it was given files that cannot be used.
+    """
+    if not arguments:
+        print(_help(), file=sys.stderr)
+        return BAD_INPUT
+    name, rest = arguments[0], arguments[1:]
+    if name in ("-h", "--help", "help"):
+        print(_help())
+        return 0
+    if name in ("-V", "--version"):
+        print(f"semgs {__version__}")
+        return 0
+    if name not in COMMANDS:
+        raise UsageError(f"unknown command {name!r}; expected one of {', '.join(COMMANDS)}; see semgs --help")
+    command = COMMANDS[name]
+    parse(getattr(import_module(command.module), command.options), name, rest).run()
+    return 0
+
+
+def _help() -> str:
+    """What `semgs --help` says."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:<{width}}  {command.summary}" for name, command in COMMANDS.items()]
+    return "\n".join(
+        (
+            "usage: semgs COMMAND [OPTIONS]",
+            "",
+            "From two to four posed photos of a room to a semantic 3D scene of Gaussians, in one forward pass.",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "  semgs COMMAND --help tells about a command, semgs --version which version this is.",
+        )
+    )
+
+
+def _refuse(line: str) -> int:
+    """Tell why, on one line."""
+    print("semgs: error: " + " ".join(line.split()), file=sys.stderr)
+    return BAD_INPUT
+
+
+@contextmanager
+def _ended_like_interrupted() -> Iterator[None]:
+    """Let a request to end (SIGTERM) unwind the stack as an interrupt does, so that half-made folders are removed."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def leave(*_: object) -> None:
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,43 @@
+"""Depth maps as pictures, and the scale they are read by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+NOTHING = (40, 42, 46)
+"""The grey of pixels without depth."""
+
+
+def depth_limits(maps: Iterable[Float[np.ndarray, "*axes"]]) -> tuple[float, float]:
+    """The depths that the colours of several maps should span: the 1st to the 99th percentile of what has depth (> 0).
+
+    Maps without any depth give (0, 1).
+    """
+    drawn = np.concatenate([np.zeros(0), *(depths[depths > 0].ravel() for depths in maps)])
+    if not drawn.size:
+        return 0.0, 1.0
+    low, high = (float(limit) for limit in np.percentile(drawn, (1, 99)))
+    return (low, high) if high > low else (low * 0.95, low * 1.05)
+
+
+def depth_picture(depths: Float[np.ndarray, "h w"], limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
+    """Depths in colours (turbo, near is red), linear between the limits and clamped there; grey where there is none."""
+    low, high = limits
+    coloured = _palette()[np.rint(255 * np.clip((depths - low) / (high - low), 0, 1)).astype(np.uint8)]
+    return np.where((depths > 0)[..., None], coloured, np.array(NOTHING, np.uint8))
+
+
+def depth_bar(width: int = 256, height: int = 1) -> UInt8[np.ndarray, "h w 3"]:
+    """The colours of `depth_picture` from the near limit at the left to the far one at the right."""
+    row = _palette()[np.linspace(0, 255, width).astype(np.uint8)]
+    return np.repeat(row[None], height, axis=0)
+
+
+def _palette() -> UInt8[np.ndarray, "256 3"]:
+    """Turbo from its warm end, as bytes."""
+    from matplotlib import colormaps  # takes a quarter of a second, which only those who draw need to wait
+
+    return np.rint(255 * np.asarray(colormaps["turbo"].resampled(256)(np.arange(255, -1, -1)))[:, :3]).astype(np.uint8)

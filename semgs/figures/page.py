@@ -1,0 +1,140 @@
+"""The HTML page of every command: one file that needs no network, made of headings, facts, tables and pictures."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+from semgs.figures.classes import HATCH, LegendEntry
+
+
+@dataclass(frozen=True)
+class Headline:
+    """A number to be seen first: its value as text, and what it is."""
+
+    value: str
+    name: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Pairs of a name and what is to say of it."""
+
+    rows: tuple[tuple[str, str], ...]
+    kind: str = "facts"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; numbers stand at the right."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    kind: str = "table"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture and the line below it.
+
+    Attributes:
+        pixels: uint8 [h w 3], RGB.
+        caption: what it shows.
+    """
+
+    pixels: UInt8[np.ndarray, "h w 3"]
+    caption: str
+
+    @property
+    def uri(self) -> str:
+        """The picture as a PNG inside a URI."""
+        buffer = io.BytesIO()
+        Image.fromarray(np.ascontiguousarray(self.pixels)).save(buffer, "PNG", optimize=True)
+        return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Pictures side by side under a small heading: one view of the scene.
+
+    Attributes:
+        heading: which view.
+        detail: a few words behind it.
+        pictures: equally large.
+    """
+
+    heading: str
+    detail: str
+    pictures: tuple[Picture, ...]
+    kind: str = "gallery"
+
+
+@dataclass(frozen=True)
+class Legend:
+    """Class colours and their names, and the hatching where `unseen` is a share above 0."""
+
+    entries: tuple[LegendEntry, ...]
+    unseen: float = 0.0
+    kind: str = "legend"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A bar of colours and the numbers along it, evenly spaced from its left end to its right."""
+
+    bar: Picture
+    ticks: tuple[str, ...]
+    label: str
+    kind: str = "scale"
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Sentences that the reader must not miss."""
+
+    sentences: tuple[str, ...]
+    kind: str = "notes"
+
+
+Block = Facts | Table | Gallery | Legend | Scale | Notes
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page.
+
+    Attributes:
+        heading: of the part.
+        lead: a sentence or two, or nothing.
+        blocks: its content.
+    """
+
+    heading: str
+    lead: str
+    blocks: tuple[Block, ...]
+
+
+def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Sequence[Section], foot: str) -> str:
+    """One self-contained HTML page: style and pictures are inside, nothing is loaded, no script runs.
+
+    Args:
+        title: of the page.
+        lead: a sentence below it.
+        headlines: the few numbers shown large.
+        sections: the parts, in order.
+        foot: the last line.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(template).render(
+        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH
+    )

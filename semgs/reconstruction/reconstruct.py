@@ -1,0 +1,177 @@
+"""Reconstruct: a scene on disk, frames of it and a model in; Gaussians, renderings and scores out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+
+from semgs.data.choice import Choice
+from semgs.data.classes import ClassTable
+from semgs.data.depth_range import DepthRange
+from semgs.data.scene import Scene
+from semgs.data.views import Views, default_size
+from semgs.model.encoding import Encoding
+from semgs.model.semgs import SemGS
+from semgs.reconstruction.scores import ViewScores, scores
+from semgs.reconstruction.stages import Stages
+from semgs.rendering.render import render
+from semgs.rendering.rendering import Rendering
+
+NO_PARALLAX = 0.01
+"""Context cameras that are closer together than this part of the near bound show no parallax."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Views of the scene with what the Gaussians look like from their cameras.
+
+    Attributes:
+        positions: of the frames in the scene.
+        names: of the frames.
+        views: what the cameras saw, at the size of the reconstruction.
+        rendering: what the Gaussians show there.
+        scores: one per view.
+    """
+
+    positions: tuple[int, ...]
+    names: tuple[str, ...]
+    views: Views
+    rendering: Rendering
+    scores: tuple[ViewScores, ...]
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A scene reconstructed from some of its frames, everything on the CPU.
+
+    Attributes:
+        scene: where the frames are from.
+        choice: which frames, and why.
+        depth_range: near and far that the model looked between, and why.
+        native_size: (height, width) of the first context frame on disk [px].
+        encoding: the model's answer; its Gaussians are in the scene's world frame.
+        classes: the table of the Gaussians' classes; None for a colour-only model.
+        model: its name.
+        context: the frames that went in, as the Gaussians show them.
+        target: the frames that were held out, or None if there are none.
+        notes: what the user should know of this result, a sentence each.
+    """
+
+    scene: Scene
+    choice: Choice
+    depth_range: DepthRange
+    native_size: tuple[int, int]
+    encoding: Encoding
+    classes: ClassTable | None
+    model: str
+    context: Shown
+    target: Shown | None
+    notes: tuple[str, ...]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(height, width) that the frames were read at [px]."""
+        return self.context.views.size
+
+    @property
+    def metric(self) -> bool:
+        """Whether lengths are metres."""
+        return self.scene.unit == "metric"
+
+
+def reconstruct(
+    scene: Scene,
+    choice: Choice,
+    model: SemGS,
+    size: Sequence[int] | None = None,
+    *,
+    stages: Stages | None = None,
+) -> Reconstruction:
+    """Reconstruct a scene from its context frames and look at it from these and from the held-out ones.
+
+    Args:
+        scene: an open scene.
+        choice: the frames to use and those to hold out.
+        model: in evaluation mode, on the device to compute on; rendering is done where `render` does it.
+        size: (height, width) to read the frames at [px]; None is `default_size` of the first one's.
+        stages: told of each stage: read, encode, render.
+
+    Raises:
+        InputError: a frame cannot be read.
+        ValueError: fewer than two context frames, or a position outside the scene.
+    """
+    stages = stages or Stages()
+    native = scene.frames[choice.context[0]].camera.size
+    wanted = default_size(native) if size is None else tuple(size)
+    count = len(choice.context) + len(choice.targets)
+    with stages("read", f"Reading {count} frames at {wanted[1]}x{wanted[0]}"):
+        bounds = scene.depth_range(choice.context)
+        context = scene.read(choice.context, wanted)
+        target = scene.read(choice.targets, wanted) if choice.targets else None
+    with stages("encode", f"Encoding {len(context)} views with {model.name}"), torch.no_grad():
+        encoding = _on_cpu(model(context))
+    with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
+        near = float(context.depth_range[:, 0].min())
+        own = render(encoding.gaussians, context.cameras, near=near)
+        held_out = render(encoding.gaussians, target.cameras, near=near) if target is not None else None
+    return Reconstruction(
+        scene=scene,
+        choice=choice,
+        depth_range=bounds,
+        native_size=native,
+        encoding=encoding,
+        classes=model.classes,
+        model=model.name,
+        context=_shown(scene, choice.context, context, own, model.classes),
+        target=None
+        if target is None or held_out is None
+        else _shown(scene, choice.targets, target, held_out, model.classes),
+        notes=(*scene.notes, *_notes(scene, choice, context, model.classes)),
+    )
+
+
+def _on_cpu(encoding: Encoding) -> Encoding:
+    """The encoding in float32 on the CPU."""
+    return Encoding(
+        encoding.gaussians.to("cpu", torch.float32),
+        encoding.depths.to("cpu", torch.float32),
+        encoding.confidences.to("cpu", torch.float32),
+    )
+
+
+def _shown(
+    scene: Scene, positions: Sequence[int], views: Views, rendering: Rendering, classes: ClassTable | None
+) -> Shown:
+    """Views beside their renderings; labels of another table than the model's are not compared."""
+    comparable = views
+    if views.labels is not None and views.classes != classes:
+        comparable = Views(views.images, views.cameras, views.depth_range, depths=views.depths)
+    names = tuple(scene.frames[position].name for position in positions)
+    return Shown(tuple(positions), names, views, rendering, scores(rendering, comparable))
+
+
+def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | None) -> list[str]:
+    """What the user should know, a sentence each."""
+    notes = []
+    if not has_parallax(context):
+        notes.append(
+            "No parallax: the context cameras stand at the same place, so depth is a prior of the model and not measured."
+        )
+    if scene.unit != "metric":
+        notes.append(
+            "The scale of this scene is unknown: lengths are in its own unit, and depth maps are floating-point TIFF files."
+        )
+    if classes is None:
+        notes.append("The model knows colour only: class maps, semantics.ply and the scores of classes are left out.")
+    if not choice.targets:
+        notes.append("No frame is held out, so nothing here tells how well a new view comes out.")
+    return notes
+
+
+def has_parallax(context: Views) -> bool:
+    """Whether the context cameras are apart by more than `NO_PARALLAX` of the near bound."""
+    centres = context.cameras.centres
+    spread = torch.cdist(centres, centres).max()
+    return bool(spread > NO_PARALLAX * context.depth_range[:, 0].min())

@@ -1,0 +1,84 @@
+"""The folder of renders: a picture, class maps, depth and alpha of every view, in files that other programs read.
+
+For a view at position 7 of the scene (`context_007_*` or `target_007_*`):
+
+    input / truth       the photo, as read: of a context view / of a held-out view (RGB)
+    image               the Gaussians seen from its camera, black behind them (RGB)
+    classes             the class map in the colours of the class table, hatched where nothing was seen (RGB)
+    labels              the class map as numbers (8 bits): position in the class table, 255 where alpha < 0.5
+    depth               z-depth along the optical axis. Metric scenes: 16-bit PNG in millimetres, 0 where nothing was
+                        drawn or it is 65.5 m away or more. Other scenes: 32-bit float TIFF in the scene's own unit
+    alpha               how much light the Gaussians stopped (8 bits, 255 is all of it)
+    truth_labels, truth_depth     likewise, where a held-out view has labels or depth
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image
+from torch import Tensor
+
+from semgs.data.classes import ClassTable
+from semgs.figures.classes import class_picture, label_maps
+from semgs.files.atomic import write_bytes
+from semgs.files.pictures import write_png
+from semgs.reconstruction.reconstruct import Reconstruction, Shown
+
+MILLIMETRES = 1000
+"""What a metre is worth in a 16-bit depth picture."""
+
+
+def write_renders(folder: Path, result: Reconstruction) -> None:
+    """Write the pictures of all context and target views into an existing folder.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    _write(folder, "context", "input", result.context, result.classes, result.metric)
+    if result.target is not None:
+        _write(folder, "target", "truth", result.target, result.classes, result.metric)
+
+
+def as_bytes(image: Float[Tensor, "3 h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """A picture of 0..1 (clamped) as bytes with the channels last."""
+    return np.rint(255 * image.clamp(0, 1).permute(1, 2, 0).numpy()).astype(np.uint8)
+
+
+def millimetres(depths: Float[Tensor, "h w"]) -> np.ndarray:
+    """z-depths in metres as uint16 millimetres [h w]; 0 where there is none or it does not fit."""
+    scaled = np.rint(MILLIMETRES * depths.double().numpy())
+    return np.where((scaled > 0) & (scaled <= np.iinfo(np.uint16).max), scaled, 0).astype(np.uint16)
+
+
+def _write(folder: Path, role: str, photo: str, shown: Shown, classes: ClassTable | None, metric: bool) -> None:
+    """The files of all views of one role."""
+    rendering, views = shown.rendering, shown.views
+    labels = None if classes is None else label_maps(rendering)
+    for index, position in enumerate(shown.positions):
+        stem = f"{role}_{position:03d}"
+        write_png(folder / f"{stem}_{photo}.png", as_bytes(views.images[index]))
+        write_png(folder / f"{stem}_image.png", as_bytes(rendering.images[index]))
+        alpha = np.rint(255 * rendering.alphas[index].clamp(0, 1).numpy()).astype(np.uint8)
+        write_png(folder / f"{stem}_alpha.png", alpha)
+        _write_depth(folder / f"{stem}_depth", rendering.depths[index], metric)
+        if labels is not None and classes is not None:
+            write_png(folder / f"{stem}_labels.png", labels[index])
+            write_png(folder / f"{stem}_classes.png", class_picture(labels[index], classes))
+        if role == "target" and views.labels is not None:
+            write_png(folder / f"{stem}_truth_labels.png", views.labels[index].numpy())
+        if role == "target" and views.depths is not None:
+            _write_depth(folder / f"{stem}_truth_depth", views.depths[index], metric)
+
+
+def _write_depth(stem: Path, depths: Tensor, metric: bool) -> None:
+    """A depth map: millimetres where lengths are metres, else floating-point numbers that claim no unit."""
+    if metric:
+        write_png(stem.with_suffix(".png"), millimetres(depths))
+        return
+    buffer = io.BytesIO()
+    Image.fromarray(depths.float().numpy()).save(buffer, "TIFF")
+    write_bytes(stem.with_suffix(".tiff"), buffer.getvalue())

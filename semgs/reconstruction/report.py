@@ -1,0 +1,138 @@
+"""The numbers of a reconstruction, as report.json holds them, and the list of the files that are written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+
+from semgs.data.classes import IGNORE
+from semgs.figures.classes import label_maps, legend
+from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.reconstruction.scores import ViewScores, mean
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What made a reconstruction.
+
+    Attributes:
+        software: name and version.
+        weights: of the model: "shipped", "random" or a path.
+        parameters: of the model.
+        device: that it ran on.
+    """
+
+    software: str
+    weights: str
+    parameters: int
+    device: str
+
+
+@dataclass(frozen=True)
+class Output:
+    """A file or folder of the result: its name, and what it is in a sentence."""
+
+    name: str
+    text: str
+
+
+def outputs(result: Reconstruction) -> tuple[Output, ...]:
+    """What is written for a reconstruction, in the order of importance."""
+    depth = "16-bit depth in millimetres" if result.metric else "depth as 32-bit float TIFF in the scene's unit"
+    maps = "" if result.classes is None else "class maps (coloured, and as numbers with 255 for unseen), "
+    listed = [
+        Output("report.html", "this page; needs no network and no other file"),
+        Output("report.json", "all its numbers"),
+        Output("gaussians.ply", "the scene in colour, plain 3DGS: opens in every Gaussian splat viewer"),
+        Output("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
+        Output(
+            "scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"
+        ),
+        Output("renders/", f"pictures of every view: photo, render, {maps}{depth}, alpha"),
+    ]
+    return tuple(one for one in listed if result.classes is not None or one.name != "semantics.ply")
+
+
+def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
+    """Everything that the report says in numbers, ready for JSON; what is not known is None.
+
+    Lengths are metres where `scene.unit` is "metric", else the scene's own unit. `psnr` is in dB, None for equal pictures.
+    """
+    scene = result.scene
+    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in _all_shown(result)]
+    pixels = np.concatenate([one.ravel() for one in maps]) if maps else np.zeros(0, np.uint8)
+    return {
+        "format": "semgs.report.reconstruct",
+        "version": 1,
+        "software": origin.software,
+        "scene": {
+            "name": scene.name,
+            "path": str(scene.path),
+            "layout": scene.layout,
+            "unit": scene.unit,
+            "usable_frames": len(scene),
+            "absent_frames": list(scene.absent),
+        },
+        "model": {
+            "name": result.model,
+            "weights": origin.weights,
+            "parameters": origin.parameters,
+            "classes": result.classes and result.classes.name,
+            "device": origin.device,
+        },
+        "size": dict(zip(("height", "width"), result.size, strict=True)),
+        "native_size": dict(zip(("height", "width"), result.native_size, strict=True)),
+        "choice": {
+            "context": list(result.context.positions),
+            "targets": list(result.target.positions) if result.target else [],
+            "reason": result.choice.reason,
+        },
+        "depth_range": {
+            "near": rounded(result.depth_range.near),
+            "far": rounded(result.depth_range.far),
+            "reason": result.depth_range.reason,
+        },
+        "gaussians": len(result.encoding.gaussians),
+        "views": [
+            {"role": role, "position": position, "name": name, **_rounded(score)}
+            for role, shown in (("context", result.context), ("target", result.target))
+            if shown is not None
+            for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True)
+        ],
+        "means": {
+            "context": _means(result.context.scores),
+            "target": _means(result.target.scores) if result.target else None,
+        },
+        "classes": [
+            {"name": entry.name, "share": rounded(entry.share)}
+            for entry in (legend(maps, result.classes) if result.classes is not None else ())
+        ],
+        "unseen": rounded(float((pixels == IGNORE).mean())) if pixels.size else None,
+        "seconds": {name: round(value, 3) for name, value in seconds.items()},
+        "notes": list(result.notes),
+    }
+
+
+def rounded(value: float | None) -> float | None:
+    """A number to five significant digits; None for None and for what JSON has no word for."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(f"{value:.5g}")
+
+
+def _all_shown(result: Reconstruction) -> list[Shown]:
+    """The context views and, if there are any, the target views."""
+    return [result.context] if result.target is None else [result.context, result.target]
+
+
+def _rounded(score: ViewScores) -> dict[str, float | None]:
+    """The scores of a view by their names."""
+    return {name: rounded(value) for name, value in asdict(score).items()}
+
+
+def _means(many: Sequence[ViewScores]) -> dict[str, float | None]:
+    """The mean of each score over the views that have it."""
+    return {field.name: rounded(mean([getattr(one, field.name) for one in many])) for field in fields(ViewScores)}

@@ -1,0 +1,217 @@
+"""The page that a user looks at after a reconstruction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semgs.data.classes import IGNORE
+from semgs.figures.classes import class_picture, label_maps, legend, overlay, true_class_picture
+from semgs.figures.depth import depth_bar, depth_limits, depth_picture
+from semgs.figures.page import Block, Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
+from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.reconstruction.renders import as_bytes
+from semgs.reconstruction.report import Origin, outputs
+from semgs.reconstruction.scores import ViewScores, mean
+
+_TICKS = 5
+
+
+def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> str:
+    """The report as one self-contained HTML page."""
+    scene = result.scene
+    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in _all_shown(result)]
+    limits = depth_limits(shown.rendering.depths.numpy() for shown in _all_shown(result))
+    held_out = len(result.target.positions) if result.target else 0
+    sections = [
+        Section("Input views", _own_lead(result), (*_keys(result, maps, limits), *_galleries(result, True, limits))),
+        *(
+            [Section("Held-out views", _held_out_lead(result), _galleries(result, False, limits))]
+            if result.target
+            else []
+        ),
+        Section("Scores", _scores_lead(result), (_score_table(result),)),
+        Section("What was read and chosen", "", (_facts(result, origin),)),
+        Section("Time", "", (_timings(seconds),)),
+        Section("Files", "", (Facts(tuple((output.name, output.text) for output in outputs(result))),)),
+    ]
+    if result.notes:
+        sections.insert(0, Section("Please note", "", (Notes(result.notes),)))
+    return html_page(
+        title=scene.name,
+        lead=f"Reconstructed from {len(result.context.positions)} photos"
+        + (f" and compared with {held_out} that {'was' if held_out == 1 else 'were'} held out." if held_out else "."),
+        headlines=_headlines(result, maps, seconds),
+        sections=sections,
+        foot=f"Made by {origin.software} with the model {result.model} ({origin.weights} weights). "
+        "The numbers of this page are in report.json.",
+    )
+
+
+def length(value: float, metric: bool) -> str:
+    """A length as text, with its unit where it is known."""
+    return f"{value:.3g} m" if metric else f"{value:.3g}"
+
+
+def decibels(value: float | None) -> str:
+    """A PSNR as text."""
+    return "–" if value is None else "equal" if value == float("inf") else f"{value:.2f} dB"
+
+
+def _all_shown(result: Reconstruction) -> list[Shown]:
+    """The context views and, if there are any, the target views."""
+    return [result.context] if result.target is None else [result.context, result.target]
+
+
+def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict[str, float]) -> list[Headline]:
+    """The few numbers that tell how it went."""
+    found = []
+    if result.target is not None:
+        found.append(Headline(decibels(mean([one.psnr for one in result.target.scores])), "PSNR of held-out views"))
+        iou = mean([one.miou for one in result.target.scores])
+        if iou is not None:
+            found.append(Headline(f"{iou:.2f}", "mIoU of held-out views"))
+    found.append(Headline(decibels(mean([one.psnr for one in result.context.scores])), "PSNR of the input views"))
+    found.append(Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
+    if result.classes is not None:
+        found.append(Headline(str(len(legend(maps, result.classes))), "classes present"))
+    if "encode" in seconds:
+        found.append(Headline(f"{seconds['encode']:.2f} s", "from photos to Gaussians"))
+    return found
+
+
+def _own_lead(result: Reconstruction) -> str:
+    """What the pictures of the input views are."""
+    return "What went in, and what the Gaussians show from the same cameras." + (
+        "" if result.classes is None else " Classes are hatched where nothing was seen (alpha below 0.5)."
+    )
+
+
+def _held_out_lead(result: Reconstruction) -> str:
+    """What the pictures of the held-out views are."""
+    return "Frames that the model was not given: the test of the reconstruction." + (
+        " Parts that no input view sees stay empty."
+    )
+
+
+def _scores_lead(result: Reconstruction) -> str:
+    """How to read the table of scores."""
+    texts = ["PSNR over all pixels, unseen ones included.", "Seen: pixels with alpha of at least 0.5."]
+    shown = [one for part in _all_shown(result) for one in part.scores]
+    if any(one.depth_error is not None for one in shown):
+        texts.append("Depth error: mean of |z − truth| / truth where the pixel is seen and the truth known.")
+    if any(one.miou is not None for one in shown):
+        texts.append("mIoU: of each view, over the classes its true labels show.")
+    return " ".join(texts)
+
+
+def _keys(
+    result: Reconstruction, maps: Sequence[np.ndarray], limits: tuple[float, float]
+) -> tuple[Legend | Scale, ...]:
+    """The legend of the classes and the scale of the depths."""
+    ticks = np.linspace(*limits, _TICKS)
+    scale = Scale(
+        Picture(depth_bar(), "colours of depth, near to far"),
+        tuple(length(tick, result.metric) for tick in ticks),
+        "depth along the optical axis" + ("" if result.metric else ", in the scene's own unit"),
+    )
+    if result.classes is None:
+        return (scale,)
+    unseen = float(np.mean(np.concatenate([one.ravel() for one in maps]) == IGNORE))
+    return Legend(legend(maps, result.classes), unseen), scale
+
+
+def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -> tuple[Block, ...]:
+    """A row of pictures per view."""
+    shown = result.context if own else result.target
+    if shown is None:
+        return ()
+    labels = None if result.classes is None else label_maps(shown.rendering)
+    rows = []
+    for index, (position, name) in enumerate(zip(shown.positions, shown.names, strict=True)):
+        photo = as_bytes(shown.views.images[index])
+        pictures = [
+            Picture(photo, "photo (input)" if own else "photo (held out)"),
+            Picture(as_bytes(shown.rendering.images[index]), "render"),
+        ]
+        if labels is not None and result.classes is not None:
+            pictures.append(Picture(class_picture(labels[index], result.classes), "classes"))
+            if shown.views.labels is not None and shown.views.classes == result.classes and not own:
+                truth = true_class_picture(shown.views.labels[index].numpy(), result.classes)
+                pictures.append(Picture(truth, "true classes"))
+            else:
+                pictures.append(Picture(overlay(photo, labels[index], result.classes), "classes over the photo"))
+        pictures.append(Picture(depth_picture(shown.rendering.depths[index].numpy(), limits), "depth"))
+        if shown.views.depths is not None and not own:
+            pictures.append(Picture(depth_picture(shown.views.depths[index].numpy(), limits), "measured depth"))
+        score = shown.scores[index]
+        detail = f"frame {position}, PSNR {decibels(score.psnr)}, {100 * score.coverage:.0f} % seen"
+        rows.append(Gallery(name, detail, tuple(pictures)))
+    return tuple(rows)
+
+
+def _score_table(result: Reconstruction) -> Table:
+    """All scores of all views, and their means."""
+    parts = [("input", result.context)] + ([("held out", result.target)] if result.target else [])
+    every = [one for _, shown in parts for one in shown.scores]
+    columns = ["PSNR", "seen"]
+    columns += ["depth error"] if any(one.depth_error is not None for one in every) else []
+    columns += ["pixel accuracy", "mIoU"] if any(one.miou is not None for one in every) else []
+
+    def cells(score: ViewScores) -> tuple[str, ...]:
+        texts = {
+            "PSNR": decibels(score.psnr),
+            "seen": f"{100 * score.coverage:.1f} %",
+            "depth error": "–" if score.depth_error is None else f"{100 * score.depth_error:.1f} %",
+            "pixel accuracy": "–" if score.accuracy is None else f"{100 * score.accuracy:.1f} %",
+            "mIoU": "–" if score.miou is None else f"{score.miou:.3f}",
+        }
+        return tuple(texts[column] for column in columns)
+
+    rows = []
+    for role, shown in parts:
+        for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True):
+            rows.append((f"{name} (frame {position}, {role})", *cells(score)))
+        if len(shown.scores) > 1:
+            names = ("psnr", "coverage", "depth_error", "accuracy", "miou")
+            values = (mean([getattr(score, name) for score in shown.scores]) for name in names)
+            rows.append((f"mean, {role}", *cells(ViewScores(*values))))
+    return Table(("view", *columns), tuple(rows))
+
+
+def _facts(result: Reconstruction, origin: Origin) -> Facts:
+    """What was understood of the scene and what was decided."""
+    scene = result.scene
+    native, used = (f"{width}x{height}" for height, width in (result.native_size, result.size))
+    absent = f", {len(scene.absent)} more are listed but missing" if scene.absent else ""
+    rows = [
+        ("Scene", str(scene.path)),
+        ("Layout", scene.layout),
+        ("Frames", f"{len(scene)} usable{absent}"),
+        ("Unit", "metres" if result.metric else "unknown: lengths are in the scene's own unit"),
+        ("Picture size", used if native == used else f"{used} (width x height), read from {native}"),
+        ("Input frames", _listed(result.context)),
+        ("Held-out frames", _listed(result.target) if result.target else "none"),
+        ("Why these", result.choice.reason),
+        (
+            "Depth range",
+            f"{length(result.depth_range.near, result.metric)} to {length(result.depth_range.far, result.metric)}: "
+            f"{result.depth_range.reason}",
+        ),
+        ("Model", f"{result.model}, {origin.parameters:,} parameters, {origin.weights} weights, on {origin.device}"),
+    ]
+    if result.classes is not None:
+        rows.append(("Class table", f"{result.classes.name}, {len(result.classes)} classes"))
+    return Facts(tuple(rows))
+
+
+def _listed(shown: Shown) -> str:
+    """Frames as text: position and name."""
+    return ", ".join(f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True))
+
+
+def _timings(seconds: dict[str, float]) -> Table:
+    """The stages and their sum."""
+    rows = [(name, f"{value:.2f} s") for name, value in seconds.items()]
+    return Table(("stage", "time"), (*rows, ("together", f"{sum(seconds.values()):.2f} s")))

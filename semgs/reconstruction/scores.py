@@ -1,0 +1,71 @@
+"""Scores of one rendered view against what its camera saw, as far as the truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from semgs.data.views import Views
+from semgs.figures.classes import SEEN_ALPHA
+from semgs.objectives.metrics import accuracy, confusion_matrices, miou, present_classes, psnr
+from semgs.rendering.rendering import Rendering
+
+
+@dataclass(frozen=True)
+class ViewScores:
+    """How one view turned out.
+
+    Attributes:
+        psnr: of the picture against the photo, all pixels [dB]; infinite if they are equal.
+        coverage: share of the pixels that were seen (alpha >= 0.5), 0..1.
+        depth_error: mean of |z - truth| / truth over pixels that were seen and have a true depth; None without one.
+        accuracy: share of the labelled pixels whose likeliest class is the true one; None without labels.
+        miou: mean IoU over the classes that the true labels of this view show; None without labels.
+    """
+
+    psnr: float
+    coverage: float
+    depth_error: float | None = None
+    accuracy: float | None = None
+    miou: float | None = None
+
+
+def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
+    """The scores of each view of a scene.
+
+    Classes are compared as arg max of the distribution at every labelled pixel, whether it was seen or not.
+
+    Args:
+        rendering: of `truth.cameras`, without a batch axis.
+        truth: what the cameras saw; its labels refer to the table of the rendering's classes.
+    """
+    ratios = psnr(rendering.images, truth.images).tolist()
+    coverages = (rendering.alphas >= SEEN_ALPHA).double().mean((-2, -1)).tolist()
+    errors: Sequence[float | None] = [None] * len(ratios)
+    if truth.depths is not None:
+        errors = [_depth_error(*maps) for maps in zip(rendering.depths, truth.depths, rendering.alphas, strict=True)]
+    hits: Sequence[float | None] = [None] * len(ratios)
+    ious: Sequence[float | None] = hits
+    if truth.labels is not None and rendering.semantics is not None:
+        count = rendering.semantics.shape[-3]
+        confusions = confusion_matrices(rendering.semantics.argmax(-3).byte(), truth.labels, count)
+        labelled = [bool(present_classes(labels, count).any()) for labels in truth.labels]
+        hits = [value if known else None for value, known in zip(accuracy(confusions).tolist(), labelled, strict=True)]
+        ious = [value if known else None for value, known in zip(miou(confusions).tolist(), labelled, strict=True)]
+    return tuple(ViewScores(*values) for values in zip(ratios, coverages, errors, hits, ious, strict=True))
+
+
+def mean(values: Sequence[float | None]) -> float | None:
+    """The mean of what is known, None if nothing is."""
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
+
+
+def _depth_error(depths: Tensor, truth: Tensor, alphas: Tensor) -> float | None:
+    """Mean relative error of one view's depth, None where no pixel is both seen and measured."""
+    counted = (truth > 0) & (depths > 0) & (alphas >= SEEN_ALPHA)
+    if not counted.any():
+        return None
+    return float(((depths - truth).abs() / truth)[counted].double().mean())
