@@ -70,7 +70,7 @@ def depth_range(
     for pairs in (_pairs_among(asked), _pairs_beside(frames, asked)):
         inverse = _triangulated(frames, pairs, pictures)
         if len(inverse) >= FEW_POINTS:
-            return _around(inverse, unit, f"from {len(inverse)} points triangulated between the pictures")
+            return _around(inverse, unit, f"from {len(inverse) // 2} points triangulated between the pictures")
     return _from_baseline(frames, asked, unit)
 
 
@@ -110,8 +110,7 @@ def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tu
         distances = np.linalg.norm(centres - centres[index], axis=1)
         alike = (axes @ axes[index] > np.cos(np.radians(30))) & (np.arange(len(frames)) != index)
         order = [int(other) for other in np.argsort(distances, kind="stable") if alike[other]]
-        ranks = itertools.takewhile(lambda rank: rank <= len(order), (3**power for power in range(20)))
-        trials.append([(index, order[rank - 1]) for rank in ranks])
+        trials.append([(index, order[3**power - 1]) for power in range(20) if 3**power <= len(order)])
     return trials
 
 

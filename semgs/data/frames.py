@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 
@@ -70,11 +69,10 @@ class Frame:
         depths = None if self.depth_path is None else self._read_depths(self.depth_path)
         labels = None if self.label_path is None or classes is None else self._read_labels(self.label_path, classes)
         if not self.lens.is_pinhole:
-            x, y = self.undistortion() if maps is None else maps
-            image = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            nearest = {"interpolation": cv2.INTER_NEAREST, "borderMode": cv2.BORDER_REPLICATE}
-            depths = None if depths is None else cv2.remap(depths, x, y, **nearest)
-            labels = None if labels is None else cv2.remap(labels, x, y, **nearest)
+            maps = self.undistortion() if maps is None else maps
+            image = self.lens.undistorted(image, maps)
+            depths = None if depths is None else self.lens.undistorted(depths, maps, nearest=True)
+            labels = None if labels is None else self.lens.undistorted(labels, maps, nearest=True)
         return Views(
             images=torch.from_numpy(image).permute(2, 0, 1)[None].float() / 255,
             cameras=Cameras(self.world_from_camera[None], self.lens.intrinsics[None], self.lens.size),

@@ -70,6 +70,13 @@ class Lens:
             raise ValueError(f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the picture")
         return x, y
 
+    def undistorted(
+        self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
+    ) -> np.ndarray:
+        """A picture [h w 3] or map [h w] with the distortion undone by `maps()`; interpolated, or from the nearest pixel."""
+        method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
+        return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
+
     def directions(self, positions: np.ndarray) -> np.ndarray:
         """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
         if not len(positions):

@@ -47,7 +47,7 @@ def seen(frame: Frame) -> Seen:
         InputError: its picture cannot be read.
     """
     grey = read_grey(frame.picture_path, LONGEST_SIDE, frame.lens.size)
-    keypoints, descriptors = cv2.SIFT_create(nfeatures=FEATURES).detectAndCompute(grey, None)
+    keypoints, descriptors = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(grey, None)
     scale = np.array([frame.lens.size[1] / grey.shape[1], frame.lens.size[0] / grey.shape[0]])
     # OpenCV's positions have the first pixel's centre at 0.
     positions = (np.array([point.pt for point in keypoints], dtype=np.float64).reshape(-1, 2) + 0.5) * scale

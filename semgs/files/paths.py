@@ -18,7 +18,5 @@ def existing_folder(path: str | Path) -> Path:
         return path
     if path.is_file():
         return path.parent
-    nearest = next((parent for parent in path.absolute().parents if parent.is_dir()), None)
-    raise InputError(
-        path, "a folder with a scene", "nothing there", advice=nearest and f"the path exists as far as {nearest}"
-    )
+    nearest = next(parent for parent in path.absolute().parents if parent.is_dir())
+    raise InputError(path, "a folder with a scene", "nothing there", advice=f"the path exists as far as {nearest}")

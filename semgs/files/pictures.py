@@ -103,7 +103,7 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
         turn = is_turned(path, header, size)
         _decode(path, image)
         if data[:4] == b"\x89PNG" and data[24] == 16:
-            pixels = _eight_bits(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+            pixels = _eight_bits(np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)))
         else:
             pixels = _channels(path, image)
     rgb = _on_white(pixels)

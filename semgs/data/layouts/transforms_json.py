@@ -19,7 +19,6 @@ from semgs.data.layouts.fields import Fields, parsed
 from semgs.data.layouts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
-from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
 
 FILE_NAMES = ("transforms.json", "transforms_train.json")
@@ -198,18 +197,17 @@ def _lens(fields: Fields, picture: Path, notes: _Notes) -> Lens:
         raise fields.refused(key, f"{header.size[::-1]} (width, height) of {picture}", f"{fields.value(key)}")
     size = stated or header.size
     fx, fy = _focal(fields, "x", size[1]), _focal(fields, "y", size[0])
-    if fx is None or fy is None:
-        if fx is None and fy is None:
-            raise fields.refused("fl_x", "a focal length in pixels, or camera_angle_x", "neither")
-        fx = fy = fx or fy
+    focal = (fx or fy, fy or fx)
+    if focal[0] is None or focal[1] is None:
+        raise fields.refused("fl_x", "a focal length in pixels, or camera_angle_x", "neither")
     cx, cy = fields.number("cx"), fields.number("cy")
-    lens = Lens(
+    k1, k2, p1, p2, k3 = (fields.number(key) or 0.0 for key in DISTORTION)
+    return Lens(
         size=size,
-        focal=(fx, fy),
+        focal=(focal[0], focal[1]),
         centre=(size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy),
-        distortion=tuple(fields.number(key) or 0.0 for key in DISTORTION),
+        distortion=(k1, k2, p1, p2, k3),
     )
-    return lens
 
 
 def _focal(fields: Fields, axis: str, side: int) -> float | None:
