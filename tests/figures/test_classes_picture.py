@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from semgs.data.classes import SCANNET20
+from semgs.figures.classes import HATCH, class_picture, label_maps, legend, overlay, true_class_picture
+from semgs.rendering.rendering import Rendering
+
+FLOOR, CHAIR = SCANNET20.index("floor"), SCANNET20.index("chair")
+
+
+def labels() -> np.ndarray:
+    maps = np.full((20, 30), FLOOR, np.uint8)
+    maps[5:15, 10:] = CHAIR
+    maps[12:, :8] = 255
+    return maps
+
+
+def test_each_class_has_the_colour_of_the_table_and_what_is_unseen_is_hatched_in_no_class_colour() -> None:
+    picture = class_picture(labels(), SCANNET20)
+    assert (picture[0, 0] == SCANNET20.colours[FLOOR]).all()
+    assert (picture[6, 12] == SCANNET20.colours[CHAIR]).all()
+    stripes = {tuple(colour) for colour in picture[12:, :8].reshape(-1, 3).tolist()}
+    assert stripes == set(HATCH)
+    assert not stripes & set(SCANNET20.colours)
+
+
+def test_true_classes_are_black_where_nobody_labelled_them() -> None:
+    picture = true_class_picture(labels(), SCANNET20)
+    assert (picture[12:, :8] == 0).all()
+    assert (picture[0, 0] == SCANNET20.colours[FLOOR]).all()
+
+
+def test_an_overlay_mixes_photo_and_class_and_leaves_the_unseen_alone() -> None:
+    photo = np.full((20, 30, 3), 100, np.uint8)
+    mixed = overlay(photo, labels(), SCANNET20, strength=0.25)
+    expected = [round(0.75 * 100 + 0.25 * channel) for channel in SCANNET20.colours[CHAIR]]
+    assert mixed[6, 12].tolist() == pytest.approx(expected, abs=1)
+    assert (mixed[13, 3] == 100).all()
+
+
+def test_the_legend_lists_the_classes_present_with_the_most_frequent_first() -> None:
+    entries = legend([labels(), np.full((3, 4), CHAIR, np.uint8)], SCANNET20)
+    chairs, floors = 10 * 20 + 12, 20 * 30 - 10 * 20 - 8 * 8
+    assert [entry.name for entry in entries] == ["floor", "chair"]
+    assert entries[0].colour == SCANNET20.colours[FLOOR]
+    assert [entry.share for entry in entries] == pytest.approx([floors / (floors + chairs), chairs / (floors + chairs)])
+    assert legend([np.full((3, 4), 255, np.uint8)], SCANNET20) == ()
+    assert legend([], SCANNET20) == ()
+
+
+def test_a_pixel_is_the_likeliest_class_where_it_was_seen_and_255_elsewhere() -> None:
+    semantics = torch.full((1, 20, 2, 3), 0.01)
+    semantics[0, CHAIR] = 0.81
+    alphas = torch.tensor([[[0.0, 0.49, 0.5], [0.51, 0.9, 1.0]]])
+    rendering = Rendering(torch.zeros(1, 3, 2, 3), semantics, torch.ones(1, 2, 3), alphas)
+    assert label_maps(rendering).tolist() == [[[255, 255, CHAIR], [CHAIR, CHAIR, CHAIR]]]
+    with pytest.raises(ValueError, match="no classes"):
+        label_maps(Rendering(rendering.images, None, rendering.depths, alphas))

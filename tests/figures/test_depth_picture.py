@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from semgs.figures.depth import NOTHING, depth_bar, depth_limits, depth_picture
+
+
+def test_limits_span_what_has_depth_and_a_few_outliers_do_not_move_them() -> None:
+    depths = np.linspace(2, 4, 1000).reshape(20, 50)
+    depths[0, :3] = [0, 1000, 0]
+    low, high = depth_limits([depths, np.full((2, 2), 3.0)])
+    assert low == pytest.approx(2.02, abs=0.02)
+    assert high == pytest.approx(3.98, abs=0.02)
+
+
+def test_limits_of_one_depth_or_none_are_still_an_interval() -> None:
+    assert depth_limits([np.zeros((2, 3))]) == (0, 1)
+    assert depth_limits([]) == (0, 1)
+    low, high = depth_limits([np.full((2, 3), 2.0)])
+    assert low < 2 < high
+
+
+def test_equal_depths_look_equal_nothing_is_grey_and_the_bar_has_the_same_colours() -> None:
+    depths = np.array([[1.0, 2.0, 3.0], [0.0, 99.0, 1e-3]])
+    picture = depth_picture(depths, (1.0, 3.0))
+    bar = depth_bar(256, 4)
+    assert bar.shape == (4, 256, 3)
+    assert (picture[0, 0] == bar[0, 0]).all()
+    assert (picture[0, 2] == bar[0, 255]).all()
+    assert (picture[1, 1] == bar[0, 255]).all()  # clamped
+    assert (picture[1, 2] == bar[0, 0]).all()
+    assert (picture[1, 0] == NOTHING).all()
+    assert (picture[0, 1].astype(int) - bar[0, 128] <= 4).all()
+    assert bar[0, 40, 0] > bar[0, 40, 2]  # near is red
+    assert bar[0, 220, 0] < bar[0, 220, 2]  # far is blue

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import base64
+import io
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+from PIL import Image
+
+from semgs.figures.classes import LegendEntry
+from semgs.figures.page import Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Balanced(HTMLParser):
+    """Collects the text, and checks that every tag is closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def page() -> str:
+    pixels = np.arange(5 * 7 * 3, dtype=np.uint8).reshape(5, 7, 3)
+    return html_page(
+        "Room <1>",
+        "a lead & more",
+        [Headline("21.3 dB", "PSNR")],
+        [
+            Section("First", "why", (Facts((("unit", "metres"),)), Notes(("Mind the gap.",)))),
+            Section(
+                "Second",
+                "",
+                (
+                    Legend((LegendEntry("chair", (188, 189, 34), 0.25),), unseen=0.1),
+                    Scale(Picture(pixels, "bar"), ("0.5 m", "9 m"), "depth"),
+                    Gallery("a.jpg", "frame 3", (Picture(pixels, "photo"), Picture(pixels, "render"))),
+                    Table(("view", "PSNR"), (("a", "20"), ("b", "30"))),
+                ),
+            ),
+        ],
+        "made here",
+    )
+
+
+def test_the_page_is_well_formed_and_says_everything_with_markup_escaped() -> None:
+    parser = Balanced()
+    parser.feed(page())
+    parser.close()
+    assert parser.open == []
+    text = " ".join(" ".join(parser.text).split())
+    for part in (
+        "Room <1>", "a lead & more", "21.3 dB", "Mind the gap.", "chair", "25.0 %", "unseen", "10.0 %", "9 m", "made here",
+    ):  # fmt: skip
+        assert part in text
+    assert "<1>" not in page()
+
+
+def test_the_page_loads_nothing_and_runs_nothing() -> None:
+    html = page()
+    sources = re.findall(r'(?:src|href)="([^"]*)"', html)
+    assert sources
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert "<script" not in html
+    assert "http" not in html
+    assert "@import" not in html
+    assert "url(" not in html
+
+
+def test_pictures_are_inside_the_page_to_the_last_bit() -> None:
+    uri = re.findall(r'src="data:image/png;base64,([^"]*)"', page())[-1]
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri))))
+    assert (pixels == np.arange(5 * 7 * 3, dtype=np.uint8).reshape(5, 7, 3)).all()
+
+
+def test_unseen_is_in_the_legend_only_where_something_is_unseen() -> None:
+    seen = html_page("t", "l", [], [Section("s", "", (Legend(()),))], "f")
+    assert "unseen" not in seen
