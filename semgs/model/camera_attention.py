@@ -30,15 +30,15 @@ class TokenTransforms:
     Attributes:
         projection: P of each view.
         inverse: P^-1 of each view.
-        cosines: of the rotary angles of (columns, rows) [h w 2 frequency].
-        sines: likewise.
+        cosines: of the rotary angles, for each of the channels (column: first half, second half; row: likewise).
+        sines: likewise, negative for the second halves.
         output: whether the attention output is multiplied by G.
     """
 
     projection: Float[Tensor, "b v 4 4"]
     inverse: Float[Tensor, "b v 4 4"]
-    cosines: Float[Tensor, "h w 2 f"]
-    sines: Float[Tensor, "h w 2 f"]
+    cosines: Float[Tensor, "h w e"]
+    sines: Float[Tensor, "h w e"]
     output: bool = True
 
     def queries(self, q: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v h w d"]:
@@ -60,15 +60,10 @@ class TokenTransforms:
         """
         b, v, h, w, d = x.shape
         projective = (x[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
-        first, second = x[..., d // 2 :].unflatten(-1, (2, 2, d // 8)).unbind(-2)
-        turned = torch.stack(
-            (
-                self.cosines * first + sign * self.sines * second,
-                self.cosines * second - sign * self.sines * first,
-            ),
-            dim=-2,
-        )
-        return torch.cat((projective, turned.flatten(-3)), dim=-1)
+        halves = x[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
+        swapped = halves.flip(-2).flatten(-3)
+        turned = x[..., d // 2 :] * self.cosines + sign * (swapped * self.sines)
+        return torch.cat((projective, turned), dim=-1)
 
 
 def normalised_projections(
@@ -139,17 +134,14 @@ def token_transforms(
     count = channels // 8
     frequencies = ROPE_BASE ** (-torch.arange(count, dtype=torch.float64) / count)
     rows, columns = (torch.arange(side, dtype=torch.float64) for side in grid)
-    angles = torch.stack(
-        (
-            (columns[:, None] * frequencies).expand(grid[0], -1, -1),
-            (rows[:, None] * frequencies)[:, None].expand(-1, grid[1], -1),
-        ),
-        dim=-2,
-    )
+    by_column = (columns[:, None] * frequencies).expand(grid[0], -1, -1)
+    by_row = (rows[:, None] * frequencies)[:, None].expand(-1, grid[1], -1)
+    angles = torch.cat((by_column, by_column, by_row, by_row), dim=-1)
+    signs = torch.tensor([1.0, -1.0, 1.0, -1.0], dtype=torch.float64).repeat_interleave(count)
     return TokenTransforms(
         projection.to(like.device, dtype),
         inverse.to(like.device, dtype),
         angles.cos().to(like.device, dtype),
-        angles.sin().to(like.device, dtype),
+        (signs * angles.sin()).to(like.device, dtype),
         output_transform,
     )

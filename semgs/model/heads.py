@@ -13,8 +13,8 @@ from torch import Tensor, nn
 
 from semgs.geometry.cameras import Cameras, pixel_centres
 from semgs.geometry.gaussians import Appearance
-from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.conventions import Conventions
 from semgs.model.unet import GROUPS, UNet
 
@@ -132,6 +132,15 @@ class Head(nn.Sequential):
         )
 
 
+def start_at(head: Head, channels: slice, sigma: float) -> None:
+    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels."""
+    share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)
+    last = head[-1]
+    assert isinstance(last, nn.Conv2d) and last.bias is not None
+    with torch.no_grad():
+        last.bias[channels] = torch.logit(torch.tensor(share))
+
+
 @dataclass(frozen=True)
 class Rays:
     """What placing a Gaussian per pixel needs of the cameras, on the features' device and in their dtype.
@@ -191,7 +200,8 @@ def shapes(
     """Standard deviations [m] and world quaternions (w, x, y, z) from raw sizes and raw camera-frame (x, y, z, w)."""
     size = SMALLEST_SIGMA + (LARGEST_SIGMA - SMALLEST_SIGMA) * scales.sigmoid()
     unit = SIGMA_UNIT * rays.pixel[:, None, None] * depths
-    own = nn.functional.normalize(quaternions.permute(0, 2, 3, 1), dim=-1, eps=1e-8).roll(1, dims=-1)
+    length = quaternions.square().sum(1, keepdim=True).clamp(min=1e-16).sqrt()  # far faster than a norm over this axis
+    own = (quaternions / length).roll(1, dims=1).permute(0, 2, 3, 1)
     return size.permute(0, 2, 3, 1) * unit[..., None], quaternion_product(rays.quaternion[:, None, None], own)
 
 

@@ -27,6 +27,7 @@ from semgs.model.heads import (
     colour_appearance,
     points,
     semantic_appearance,
+    start_at,
     upsampled,
 )
 from semgs.model.swin import MultiViewSwin
@@ -65,8 +66,14 @@ class SemGS(nn.Module):
         harmonics: coefficients a colour that the head predicts; those beyond degree 3 are never drawn nor computed.
         colour_from_image: the colour head predicts a correction of the picture's own colour.
         gaussian_stride: 1 places a Gaussian per pixel, 2 one per 2x2 pixels.
+        initial_sigma: size at which Gaussians start, in pixels of their own grid; None leaves it to the draw.
         conventions: of geometry.
         name: of the preset.
+
+    Attributes:
+        classes: the class table, None for a colour-only network.
+        settings: the arguments above as plain JSON, without `classes`.
+        origin: one sentence on where the weights come from.
     """
 
     def __init__(
@@ -99,6 +106,7 @@ class SemGS(nn.Module):
         harmonics: int = 25,
         colour_from_image: bool = False,
         gaussian_stride: int = 1,
+        initial_sigma: float | None = None,
         conventions: Conventions = OURS,
         name: str = "base",
     ) -> None:
@@ -109,6 +117,7 @@ class SemGS(nn.Module):
         self.settings["cnn_widths"] = list(cnn_widths)
         self.settings["conventions"] = asdict(conventions)
         self.name = name
+        self.origin = "untrained"
         self.classes = classes
         self.conventions = conventions
         self.candidates = candidates
@@ -135,6 +144,10 @@ class SemGS(nn.Module):
             self.semantic_transformer = MultiViewSwin(channels, semantic_blocks, windows, expansion, reduction)
             self.semantic_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
             self.semantic_head = Head(3 + upsampled_channels, semantic_hidden, 7 + len(classes), last_kernel)
+        if initial_sigma is not None:
+            start_at(self.colour_head, slice(2, 5), initial_sigma)
+            if classes is not None:
+                start_at(self.semantic_head, slice(0, 3), initial_sigma)
 
     def forward(self, views: Views) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size.

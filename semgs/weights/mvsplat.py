@@ -1,6 +1,13 @@
-"""MVSplat's names: which of its tensors is which of ours, and the half-turn between its harmonics and the standard ones."""
+"""MVSplat's checkpoints: reading them, and which of their tensors is which of ours."""
 
 from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from semgs.files.errors import InputError
+from semgs.weights.file import read_tensors
 
 PREFIXES = {
     "backbone.backbone.": "cnn.",
@@ -24,3 +31,39 @@ def our_name(name: str) -> str | None:
         if name.startswith(theirs):
             return ours + name.removeprefix(theirs)
     return None
+
+
+def read(path: Path) -> dict[str, torch.Tensor]:
+    """The tensors of a checkpoint: safetensors, or Lightning's `.ckpt` read without unpickling objects.
+
+    Raises:
+        InputError: it is neither, or holds more than tensors and plain containers.
+    """
+    with path.open("rb") as file:
+        zipped = file.read(2) == b"PK"
+    if not zipped:
+        return read_tensors(path)
+    try:
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises many kinds on a broken or hostile archive
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(path, "a checkpoint that loads with weights_only=True", reason) from None
+    state = checkpoint.get("state_dict") if isinstance(checkpoint, dict) else None
+    if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
+        raise InputError(path, "a dictionary of tensors", "none", key="state_dict")
+    return {name: tensor.float() for name, tensor in state.items()}
+
+
+def renamed(tensors: dict[str, torch.Tensor], path: Path) -> dict[str, torch.Tensor]:
+    """The same tensors under our names.
+
+    Raises:
+        InputError: one of them is not MVSplat's.
+    """
+    ours = {}
+    for name, tensor in tensors.items():
+        own = our_name(name)
+        if own is None:
+            raise InputError(path, "MVSplat's encoder alone", "another tensor", key=name)
+        ours[own] = tensor
+    return ours

@@ -1,0 +1,138 @@
+"""The weights file: safetensors, with settings, class table and provenance in its header. Nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save as to_bytes
+
+from semgs.data.classes import ClassTable
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+from semgs.model.conventions import Conventions
+from semgs.model.semgs import SemGS
+
+FORMAT = "1"
+"""Version of the header."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a weights file says of itself.
+
+    Attributes:
+        settings: constructor arguments of the network.
+        classes: its class table, None for a colour-only network.
+        metadata: provenance: seed, data, steps, licence and whatever else its maker wrote.
+    """
+
+    settings: dict[str, Any]
+    classes: ClassTable | None
+    metadata: dict[str, str]
+
+
+def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.dtype = torch.bfloat16) -> None:
+    """Write a network's weights, atomically.
+
+    Args:
+        path: the file.
+        model: the network; its settings and class table go into the header.
+        metadata: provenance; its keys must not be those of the format (semgs, settings, classes).
+        dtype: floating-point tensors are stored in it; they are computed with in float32.
+
+    Raises:
+        ValueError: a key of the metadata is taken.
+    """
+    header = {
+        "semgs": FORMAT,
+        "settings": json.dumps(model.settings),
+        "classes": json.dumps(None if model.classes is None else asdict(model.classes)),
+    }
+    if taken := header.keys() & metadata.keys():
+        raise ValueError(f"metadata has the key {sorted(taken)[0]!r}, which the format itself uses")
+    tensors = {
+        name: tensor.detach().to("cpu", dtype if tensor.is_floating_point() else tensor.dtype).contiguous()
+        for name, tensor in model.state_dict().items()
+    }
+    write_bytes(Path(path), to_bytes(tensors, header | metadata))
+
+
+def is_ours(path: str | Path) -> bool:
+    """Whether a file is safetensors with our header."""
+    try:
+        with safe_open(path, "pt") as file:
+            return "semgs" in (file.metadata() or {})
+    except (OSError, SafetensorError):
+        return False
+
+
+def read_header(path: str | Path) -> Header:
+    """The header of a weights file.
+
+    Raises:
+        InputError: it is no weights file of ours, or of a later version.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            fields = dict(file.metadata() or {})
+    except (OSError, SafetensorError) as error:
+        raise InputError(path, "a safetensors file of weights", f"{error}") from None
+    if fields.pop("semgs", None) != FORMAT:
+        raise InputError(path, f"weights of format {FORMAT}, written by semgs", "another header", key="metadata")
+    try:
+        settings = json.loads(fields.pop("settings"))
+        classes = json.loads(fields.pop("classes"))
+        table = None if classes is None else _table(classes)
+        settings["conventions"] = Conventions(**settings["conventions"])
+        settings["cnn_widths"] = tuple(settings["cnn_widths"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
+    return Header(settings, table, fields)
+
+
+def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
+    """All tensors of a safetensors file, in float32.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            return {name: _single(file.get_tensor(name)) for name in file.keys()}  # noqa: SIM118: safe_open is no dict
+    except (OSError, SafetensorError) as error:
+        raise InputError(path, "a whole safetensors file", f"{error}") from None
+
+
+def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> None:
+    """Put tensors into a network, strictly.
+
+    Raises:
+        InputError: a tensor is missing, unknown or of another shape; it is named.
+    """
+    wanted = model.state_dict()
+    for name, tensor in wanted.items():
+        if name not in tensors:
+            raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}", "none", key=name)
+        if tensors[name].shape != tensor.shape:
+            raise InputError(path, f"shape {tuple(tensor.shape)}", f"{tuple(tensors[name].shape)}", key=name)
+    if extra := sorted(tensors.keys() - wanted.keys()):
+        raise InputError(path, f"the {len(wanted)} tensors of {model.name}", "one more", key=extra[0])
+    model.load_state_dict(tensors)
+
+
+def _single(tensor: torch.Tensor) -> torch.Tensor:
+    return tensor.float() if tensor.is_floating_point() else tensor
+
+
+def _table(fields: dict[str, Any]) -> ClassTable:
+    return ClassTable(
+        fields["name"],
+        tuple(fields["names"]),
+        tuple((int(r), int(g), int(b)) for r, g, b in fields["colours"]),
+        tuple(fields["raw_ids"]),
+    )

@@ -1,0 +1,100 @@
+"""Loading networks by name."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+import torch
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.files.errors import InputError
+from semgs.model import presets
+from semgs.model.semgs import SemGS
+from semgs.weights import mvsplat
+from semgs.weights.file import fill, is_ours, read_header, read_tensors
+
+
+def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20) -> SemGS:
+    """A network with its weights; `origin` of the result says in one sentence where they come from.
+
+    Args:
+        name: "small", "base" or "mvsplat".
+        weights: None takes those that ship with the package; "random" draws them; a path loads a file of ours, or
+            MVSplat's checkpoint (`.ckpt` or safetensors) for "mvsplat", and for "base", whose semantic branch is then
+            drawn at random.
+        seed: of what is drawn.
+        classes: the table that the weights must have been trained on.
+
+    Raises:
+        ValueError: there is no network of that name, or no weights ship for it.
+        InputError: the file cannot be read, or does not fit: the tensor or table is named.
+    """
+    if name not in presets.NAMES:
+        raise ValueError(f"unknown model {name!r}; known: {', '.join(presets.NAMES)}")
+    if weights is None:
+        weights = shipped(name)
+        if weights is None:
+            raise ValueError(f'no weights ship for "{name}"; pass a file, or weights="random" for an untrained network')
+    if str(weights) == "random":
+        model = drawn(name, seed, classes)
+        model.origin = f"untrained: drawn at random with seed {seed}"
+        return model
+    path = Path(weights)
+    if not path.is_file():
+        raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
+    if is_ours(path):
+        return _ours(name, path, classes)
+    return _mvsplats(name, path, seed, classes)
+
+
+def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
+    """An untrained network of that name; the caller's random state is left as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        if name == "mvsplat":
+            return presets.mvsplat()
+        return presets.base(classes) if name == "base" else presets.small(classes)
+
+
+def shipped(name: str) -> Path | None:
+    """The file of weights inside the package, None if there is none."""
+    path = Path(str(resources.files("semgs.weights"))) / "shipped" / f"{name}.safetensors"
+    return path if path.is_file() else None
+
+
+def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
+    header = read_header(path)
+    if header.settings.get("name") != name:
+        raise InputError(
+            path, f'weights of "{name}"', f'weights of "{header.settings.get("name")}"', key="settings.name"
+        )
+    if header.classes is not None and header.classes != classes:
+        raise InputError(
+            path,
+            f"class table {classes.name} ({len(classes)} classes)",
+            f"{header.classes.name} ({len(header.classes)} classes)",
+            key="classes",
+        )
+    try:
+        model = SemGS(classes=header.classes, **header.settings)
+    except (TypeError, ValueError) as error:
+        raise InputError(path, f'settings of "{name}"', f"{error}", key="settings") from None
+    fill(model, read_tensors(path), path)
+    model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
+    return model
+
+
+def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
+    if name == "small":
+        raise InputError(path, 'weights of "small", written by semgs', "another file")
+    tensors = mvsplat.read(path)
+    model = drawn(name, seed, classes)
+    own = model.state_dict()
+    foreign = mvsplat.renamed(tensors, path)
+    fresh = {key: value for key, value in own.items() if key not in foreign and key.startswith("semantic_")}
+    fill(model, foreign | fresh, path)
+    model.origin = f"{path.name}: all {len(foreign)} tensors of MVSplat taken" + (
+        f"; {len(fresh)} tensors of the semantic branch drawn at random with seed {seed}" if fresh else ""
+    )
+    return model
