@@ -1,0 +1,58 @@
+# One command each, the same on a laptop and in continuous integration.
+
+# The interpreter that makes .venv: the one the pins were tried with, else any from 3.11 on; `make setup PYTHON=...` overrides.
+PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3; do \
+	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && command -v $$name && break; done)
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
+# Written last, so that it exists only where everything does; it holds the folder that .venv was made for.
+STAMP := .venv/complete
+# There while something is being installed; where it stays behind, an earlier try was cut short.
+UNFINISHED := .venv/unfinished
+
+.PHONY: help setup demo test long check format anew
+.DEFAULT_GOAL := help
+
+help:
+	@echo 'make setup   make .venv with semgs and all that running and testing need'
+	@echo 'make demo    set up, then reconstruct the embedded scene'
+	@echo 'make test    set up, then run the tests (minutes)'
+	@echo 'make long    set up, then run the tests that take longer'
+	@echo 'make check   formats, lints and types'
+	@echo 'make format  bring the code into its format'
+
+setup: $(STAMP)
+
+# The scripts of a .venv that was copied or moved here still call the one it was, and its Python may have been uninstalled.
+ifneq ($(shell $(BIN)/python -c '' 2>/dev/null && cat $(STAMP) 2>/dev/null),$(CURDIR))
+$(STAMP): anew
+endif
+
+$(STAMP): pyproject.toml constraints.txt
+	@test -n '$(PYTHON)' || { echo 'semgs needs Python 3.11 or newer; name one: make setup PYTHON=/path/to/python3' >&2; exit 2; }
+	@if [ -e $(UNFINISHED) ] || { [ -e $(STAMP) ] && [ "$$(cat $(STAMP))" != '$(CURDIR)' ]; } \
+		|| ! $(BIN)/python -m pip --version >/dev/null 2>&1; then rm -rf .venv; fi
+	@rm -f $(STAMP)
+	@mkdir -p .venv && touch $(UNFINISHED)
+	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
+	$(PIP) hatchling editables
+	$(PIP) --no-build-isolation -e '.[sfm,raycast,dev]'
+	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
+
+demo: setup
+	$(BIN)/semgs demo
+
+test: setup
+	$(BIN)/pytest -m 'not long and not gpu'
+
+long: setup
+	$(BIN)/pytest -m 'long'
+
+check: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: setup
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
