@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import torch
 
@@ -13,7 +14,6 @@ from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.render import render
@@ -21,6 +21,23 @@ from semgs.rendering.rendering import Rendering
 
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this part of the near bound show no parallax."""
+
+
+@runtime_checkable
+class Network(Protocol):
+    """What reconstructs: `SemGS`, or whatever else turns views into Gaussians.
+
+    Attributes:
+        name: to call it by.
+        classes: the table of its class distributions; None if it knows colour only.
+    """
+
+    name: str
+    classes: ClassTable | None
+
+    def __call__(self, views: Views) -> Encoding:
+        """The Gaussians of two or more views."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -84,7 +101,7 @@ class Reconstruction:
 def reconstruct(
     scene: Scene,
     choice: Choice,
-    model: SemGS,
+    model: Network,
     size: Sequence[int] | None = None,
     *,
     stages: Stages | None = None,
@@ -106,7 +123,7 @@ def reconstruct(
     native = scene.frames[choice.context[0]].camera.size
     wanted = default_size(native) if size is None else tuple(size)
     count = len(choice.context) + len(choice.targets)
-    with stages("read", f"Reading {count} frames at {wanted[1]}x{wanted[0]}"):
+    with stages("read", f"Reading {count} frames at {wanted[0]}x{wanted[1]} (height x width)"):
         bounds = scene.depth_range(choice.context)
         context = scene.read(choice.context, wanted)
         target = scene.read(choice.targets, wanted) if choice.targets else None

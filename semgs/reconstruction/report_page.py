@@ -183,14 +183,14 @@ def _score_table(result: Reconstruction) -> Table:
 def _facts(result: Reconstruction, origin: Origin) -> Facts:
     """What was understood of the scene and what was decided."""
     scene = result.scene
-    native, used = (f"{width}x{height}" for height, width in (result.native_size, result.size))
+    native, used = (f"{height}x{width}" for height, width in (result.native_size, result.size))
     absent = f", {len(scene.absent)} more are listed but missing" if scene.absent else ""
     rows = [
         ("Scene", str(scene.path)),
         ("Layout", scene.layout),
         ("Frames", f"{len(scene)} usable{absent}"),
         ("Unit", "metres" if result.metric else "unknown: lengths are in the scene's own unit"),
-        ("Picture size", used if native == used else f"{used} (width x height), read from {native}"),
+        ("Picture size", f"{used} (height x width)" + ("" if native == used else f", read from {native}")),
         ("Input frames", _listed(result.context)),
         ("Held-out frames", _listed(result.target) if result.target else "none"),
         ("Why these", result.choice.reason),

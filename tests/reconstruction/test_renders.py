@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from semgs.data.choice import given
+from semgs.data.scene import Scene
+from semgs.figures.classes import label_maps
+from semgs.files.pictures import read_rgb, read_uint8, read_uint16
+from semgs.reconstruction.reconstruct import Network, reconstruct
+from semgs.reconstruction.renders import millimetres, write_renders
+
+
+def test_each_view_has_its_files_and_they_hold_what_was_rendered(
+    wall_scene: Callable[..., Scene], oracle: Network, tmp_path: Path
+) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 2]), oracle)
+    (tmp_path / "renders").mkdir()
+    write_renders(tmp_path / "renders", result)
+    written = sorted(path.name for path in (tmp_path / "renders").iterdir())
+    own = ["alpha", "classes", "depth", "image", "input", "labels"]
+    held_out = ["alpha", "classes", "depth", "image", "labels", "truth", "truth_depth", "truth_labels"]
+    assert written == sorted(
+        [f"context_{position:03d}_{name}.png" for position in (0, 2) for name in own]
+        + [f"target_001_{name}.png" for name in held_out]
+    )
+    assert result.target is not None
+    rendering = result.target.rendering
+    folder = tmp_path / "renders"
+    image = read_rgb(folder / "target_001_image.png") / 255
+    assert np.abs(image - rendering.images[0].clamp(0, 1).permute(1, 2, 0).numpy()).max() < 0.5 / 255 + 1e-6
+    depth = read_uint16(folder / "target_001_depth.png") / 1000
+    assert np.abs(depth - rendering.depths[0].numpy()).max() < 0.5e-3 + 1e-6
+    alpha = read_uint8(folder / "target_001_alpha.png") / 255
+    assert np.abs(alpha - rendering.alphas[0].numpy()).max() < 0.5 / 255 + 1e-6
+    labels = read_uint8(folder / "target_001_labels.png")
+    assert (labels == label_maps(rendering)[0]).all()
+    truth = read_uint8(folder / "target_001_truth_labels.png")
+    assert (truth == labels).mean() > 0.95
+    photo = read_rgb(folder / "target_001_truth.png") / 255
+    assert np.abs(photo - result.target.views.images[0].permute(1, 2, 0).numpy()).max() < 0.5 / 255 + 1e-6
+
+
+def test_without_a_known_unit_depth_is_floating_point_and_no_millimetres_are_written(
+    wall_scene: Callable[..., Scene], oracle: Network, tmp_path: Path
+) -> None:
+    scene = wall_scene(metric=False)
+    result = reconstruct(scene, given(scene, [0, 2]), oracle)
+    (tmp_path / "renders").mkdir()
+    write_renders(tmp_path / "renders", result)
+    assert not list((tmp_path / "renders").glob("*depth*.png"))
+    depth = np.asarray(Image.open(tmp_path / "renders/context_000_depth.tiff"))
+    assert depth.dtype == np.float32
+    assert (depth == result.context.rendering.depths[0].numpy()).all()
+
+
+def test_a_colour_only_network_leaves_the_class_maps_out(
+    wall_scene: Callable[..., Scene], colour_oracle: Network, tmp_path: Path
+) -> None:
+    scene = wall_scene()
+    (tmp_path / "renders").mkdir()
+    write_renders(tmp_path / "renders", reconstruct(scene, given(scene, [0, 1]), colour_oracle))
+    names = {path.name for path in (tmp_path / "renders").iterdir()}
+    assert "context_000_image.png" in names
+    assert not any("classes" in name or (name.startswith("context") and "labels" in name) for name in names)
+
+
+def test_depths_that_do_not_fit_into_16_bits_of_millimetres_are_unknown_not_wrong() -> None:
+    depths = torch.tensor([[0.0, 0.0004, 0.0006], [1.2344, 65.535, 65.536]])
+    assert millimetres(depths).tolist() == [[0, 0, 1], [1234, 65535, 0]]

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+
+import pytest
+
+from semgs.data.choice import given
+from semgs.data.scene import Scene
+from semgs.reconstruction.reconstruct import Network, reconstruct
+from semgs.reconstruction.report import Origin, outputs, report_numbers, rounded
+from semgs.reconstruction.report_page import decibels, length, report_page
+
+ORIGIN = Origin("semgs 9.9", "random", 1234567, "cpu")
+SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
+
+
+def text_of(html: str) -> str:
+    return " ".join(re.sub(r"<[^>]*>", " ", re.sub(r"<style>.*?</style>", "", html, flags=re.DOTALL)).split())
+
+
+def test_the_numbers_are_those_of_the_result(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    numbers = json.loads(json.dumps(report_numbers(result, ORIGIN, SECONDS), allow_nan=False))
+    assert numbers["scene"]["unit"] == "metric"
+    assert numbers["choice"]["context"] == [0, 3]
+    assert numbers["choice"]["targets"] == [1, 2]
+    assert [view["role"] for view in numbers["views"]] == ["context", "context", "target", "target"]
+    assert numbers["size"] == {"height": 32, "width": 48}
+    assert numbers["native_size"] == {"height": 40, "width": 56}
+    assert numbers["gaussians"] == 2 * 32 * 48
+    assert numbers["seconds"] == SECONDS
+    assert numbers["model"]["parameters"] == 1234567
+    assert {entry["name"] for entry in numbers["classes"]} == {"wall", "picture"}
+    assert result.target is not None
+    held_out = [score.psnr for score in result.target.scores]
+    assert numbers["means"]["target"]["psnr"] == pytest.approx(sum(held_out) / 2, rel=1e-4)
+    assert numbers["views"][2]["psnr"] == pytest.approx(held_out[0], rel=1e-4)
+    assert 0 <= numbers["unseen"] < 0.05
+
+
+def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    html = report_page(result, ORIGIN, SECONDS)
+    text = text_of(html)
+    for part in (
+        "images/00.png", "Held-out views", result.choice.reason, result.depth_range.reason, "0.5 m to 10 m", "metres",
+        "wall", "picture", "1.50 s", "semgs 9.9", "random weights", "semantics.ply", "transforms.json", "mIoU",
+        "32x48 (height x width), read from 40x56",
+    ):  # fmt: skip
+        assert part in text, part
+    bar, own, held_out = 1, 2 * 5, 2 * 6
+    assert html.count("<img") == bar + own + held_out
+
+
+def test_where_the_unit_is_unknown_no_metre_is_mentioned(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene(metric=False)
+    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    text = text_of(report_page(result, ORIGIN, SECONDS))
+    assert not re.search(r"\d\s?(m|mm|cm|metres|meters)\b", text)
+    assert "metres" not in text
+    assert "millimetres" not in text
+    assert "unknown" in text
+    assert "millimetre" not in json.dumps(report_numbers(result, ORIGIN, SECONDS))
+    assert not any("millimetre" in output.text for output in outputs(result))
+
+
+def test_a_colour_only_result_has_no_classes_anywhere(wall_scene: Callable[..., Scene], colour_oracle: Network) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 3]), colour_oracle)
+    numbers = report_numbers(result, ORIGIN, SECONDS)
+    assert numbers["classes"] == []
+    assert numbers["unseen"] is None
+    assert numbers["model"]["classes"] is None
+    assert "semantics.ply" not in [output.name for output in outputs(result)]
+    assert "colour only" in text_of(report_page(result, ORIGIN, SECONDS))
+
+
+def test_without_held_out_views_the_page_has_no_such_part(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene(shifts=(0.0, 0.1))
+    result = reconstruct(scene, given(scene, [0, 1]), oracle)
+    assert report_numbers(result, ORIGIN, SECONDS)["means"]["target"] is None
+    assert "Held-out views" not in text_of(report_page(result, ORIGIN, SECONDS))
+
+
+def test_numbers_as_text() -> None:
+    assert rounded(1.23456789) == 1.2346
+    assert rounded(float("inf")) is None
+    assert rounded(None) is None
+    assert decibels(None) == "–"
+    assert decibels(float("inf")) == "equal"
+    assert decibels(21.234) == "21.23 dB"
+    assert length(0.5, True) == "0.5 m"
+    assert length(0.5, False) == "0.5"
