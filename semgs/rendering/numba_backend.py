@@ -156,13 +156,14 @@ class _Tiles:
         tiles = -(-height // TILE) * -(-width // TILE)
         counts = np.zeros((PARTS, tiles), np.int64)
         first_pair = np.zeros(count + 1, np.int64)
-        count_pairs(ellipses, ranks, height, width, counts, first_pair[1:])
+        rectangles = np.empty((count, 4), np.int32)
+        count_pairs(ellipses, ranks, height, width, rectangles, first_pair[1:], counts)
         np.cumsum(first_pair, out=first_pair)
         ends = np.cumsum(counts.T).reshape(tiles, PARTS)
         starts = np.ascontiguousarray(ends.T) - counts
         gaussians = np.empty(first_pair[-1], np.int32)
         pairs = np.empty(first_pair[-1], np.int64)
-        fill_pairs(ellipses, ranks, height, width, starts, first_pair, gaussians, pairs)
+        fill_pairs(ellipses, ranks, width, rectangles, first_pair, starts, gaussians, pairs)
         return cls(ellipses, np.concatenate(([0], ends[:, -1])), gaussians, pairs, first_pair)
 
 

@@ -58,7 +58,9 @@ def render(
     _check(gaussians)
     dtype, device = gaussians.means.dtype, gaussians.means.device
     working = dtype if dtype in (torch.float32, torch.float64) else torch.float32
-    scenes = gaussians.to("cpu", working).map(lambda tensor: tensor.flatten(0, len(batch) - 1) if batch else tensor[None])
+    scenes = gaussians.to("cpu", working).map(
+        lambda tensor: tensor.flatten(0, len(batch) - 1) if batch else tensor[None]
+    )
     backdrop = torch.as_tensor(background, dtype=working, device="cpu")
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")

@@ -35,22 +35,32 @@ STRIDE = 16
 
 
 @njit(cache=True, parallel=True)
-def count_pairs(ellipses, order, height, width, counts, per_gaussian):
-    """Fill counts [PARTS tiles] and per_gaussian [g], both zeros, with the number of pairs."""
+def count_pairs(ellipses, order, height, width, rectangles, per_gaussian, counts):
+    """Find the tiles of every ellipse that is drawn and count the pairs.
+
+    Args:
+        rectangles: [g 4], filled with the first and end row and column of tiles.
+        per_gaussian: [g], zeros, filled with the number of pairs.
+        counts: [PARTS tiles], zeros, filled with each part's number of pairs in each tile.
+    """
     tiles_x = (width + TILE - 1) // TILE
+    for i in prange(len(ellipses)):
+        top, bottom, left, right = _rectangle(ellipses, i, height, width)
+        rectangles[i, 0], rectangles[i, 1], rectangles[i, 2], rectangles[i, 3] = top, bottom, left, right
     for part in prange(PARTS):
         for rank in range(part * len(order) // PARTS, (part + 1) * len(order) // PARTS):
             i = order[rank]
-            top, bottom = _tile_rows(ellipses, i, height)
-            for row in range(top, bottom):
-                left, right = _tile_columns(ellipses, i, row, width)
+            pairs = 0
+            for row in range(rectangles[i, 0], rectangles[i, 1]):
+                left, right = _tile_columns(ellipses, i, rectangles, row, width)
                 for column in range(left, right):
                     counts[part, row * tiles_x + column] += 1
-                per_gaussian[i] += max(0, right - left)
+                pairs += right - left
+            per_gaussian[i] = pairs
 
 
 @njit(cache=True, parallel=True)
-def fill_pairs(ellipses, order, height, width, starts, first_pair, gaussians, pairs):
+def fill_pairs(ellipses, order, width, rectangles, first_pair, starts, gaussians, pairs):
     """Fill each tile's list, front to back: the Gaussians [pairs] and their pairs' numbers Gaussian by Gaussian [pairs].
 
     `starts` [PARTS tiles] is where each part begins in each tile's list; it is used up.
@@ -60,9 +70,8 @@ def fill_pairs(ellipses, order, height, width, starts, first_pair, gaussians, pa
         for rank in range(part * len(order) // PARTS, (part + 1) * len(order) // PARTS):
             i = order[rank]
             pair = first_pair[i]
-            top, bottom = _tile_rows(ellipses, i, height)
-            for row in range(top, bottom):
-                left, right = _tile_columns(ellipses, i, row, width)
+            for row in range(rectangles[i, 0], rectangles[i, 1]):
+                left, right = _tile_columns(ellipses, i, rectangles, row, width)
                 for column in range(left, right):
                     tile = row * tiles_x + column
                     at = starts[part, tile]
@@ -120,15 +129,21 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
             break
         i = gaussians[place]
         opacity = ellipses[i, OPACITY]
+        x, y = ellipses[i, CENTRE_X], ellipses[i, CENTRE_Y]
+        xx, xy, yy = ellipses[i, CONIC_XX], ellipses[i, CONIC_XY], ellipses[i, CONIC_YY]
+        reach_xx, determinant, narrow = ellipses[i, REACH] * xx, ellipses[i, DETERMINANT], 1 / xx
         first_row, end_row = _rows(ellipses, i, top, bottom)
         for row in range(first_row, end_row):
-            dy = row + 0.5 - ellipses[i, CENTRE_Y]
-            first, end = _columns(ellipses, i, dy, left, right)
+            dy = row + 0.5 - y
+            half = math.sqrt(max(0.0, reach_xx - determinant * dy * dy)) * narrow
+            middle = x - xy * narrow * dy
+            first, end = _pixels(middle - half, middle + half, left, right)
             for column in range(first, end):
                 pixel = (row - top) * TILE + column - left
                 if finished[pixel]:
                     continue
-                sigma = _sigma(ellipses, i, column + 0.5 - ellipses[i, CENTRE_X], dy)
+                dx = column + 0.5 - x
+                sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
                 alpha = min(MAX_ALPHA, opacity * math.exp(-sigma))
                 if sigma < 0 or alpha < MIN_ALPHA:
                     continue
@@ -166,7 +181,9 @@ def _draw_tile_backward(
             for column in range(left, right):
                 grad[(row - top) * TILE + column - left, channel] = grad_picture[channel, row, column]
     light = np.ones(TILE * TILE)
-    behind = np.zeros(TILE * TILE)  # sum of w_j (f_j . gradient) and of the gradient of T times T, over what lies behind
+    behind = np.zeros(
+        TILE * TILE
+    )  # sum of w_j (f_j . gradient) and of the gradient of T times T, over what lies behind
     latest = np.full(TILE * TILE, -1, np.int32)
     final = -1
     for row in range(top, bottom):
@@ -183,16 +200,20 @@ def _draw_tile_backward(
         opacity = ellipses[i, OPACITY]
         xx, xy, yy = ellipses[i, CONIC_XX], ellipses[i, CONIC_XY], ellipses[i, CONIC_YY]
         vx, vy, vxx, vxy, vyy, vo = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        x, y = ellipses[i, CENTRE_X], ellipses[i, CENTRE_Y]
+        reach_xx, determinant, narrow = ellipses[i, REACH] * xx, ellipses[i, DETERMINANT], 1 / xx
         first_row, end_row = _rows(ellipses, i, top, bottom)
         for row in range(first_row, end_row):
-            dy = row + 0.5 - ellipses[i, CENTRE_Y]
-            first, end = _columns(ellipses, i, dy, left, right)
+            dy = row + 0.5 - y
+            half = math.sqrt(max(0.0, reach_xx - determinant * dy * dy)) * narrow
+            middle = x - xy * narrow * dy
+            first, end = _pixels(middle - half, middle + half, left, right)
             for column in range(first, end):
                 pixel = (row - top) * TILE + column - left
                 if place > latest[pixel]:
                     continue
-                dx = column + 0.5 - ellipses[i, CENTRE_X]
-                sigma = _sigma(ellipses, i, dx, dy)
+                dx = column + 0.5 - x
+                sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
                 falloff = math.exp(-sigma)
                 alpha = min(MAX_ALPHA, opacity * falloff)
                 if sigma < 0 or alpha < MIN_ALPHA:
@@ -220,12 +241,6 @@ def _draw_tile_backward(
 
 
 @njit(cache=True)
-def _sigma(ellipses, i, dx, dy):
-    """Half the squared Mahalanobis distance."""
-    return 0.5 * (ellipses[i, CONIC_XX] * dx * dx + ellipses[i, CONIC_YY] * dy * dy) + ellipses[i, CONIC_XY] * dx * dy
-
-
-@njit(cache=True)
 def _add(sums, i, rows, j, weight):
     """sums[i] += weight rows[j]."""
     factor = sums.dtype.type(weight)
@@ -245,7 +260,8 @@ def _dot(a, i, b, j):
 @njit(cache=True)
 def _pixels(low, high, first, end):
     """Pixels in first..end - 1 whose centre is in low..high, as begin and end; the slack of the reach covers rounding."""
-    return max(first, math.ceil(max(low - 0.5, -1.0))), min(end, math.floor(min(high - 0.5, end + 1.0)) + 1)
+    low, high = max(low, first), min(high, end)
+    return max(first, math.ceil(low - 0.5)), min(end, math.floor(high + 0.5))
 
 
 @njit(cache=True)
@@ -256,32 +272,28 @@ def _rows(ellipses, i, top, bottom):
 
 
 @njit(cache=True)
-def _columns(ellipses, i, dy, left, right):
-    """Pixels in left..right - 1 that an ellipse meets on the row at `dy` from its centre, as begin and end."""
-    square = ellipses[i, REACH] * ellipses[i, CONIC_XX] - ellipses[i, DETERMINANT] * dy * dy
-    half = math.sqrt(max(0.0, square)) / ellipses[i, CONIC_XX]
-    middle = ellipses[i, CENTRE_X] - ellipses[i, CONIC_XY] / ellipses[i, CONIC_XX] * dy
-    return _pixels(middle - half, middle + half, left, right)
-
-
-@njit(cache=True)
-def _tile_rows(ellipses, i, height):
-    """Rows of tiles that an ellipse meets, as begin and end."""
+def _rectangle(ellipses, i, height, width):
+    """First and end row and column of the tiles that an ellipse's bounding box meets."""
     if ellipses[i, REACH] < 0:
-        return 0, 0
-    first, end = _rows(ellipses, i, 0, height)
-    if first >= end:
-        return 0, 0
-    return first // TILE, (end - 1) // TILE + 1
+        return 0, 0, 0, 0
+    half = math.sqrt(ellipses[i, REACH] * ellipses[i, CONIC_YY] / ellipses[i, DETERMINANT])
+    top, bottom = _rows(ellipses, i, 0, height)
+    left, right = _pixels(ellipses[i, CENTRE_X] - half, ellipses[i, CENTRE_X] + half, 0, width)
+    if top >= bottom or left >= right:
+        return 0, 0, 0, 0
+    return top // TILE, (bottom - 1) // TILE + 1, left // TILE, (right - 1) // TILE + 1
 
 
 @njit(cache=True)
-def _tile_columns(ellipses, i, tile_row, width):
-    """Tiles of one row that an ellipse meets, as begin and end: exact, since both ellipse and band are convex.
+def _tile_columns(ellipses, i, rectangles, tile_row, width):
+    """Tiles of one row that an ellipse meets, as begin and end: exact, since both ellipse and row are convex.
 
     Its right edge is furthest right at dy = -(xy / yy) times its half width, its left edge opposite; where that lies outside
-    the band of the tiles' pixel centres, at the band's nearest border.
+    the band of the row's pixel centres, at the band's nearest border.
     """
+    top, bottom, first, end = rectangles[i]
+    if bottom - top == 1 or end - first == 1:
+        return first, end
     xx, xy, yy = ellipses[i, CONIC_XX], ellipses[i, CONIC_XY], ellipses[i, CONIC_YY]
     reach, determinant = ellipses[i, REACH], ellipses[i, DETERMINANT]
     low = tile_row * TILE + 0.5 - ellipses[i, CENTRE_Y]
@@ -291,7 +303,7 @@ def _tile_columns(ellipses, i, tile_row, width):
     at_left = min(max(-turn, low), high)
     right = (math.sqrt(max(0.0, reach * xx - determinant * at_right * at_right)) - xy * at_right) / xx
     left = -(math.sqrt(max(0.0, reach * xx - determinant * at_left * at_left)) + xy * at_left) / xx
-    first, end = _pixels(ellipses[i, CENTRE_X] + left, ellipses[i, CENTRE_X] + right, 0, width)
-    if first >= end:
-        return 0, 0
-    return first // TILE, (end - 1) // TILE + 1
+    begin, stop = _pixels(ellipses[i, CENTRE_X] + left, ellipses[i, CENTRE_X] + right, 0, width)
+    if begin >= stop:
+        return first, first
+    return begin // TILE, (stop - 1) // TILE + 1
