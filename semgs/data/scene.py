@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,11 +89,12 @@ class Scene:
                     return found[0]
             reason = ", its picture is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
-        if not 0 <= frame < len(self.frames):
+        position = operator.index(frame)
+        if not 0 <= position < len(self.frames):
             raise ValueError(
                 f"{self.path} has no frame {frame}; expected a position from 0 to {len(self.frames) - 1} among the usable frames"
             )
-        return int(frame)
+        return position
 
     def depth_range(self, frames: Sequence[int | str] | None = None) -> DepthRange:
         """Near and far for some frames (None: for all), with the reason.

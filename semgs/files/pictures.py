@@ -8,6 +8,7 @@ meaning (CMYK, an EXIF rotation that the camera neither confirms nor denies, a p
 from __future__ import annotations
 
 import io
+import math
 import struct
 import zlib
 from dataclasses import dataclass
@@ -24,6 +25,15 @@ FORMATS = ("JPEG", "PNG")
 _ORIENTATION = 0x0112
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
 """What Pillow raises on files that are damaged, by format and place of the damage."""
+
+
+_TURNS = {
+    5: lambda pixels: pixels.swapaxes(0, 1),
+    6: lambda pixels: np.rot90(pixels, -1),
+    7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
+    8: lambda pixels: np.rot90(pixels, 1),
+}
+"""From stored to upright pixels, for the EXIF orientations that exchange height and width."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +109,9 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
     """
     data = _bytes(path)
     with _opened(path, data) as image:
-        header = _header(path, image)
-        turn = is_turned(path, header, size)
         _decode(path, image)
+        header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
+        turn = is_turned(path, header, size)
         if data[:4] == b"\x89PNG" and data[24] == 16:
             pixels = _eight_bits(np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)))
         else:
@@ -110,26 +120,31 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
     return np.ascontiguousarray(_TURNS[header.orientation](rgb)) if turn else rgb
 
 
-def read_grey(path: str | Path, longest: int, size: tuple[int, int] | None = None) -> np.ndarray:
+def read_grey(path: str | Path, size: tuple[int, int], longest: int) -> np.ndarray:
     """A picture in grey, uint8 [h w], reduced so that its longer side is at most `longest` pixels.
 
-    For finding features, where speed counts more than the last bit: JPEGs are decoded at the smaller size.
+    For finding features, where speed counts more than the last bit: JPEGs are decoded at a smaller size.
+
+    Args:
+        path: a JPEG or PNG.
+        size: (height, width) of the camera that took it, as for `read_rgb`.
+        longest: what the longer side may be [px].
 
     Raises:
         InputError: as `read_rgb`.
     """
+    scale = min(1.0, longest / max(size))
     with _opened(path) as image:
-        header = _header(path, image)
-        turn = is_turned(path, header, size)
-        scale = min(1.0, longest / max(header.size))
-        height, width = (max(1, round(side * scale)) for side in header.size)
-        if image.format == "JPEG":
-            image.draft("L", (width, height))
-        _decode(path, image)
-        grey = np.asarray(image) if image.mode == "L" else cv2.cvtColor(read_rgb(path, size), cv2.COLOR_RGB2GRAY)
-    if image.mode == "L" and turn:
-        grey = np.ascontiguousarray(_TURNS[header.orientation](grey))
-    return cv2.resize(grey, (height, width) if turn else (width, height), interpolation=cv2.INTER_AREA)
+        if image.format == "JPEG" and image.mode in ("L", "RGB"):
+            header = _header(path, image)
+            turn = is_turned(path, header, size)
+            image.draft("L", (math.ceil(image.width * scale), math.ceil(image.height * scale)))
+            _decode(path, image)
+            grey = _TURNS[header.orientation](np.asarray(image)) if turn else np.asarray(image)
+        else:
+            grey = cv2.cvtColor(read_rgb(path, size), cv2.COLOR_RGB2GRAY)
+    height, width = (max(1, round(side * scale)) for side in size)
+    return np.asarray(cv2.resize(np.ascontiguousarray(grey), (width, height), interpolation=cv2.INTER_AREA))
 
 
 def read_uint16(path: str | Path) -> np.ndarray:
@@ -174,15 +189,6 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     write_bytes(Path(path), buffer.getvalue())
 
 
-_TURNS = {
-    5: lambda pixels: pixels.swapaxes(0, 1),
-    6: lambda pixels: np.rot90(pixels, -1),
-    7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
-    8: lambda pixels: np.rot90(pixels, 1),
-}
-"""From stored to upright pixels, for the EXIF orientations that exchange height and width."""
-
-
 def _bytes(path: str | Path) -> bytes:
     """The content of a file.
 
@@ -218,7 +224,7 @@ def _header(path: str | Path, image: Image.Image) -> PictureHeader:
         InputError: its EXIF data are damaged.
     """
     try:
-        orientation = image.getexif().get(_ORIENTATION, 1)
+        orientation = Image.Image.getexif(image).get(_ORIENTATION, 1)  # PngImageFile's own would decode all pixels
     except _DAMAGE as error:
         raise InputError(path, "readable EXIF data or none", str(error)) from error
     transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from dataclasses import dataclass
@@ -66,9 +67,13 @@ class Fields:
         value = self.value(key)
         if value is None:
             return None
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise self.refused(key, "a finite number", repr(value))
-        return float(value)
+        number = math.nan
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            with contextlib.suppress(OverflowError):  # a whole number beyond the largest float
+                number = float(value)
+        if not math.isfinite(number):
+            raise self.refused(key, "a finite number", f"{value!r:.40}")
+        return number
 
     def positive(self, key: str) -> float | None:
         """A number above 0, None where there is none.

@@ -1,0 +1,195 @@
+"""Choice of views: which frames are the contexts, which are left to compare with, and why.
+
+Frames are judged by what they see and from where, never by their position in the file. Two frames go well together if they see
+the same things, from places that differ by about a tenth of the distance to them: nearer gives no depth, farther no matches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semgs.data.depth_range import DepthRange
+from semgs.data.scene import Scene
+
+IDEAL_BASELINE = (0.05, 0.15)
+"""Of the middle depth; the preference peaks at their geometric mean and falls off beyond."""
+
+STEEPNESS = 0.72
+"""Standard deviation of the preference in the logarithm of the baseline: 0.75 at the ends of the ideal band, 0.1 at 0.017 and 0.45."""
+
+CANDIDATES = 300
+"""Of more frames than this, so many spread evenly are considered as contexts: their neighbours show nearly the same."""
+
+TARGETS = 4
+LEAST_SEEN = 0.5
+"""A target has to share at least this part of what it sees with a context."""
+
+GRID = 12
+WIDEST_ANGLE = np.radians(60)
+"""From directions further apart than this a surface is not the same to see."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which frames to use.
+
+    Attributes:
+        context: positions of the input views, ascending unless the user gave another order.
+        targets: positions of the held-out views, ascending; may be empty.
+        reason: why, one sentence.
+    """
+
+    context: tuple[int, ...]
+    targets: tuple[int, ...]
+    reason: str
+
+
+def choose(scene: Scene, count: int) -> Choice:
+    """The `count` frames that go best together as contexts, and the frames between them as targets.
+
+    The first two are the pair with the most overlap at the middle depth and a baseline near 5 to 15 % of it; each further one
+    goes best, by the same measure, with the nearest of those chosen, so that views are added beside them and show more.
+
+    Raises:
+        ValueError: `count` is less than 2 or more than there are usable frames.
+    """
+    _check_count(scene, count)
+    bounds = scene.depth_range()
+    few = np.unique(np.linspace(0, len(scene) - 1, min(len(scene), max(CANDIDATES, count))).round().astype(int))
+    geometry = _Geometry(scene, bounds.middle, few)
+    overlaps, baselines = geometry.overlaps(), geometry.baselines()
+    preference = _preference(baselines / bounds.middle)
+    scores = overlaps * preference
+    np.fill_diagonal(scores, -1)
+    chosen = [int(index) for index in np.unravel_index(np.argmax(scores), scores.shape)]
+    while len(chosen) < count:
+        nearest = np.array(chosen)[np.argmin(baselines[:, chosen], axis=1)]
+        fit = scores[np.arange(len(few)), nearest]
+        fit[chosen] = -1
+        chosen.append(int(np.argmax(fit)))
+    context = tuple(sorted(int(few[index]) for index in chosen))
+    return _with_targets(scene, context, bounds, "chosen: ")
+
+
+def given(scene: Scene, context: Sequence[int | str]) -> Choice:
+    """The frames that the user named as contexts, in that order, and the frames between them as targets.
+
+    Raises:
+        ValueError: there are fewer than two, one comes twice, or the scene has no such frame.
+    """
+    indices = tuple(scene.index(frame) for frame in context)
+    _check_count(scene, len(indices))
+    if len(set(indices)) != len(indices):
+        raise ValueError(f"the context views are {', '.join(map(str, context))}; expected different frames")
+    return _with_targets(scene, indices, scene.depth_range(indices), "as asked: ")
+
+
+class _Geometry:
+    """The cameras of some frames as arrays, and what they share."""
+
+    def __init__(self, scene: Scene, depth: float, indices: np.ndarray) -> None:
+        frames = [scene.frames[index] for index in indices]
+        lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
+        self.poses = np.stack([frame.world_from_camera for frame in frames])
+        self.intrinsics = np.stack([lenses[frame.lens] for frame in frames])
+        self.sizes = np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64)
+        steps = (np.arange(GRID) + 0.5) / GRID
+        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2) * self.sizes[:, None]
+        rays = np.concatenate((grid, np.ones_like(grid[..., :1])), axis=-1) @ np.linalg.inv(self.intrinsics).mT
+        self.points = depth * rays @ self.poses[:, :3, :3].mT + self.poses[:, None, :3, 3]
+
+    def baselines(self) -> np.ndarray:
+        """Distances between the cameras [n n]."""
+        centres = self.poses[:, :3, 3]
+        return np.linalg.norm(centres[:, None] - centres, axis=-1)
+
+    def overlaps(self) -> np.ndarray:
+        """How much each pair shares of what it sees at the middle depth, the smaller of both directions [n n]."""
+        seen = np.stack([self._seen_by(index) for index in range(len(self.poses))], axis=1)
+        return np.minimum(seen, seen.T)
+
+    def _seen_by(self, index: int) -> np.ndarray:
+        """The part of each frame's points that frame `index` sees too, from a similar direction [n]."""
+        towards = self.points - self.poses[index, :3, 3]
+        inside = towards @ self.poses[index, :3, :3]
+        homogeneous = inside @ self.intrinsics[index].T
+        depth = np.where(inside[..., 2] > 0, inside[..., 2], np.inf)
+        pixels = homogeneous[..., :2] / depth[..., None]
+        visible = (inside[..., 2] > 0) & ((pixels >= 0) & (pixels < self.sizes[index])).all(-1)
+        away = self.points - self.poses[:, None, :3, 3]
+        cosine = (towards * away).sum(-1)
+        alike = cosine > np.cos(WIDEST_ANGLE) * np.linalg.norm(towards, axis=-1) * np.linalg.norm(away, axis=-1)
+        return (visible & alike).mean(axis=1)
+
+
+def _check_count(scene: Scene, count: int) -> None:
+    """Refuse a number of context views that cannot be.
+
+    Raises:
+        ValueError: it is less than 2 or more than there are usable frames.
+    """
+    if not 2 <= count <= len(scene):
+        raise ValueError(
+            f"{count} context view{'' if count == 1 else 's'} asked for; expected 2 to {len(scene)}, the number of usable frames of {scene.path}"
+        )
+
+
+def _preference(relative: np.ndarray) -> np.ndarray:
+    """How good a baseline is, as a part of the middle depth: 1 in the middle of the ideal band, towards 0 far from it."""
+    best = (IDEAL_BASELINE[0] * IDEAL_BASELINE[1]) ** 0.5
+    return np.exp(-0.5 * (np.log(np.maximum(relative, 1e-9) / best) / STEEPNESS) ** 2)
+
+
+def _with_targets(scene: Scene, context: tuple[int, ...], bounds: DepthRange, prefix: str) -> Choice:
+    """The choice of these contexts: its targets and its reason.
+
+    Targets are up to `TARGETS` frames spread evenly over those between the contexts in file order, or else the nearest others; all see
+    much of what the contexts see.
+    """
+    between = [index for index in range(min(context) + 1, max(context)) if index not in context]
+    others = [index for index in range(len(scene)) if index not in context]
+    targets = _seen_enough(scene, context, between, bounds)
+    if targets:
+        spread = np.linspace(0, len(targets) - 1, min(len(targets), TARGETS)).round().astype(int)
+        targets = [targets[index] for index in spread]
+    else:
+        centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
+        distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
+        nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
+        targets = sorted(_seen_enough(scene, context, nearest, bounds)[:TARGETS])
+    return Choice(context, tuple(targets), prefix + _reason(scene, context, bounds))
+
+
+def _seen_enough(scene: Scene, context: Sequence[int], frames: Sequence[int], bounds: DepthRange) -> list[int]:
+    """Those of some frames that share at least `LEAST_SEEN` of what they see with a context, in the order given."""
+    if len(frames) > CANDIDATES:
+        frames = [frames[index] for index in np.linspace(0, len(frames) - 1, CANDIDATES).round().astype(int)]
+    if not frames:
+        return []
+    overlaps = _Geometry(scene, bounds.middle, np.array([*context, *frames])).overlaps()
+    shared = overlaps[len(context) :, : len(context)].max(axis=1)
+    return [frame for frame, part in zip(frames, shared, strict=True) if part >= LEAST_SEEN]
+
+
+def _reason(scene: Scene, context: Sequence[int], bounds: DepthRange) -> str:
+    """One sentence with the figures of the contexts."""
+    geometry = _Geometry(scene, bounds.middle, np.array(context))
+    pairs = np.triu_indices(len(context), 1)
+    overlaps, baselines = geometry.overlaps()[pairs], geometry.baselines()[pairs]
+    names = ", ".join(f"{index} ({scene.frames[index].name})" for index in context)
+    unit = " m" if scene.unit == "metric" else ""
+    share = f"{overlaps.min():.0%}" if len(overlaps) == 1 else f"{overlaps.min():.0%} to {overlaps.max():.0%}"
+    far, near = baselines.max(), baselines.min()
+    apart = (
+        f"{far:.2g}{unit} ({far / bounds.middle:.0%} of it)"
+        if len(baselines) == 1
+        else f"{near:.2g} to {far:.2g}{unit} ({near / bounds.middle:.0%} to {far / bounds.middle:.0%} of it)"
+    )
+    parallax = "" if far > 0.005 * bounds.middle else "; there is no parallax, so depth is a guess"
+    return (
+        f"frames {names} share {share} of what they see at the middle depth of {bounds.middle:.2g}{unit} "
+        f"and are {apart} apart{parallax}"
+    )

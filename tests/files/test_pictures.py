@@ -1,0 +1,206 @@
+"""Pictures: what a file means, and what is refused."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image, ImageOps
+
+from semgs.files.errors import InputError
+from semgs.files.pictures import read_grey, read_header, read_rgb, read_uint8, read_uint16, write_png
+
+HEIGHT, WIDTH = 24, 37
+
+
+@pytest.fixture
+def rgb() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+
+
+def smooth(height: int = 200, width: int = 310) -> np.ndarray:
+    """A picture that JPEG keeps well: one colour per corner."""
+    corners = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 0]]], dtype=np.uint8)
+    return cv2.resize(corners, (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def oriented(path: Path, pixels: np.ndarray, orientation: int) -> Path:
+    """A PNG with an EXIF orientation."""
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(pixels).save(path, exif=exif)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype"), [((HEIGHT, WIDTH, 3), np.uint8), ((HEIGHT, WIDTH), np.uint8), ((HEIGHT, WIDTH), np.uint16)]
+)
+def test_what_is_written_is_read_back_bit_by_bit(tmp_path, shape, dtype):
+    array = np.random.default_rng(1).integers(0, np.iinfo(dtype).max, shape, dtype=dtype, endpoint=True)
+    write_png(tmp_path / "a.png", array)
+    read = read_uint16 if dtype == np.uint16 else read_rgb if len(shape) == 3 else read_uint8
+    again = read(tmp_path / "a.png")
+    assert again.dtype == dtype
+    np.testing.assert_array_equal(again, array)
+    assert [one.name for one in tmp_path.iterdir()] == ["a.png"]
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.zeros((4, 5), np.float32),
+        np.zeros((4, 5, 4), np.uint8),
+        np.zeros((4, 5, 3), np.uint16),
+        np.zeros((0, 5), np.uint8),
+    ],
+)
+def test_arrays_that_are_no_picture_are_not_written(tmp_path, array):
+    with pytest.raises(ValueError, match="expected uint8"):
+        write_png(tmp_path / "a.png", array)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_jpeg_comes_out_as_it_was_drawn(tmp_path):
+    Image.fromarray(smooth()).save(tmp_path / "a.jpg", quality=95)
+    assert np.abs(read_rgb(tmp_path / "a.jpg").astype(int) - smooth()).max() <= 6
+
+
+def test_grey_pictures_have_three_equal_channels(tmp_path, rgb):
+    Image.fromarray(rgb[..., 0]).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(read_rgb(tmp_path / "a.png"), np.repeat(rgb[..., :1], 3, axis=-1))
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_sixteen_bits_are_rounded_to_eight_not_cut_off(tmp_path, channels):
+    shape = (HEIGHT, WIDTH, channels)[: 2 if channels == 1 else 3]
+    values = np.random.default_rng(2).integers(0, 65536, shape, dtype=np.uint16)
+    if channels == 4:
+        values[..., 3] = 65535
+    cv2.imwrite(str(tmp_path / "a.png"), values)
+    expected = np.round(values.astype(np.float64) / 65535 * 255)
+    expected = np.repeat(expected[..., None], 3, -1) if channels == 1 else expected[..., 2::-1]
+    np.testing.assert_array_equal(read_rgb(tmp_path / "a.png"), expected)
+
+
+def test_palettes_are_looked_up_in_pictures_and_left_alone_in_labels(tmp_path):
+    indices = np.random.default_rng(3).integers(0, 5, (HEIGHT, WIDTH), dtype=np.uint8)
+    colours = np.random.default_rng(4).integers(0, 256, (5, 3), dtype=np.uint8)
+    image = Image.fromarray(indices, "L")
+    image = Image.frombytes("P", image.size, image.tobytes())
+    image.putpalette(colours.tobytes())
+    image.save(tmp_path / "a.png")
+    np.testing.assert_array_equal(read_rgb(tmp_path / "a.png"), colours[indices])
+    np.testing.assert_array_equal(read_uint8(tmp_path / "a.png"), indices)
+
+
+def test_transparent_areas_are_laid_on_white(tmp_path, rgb):
+    alpha = np.random.default_rng(5).integers(0, 256, (HEIGHT, WIDTH, 1), dtype=np.uint8)
+    alpha[0], alpha[1] = 0, 255
+    Image.fromarray(np.concatenate((rgb, alpha), axis=-1)).save(tmp_path / "a.png")
+    picture = read_rgb(tmp_path / "a.png")
+    assert read_header(tmp_path / "a.png").transparent
+    assert (picture[0] == 255).all()
+    np.testing.assert_array_equal(picture[1], rgb[1])
+    weight = alpha / 255
+    assert np.abs(picture - (rgb * weight + 255 * (1 - weight))).max() <= 0.5 + 1e-6
+
+
+def test_cmyk_is_refused(tmp_path):
+    Image.new("CMYK", (WIDTH, HEIGHT), (10, 20, 30, 40)).save(tmp_path / "a.jpg")
+    with pytest.raises(InputError, match="mode CMYK; convert it to sRGB"):
+        read_rgb(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize("orientation", [5, 6, 7, 8])
+def test_the_cameras_size_tells_whether_an_exif_rotation_counts(tmp_path, rgb, orientation):
+    path = oriented(tmp_path / "a.png", rgb, orientation)
+    with Image.open(path) as image:
+        upright = np.array(ImageOps.exif_transpose(image))
+    np.testing.assert_array_equal(read_rgb(path, (WIDTH, HEIGHT)), upright)
+    np.testing.assert_array_equal(read_rgb(path, (HEIGHT, WIDTH)), rgb)
+    assert read_grey(path, (WIDTH, HEIGHT), 1000).shape == (WIDTH, HEIGHT)
+    assert (
+        np.abs(read_grey(path, (WIDTH, HEIGHT), 1000) - cv2.cvtColor(upright, cv2.COLOR_RGB2GRAY).astype(int)).max()
+        <= 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("orientation", "shape", "size"),
+    [
+        (6, (24, 37), None),
+        (3, (24, 37), (24, 37)),
+        (2, (24, 37), None),
+        (6, (24, 24), (24, 24)),
+        (8, (24, 37), (12, 18)),
+    ],
+    ids=["no stated size", "half turn", "mirrored", "square", "another size"],
+)
+def test_an_exif_rotation_that_the_camera_cannot_decide_is_refused(tmp_path, rgb, orientation, shape, size):
+    path = oriented(tmp_path / "a.png", np.ascontiguousarray(rgb[: shape[0], : shape[1]]), orientation)
+    with pytest.raises(InputError, match=r"a\.png"):
+        read_rgb(path, size)
+
+
+def test_a_picture_of_another_size_than_its_camera_is_refused_with_both_sizes(tmp_path, rgb):
+    write_png(tmp_path / "a.png", rgb)
+    with pytest.raises(InputError, match=r"expected 18x12 pixels .* found 37x24"):
+        read_rgb(tmp_path / "a.png", (12, 18))
+
+
+@pytest.mark.parametrize("kind", ["jpg", "png", "16-bit.png"])
+@pytest.mark.parametrize("read", [read_rgb, lambda path: read_grey(path, (120, 90), 100)])
+def test_pictures_cut_short_are_refused(tmp_path, kind, read):
+    path = tmp_path / f"a.{kind}"
+    pixels = np.random.default_rng(6).integers(0, 256, (120, 90, 3)).astype(np.uint8)
+    cv2.imwrite(str(path), pixels.astype(np.uint16) * 257 if "16" in kind else pixels)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match="expected a complete picture"):
+        read(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"])
+def test_what_is_no_picture_is_refused(tmp_path, content):
+    (tmp_path / "a.png").write_bytes(content)
+    for read in (read_rgb, read_header, read_uint8, read_uint16):
+        with pytest.raises(InputError, match=r"a\.png"):
+            read(tmp_path / "a.png")
+
+
+def test_other_formats_and_missing_files_are_refused(tmp_path, rgb):
+    Image.fromarray(rgb).save(tmp_path / "a.bmp")
+    for path in (tmp_path / "a.bmp", tmp_path / "absent.png", tmp_path):
+        with pytest.raises(InputError):
+            read_rgb(path)
+        with pytest.raises(InputError):
+            read_header(path)
+
+
+def test_damaged_png_data_are_refused(tmp_path, rgb):
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, "PNG")
+    data = bytearray(buffer.getvalue())
+    data[len(data) // 2] ^= 0xFF
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(InputError):
+        read_rgb(tmp_path / "a.png")
+
+
+def test_depth_needs_sixteen_bits_and_labels_need_eight(tmp_path, rgb):
+    write_png(tmp_path / "8.png", rgb[..., 0])
+    write_png(tmp_path / "16.png", rgb[..., 0].astype(np.uint16))
+    write_png(tmp_path / "rgb.png", rgb)
+    for read, name in ((read_uint16, "8"), (read_uint16, "rgb"), (read_uint8, "16"), (read_uint8, "rgb")):
+        with pytest.raises(InputError, match="PNG of one channel"):
+            read(tmp_path / f"{name}.png")
+
+
+def test_grey_pictures_for_features_are_reduced_in_proportion(tmp_path):
+    Image.fromarray(smooth()).save(tmp_path / "a.jpg", quality=95)
+    grey = read_grey(tmp_path / "a.jpg", (200, 310), 100)
+    assert grey.shape == (65, 100)
+    expected = cv2.resize(cv2.cvtColor(smooth(), cv2.COLOR_RGB2GRAY), (100, 65), interpolation=cv2.INTER_AREA)
+    assert np.abs(grey.astype(int) - expected).max() <= 6
