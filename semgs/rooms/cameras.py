@@ -17,8 +17,9 @@ CLEARANCE = 0.5
 """Least distance to solids in the distance field [m]; the field errs by less than 0.1 m."""
 NEAREST = 0.5
 """Least z-depth of a probe ray [m]."""
-RARE = (11, 12, 13, 14, 15, 16, 17, 18, 19)
-"""Classes that fill few pixels; a view that shows one is liked a little better."""
+RARE = (5, 9, 10, 12, 14, 16, 17, 19)
+"""Classes that fill few pixels (sofa, bookshelf, picture, desk, refrigerator, toilet, sink, otherfurniture); a view that
+shows one is liked better."""
 WALL_LABEL, FLOOR_LABEL = 0, 1
 
 
@@ -48,7 +49,7 @@ class Path:
     tremor: float
     phase: float
 
-    def place(self, s: float) -> Float64[np.ndarray, "3"]:
+    def place(self, s: float) -> Float64[np.ndarray, 3]:
         """Where the camera is [m]."""
         return np.array(self.middle) + s * np.array(self.travel) + s * s * np.array(self.bend)
 
@@ -70,8 +71,8 @@ class Path:
         result[:3, 3] = self.place(s)
         return result
 
-    def slowed(self, factor: float) -> Path:
-        """The same way from the same middle, with everything changing `factor` times as fast."""
+    def paced(self, factor: float) -> Path:
+        """The same way about the same middle, with everything changing `factor` times as fast."""
         x, y, z = (factor * c for c in self.travel)
         a, b, c = (factor * factor * d for d in self.bend)
         return replace(
@@ -127,7 +128,8 @@ def draw_path(
 
 def free(room: Room, path: Path, reach: float) -> bool:
     """Whether the way keeps its distance from everything between s = -reach and s = reach."""
-    steps = np.linspace(-reach, reach, 9)
+    length = 2 * reach * float(np.linalg.norm(path.travel))
+    steps = np.linspace(-reach, reach, max(9, int(np.ceil(length / 0.15)) + 1))
     places = np.array([path.place(float(s)) for s in steps])
     return bool(room.inside(places).all() and (room.clearance(places) >= CLEARANCE).all())
 
@@ -215,7 +217,8 @@ def _score(
         labels, depths = look(room, pose, directions @ pose[:3, :3].T)
         shares = np.bincount(labels, minlength=IGNORE + 1)[:20] / len(labels)
         shown = np.flatnonzero(shares > 0.01)
-        score += min(len(shown), 7) / 3 + 0.35 * min(sum(c in RARE for c in shown), 3) / 3
+        score += min(len(shown), 7) / 3 + 0.6 * min(sum(c in RARE for c in shown), 3) / 3
+        score -= 4 * max(0.0, shares[FLOOR_LABEL + 1 :].max() - 0.45)
         score -= 4 * max(0.0, shares[WALL_LABEL] - 0.45) + 2 * max(0.0, shares[FLOOR_LABEL] - 0.5)
         score -= 3 * max(0.0, 1 - shares.sum() - 0.2)
         score += 1.2 * min(1 - shares[WALL_LABEL] - shares[FLOOR_LABEL] - max(0.0, 1 - shares.sum()), 0.6)
@@ -233,5 +236,5 @@ def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> Path:
     for _ in range(8):
         if free(room, path, reach):
             break
-        path = path.slowed(0.5)
+        path = path.paced(0.5)
     return path

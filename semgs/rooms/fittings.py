@@ -327,7 +327,7 @@ def other(rng: np.random.Generator) -> Piece:
         cloth = m.fabric(rng)
         parts = [
             block(own, cloth, (0, 0, -0.1), (side, side, height * 0.75), BALL),
-            block(own, cloth, (0.1, 0.0, 0.1), (side - 0.1, side * 0.7, height), BALL),
+            block(own, cloth, (0.06, 0.0, 0.05), (side - 0.06, side * 0.7, height), BALL),
         ]
         return Piece("other", (side, side, height), tuple(parts))
     skin = m.lacquer(rng) if rng.random() < 0.5 else m.metal(rng)

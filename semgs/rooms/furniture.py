@@ -9,7 +9,7 @@ import numpy as np
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms import materials as m
 from semgs.rooms.materials import Row
-from semgs.rooms.solids import BALL, CUSHION, CYLINDER, Part, Piece, block
+from semgs.rooms.solids import CUSHION, CYLINDER, Part, Piece, block
 
 Maker = Callable[[np.random.Generator], Piece]
 """A function that makes a piece from a random generator."""

@@ -40,7 +40,7 @@ def draw_lens(rng: np.random.Generator, radiance: Float32[np.ndarray, "h w 3"]) 
     undone = (mean.mean() / mean) ** rng.uniform(0.2, 0.8) * rng.uniform(0.95, 1.05, 3)
     red, green, blue = (float(x) for x in undone)
     return Lens(
-        exposure=float(rng.uniform(0.18, 0.5)) / max(level, 1e-3),
+        exposure=float(rng.uniform(0.2, 0.6)) / max(level, 1e-3),
         balance=(red, green, blue),
         contrast=float(rng.uniform(0.85, 1.25)),
         vignette=float(rng.choice([0.0, rng.uniform(0.05, 0.4)])),

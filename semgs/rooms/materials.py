@@ -6,6 +6,7 @@ Colours are drawn as hue, saturation and value of sRGB and kept as linear RGB, b
 from __future__ import annotations
 
 import colorsys
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
@@ -14,6 +15,17 @@ from semgs.rooms import texture_kernels as t
 
 Row = Float64[np.ndarray, " 24"]
 """One material."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Irregularities of a surface: relative strength and size [m] of the fine grain and of large blotches."""
+
+    fine: float
+    fine_scale: float
+    blotch: float
+    blotch_scale: float
+
 
 WARM_HUES = (0.02, 0.13)
 GREEN_HUES = (0.22, 0.42)
@@ -32,8 +44,9 @@ def colour(
     saturation: tuple[float, float] = (0.0, 0.7),
     value: tuple[float, float] = (0.15, 0.9),
 ) -> tuple[float, float, float]:
-    """A random linear RGB colour; hue wraps around at 1."""
-    return linear(colorsys.hsv_to_rgb(rng.uniform(*hue) % 1, rng.uniform(*saturation), rng.uniform(*value)))
+    """A random linear RGB colour; hue wraps around at 1, pale tones are more frequent than strong ones."""
+    strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 1.5
+    return linear(colorsys.hsv_to_rgb(rng.uniform(*hue) % 1, strength, rng.uniform(*value)))
 
 
 def row(
@@ -54,8 +67,10 @@ def row(
     axis: int = 0,
     variation: float = 0.0,
     tint: float = 1.0,
+    noise: Noise | None = None,
 ) -> Row:
     """A material row; see `texture_kernels` for what each number means. The pattern's seed is drawn."""
+    grain = Noise(fine, fine_scale, blotch, blotch_scale) if noise is None else noise
     material = np.zeros(t.WIDTH)
     material[t.KIND] = kind
     material[t.COLOUR_A : t.COLOUR_A + 3] = a
@@ -63,7 +78,8 @@ def row(
     material[t.COLOUR_C : t.COLOUR_C + 3] = a if c is None else c
     material[t.SCALE : t.DUTY + 1] = scale, aspect, duty
     material[t.SEED] = rng.integers(1 << 20)
-    material[t.FINE : t.GLOSS + 1] = fine, fine_scale, blotch, blotch_scale, emission, gloss
+    material[t.FINE : t.BLOTCH_SCALE + 1] = grain.fine, grain.fine_scale, grain.blotch, grain.blotch_scale
+    material[t.EMISSION : t.GLOSS + 1] = emission, gloss
     material[t.AXIS : t.TINT + 1] = axis, variation, tint
     return material
 
@@ -78,21 +94,20 @@ def wall_paint(rng: np.random.Generator) -> Row:
     else:
         base = colour(rng, saturation=(0.1, 0.6), value=(0.2, 0.7))
     pattern = rng.random()
-    grain = {"fine": rng.uniform(0.005, 0.05), "fine_scale": rng.uniform(0.004, 0.03)}
-    stain = {"blotch": rng.uniform(0.01, 0.07), "blotch_scale": rng.uniform(0.2, 1.2)}
+    grain = Noise(rng.uniform(0.005, 0.05), rng.uniform(0.004, 0.03), rng.uniform(0.01, 0.07), rng.uniform(0.2, 1.2))
     if pattern < 0.76:
-        return row(rng, a=base, **grain, **stain)
+        return row(rng, a=base, noise=grain)
     other = shade(rng, base, 0.7, 1.2)
     if pattern < 0.84:
         scale = rng.uniform(0.06, 0.3)
-        return row(rng, t.STRIPES, base, other, scale=scale, duty=rng.uniform(0.3, 0.7), **grain, **stain)
+        return row(rng, t.STRIPES, base, other, scale=scale, duty=rng.uniform(0.3, 0.7), noise=grain)
     if pattern < 0.91:
         scale = rng.uniform(0.08, 0.25)
-        return row(rng, t.DOTS, base, other, colour(rng), scale=scale, variation=1.0, **grain, **stain)
+        return row(rng, t.DOTS, base, other, colour(rng), scale=scale, variation=1.0, noise=grain)
     if pattern < 0.95:
         bricks = colour(rng, (0.0, 0.08), (0.1, 0.6), (0.4, 0.9))
         return row(rng, t.PLANKS, bricks, shade(rng, bricks, 1.1, 1.6), bricks, scale=0.08, aspect=3.0, duty=0.85,
-                   variation=0.25, tint=0.2, fine=0.12, fine_scale=0.02, **stain)  # fmt: skip
+                   variation=0.25, tint=0.2, noise=grain)  # fmt: skip
     return boards(rng, base)
 
 
@@ -149,23 +164,18 @@ def fabric(rng: np.random.Generator, base: tuple[float, float, float] | None = N
         pale = rng.random() < 0.4
         base = colour(rng, saturation=(0.0, 0.15), value=(0.6, 0.95)) if pale else colour(rng)
     other = shade(rng, base, 0.4, 1.4) if rng.random() < 0.6 else colour(rng)
-    noise = {
-        "fine": rng.uniform(0.04, 0.2),
-        "fine_scale": rng.uniform(0.004, 0.02),
-        "blotch": rng.uniform(0.03, 0.14),
-        "blotch_scale": rng.uniform(0.06, 0.4),
-    }
+    noise = Noise(rng.uniform(0.04, 0.2), rng.uniform(0.004, 0.02), rng.uniform(0.03, 0.14), rng.uniform(0.06, 0.4))
     look = rng.random()
     if look < 0.5:
-        return row(rng, a=base, **noise)
+        return row(rng, a=base, noise=noise)
     if look < 0.65:
         scale = rng.uniform(0.006, 0.03)
-        return row(rng, t.WEAVE, base, other, scale=scale, aspect=rng.uniform(0.7, 1.5), **noise)
+        return row(rng, t.WEAVE, base, other, scale=scale, aspect=rng.uniform(0.7, 1.5), noise=noise)
     if look < 0.78:
-        return row(rng, t.STRIPES, base, other, scale=rng.uniform(0.02, 0.2), duty=rng.uniform(0.2, 0.8), **noise)
+        return row(rng, t.STRIPES, base, other, scale=rng.uniform(0.02, 0.2), duty=rng.uniform(0.2, 0.8), noise=noise)
     if look < 0.9:
-        return row(rng, t.WEAVE, base, other, scale=rng.uniform(0.05, 0.25), duty=rng.uniform(0.3, 0.7), **noise)
-    return row(rng, t.DOTS, base, other, colour(rng), scale=rng.uniform(0.05, 0.2), variation=1.0, **noise)
+        return row(rng, t.WEAVE, base, other, scale=rng.uniform(0.05, 0.25), duty=rng.uniform(0.3, 0.7), noise=noise)
+    return row(rng, t.DOTS, base, other, colour(rng), scale=rng.uniform(0.05, 0.2), variation=1.0, noise=noise)
 
 
 def bedding(rng: np.random.Generator) -> Row:
@@ -219,7 +229,8 @@ def flooring(rng: np.random.Generator, wet: bool) -> Row:
                    aspect=rng.uniform(6, 14), duty=rng.uniform(0.97, 0.99), variation=rng.uniform(0.05, 0.3),
                    tint=rng.uniform(0.3, 0.9), fine=0.03, gloss=rng.uniform(0, 0.3))  # fmt: skip
     if look < 0.78:
-        base = colour(rng, saturation=(0.0, 0.4), value=(0.2, 0.8))
+        quiet = rng.random() < 0.7
+        base = colour(rng, *((0.02, 0.16), (0.0, 0.3)) if quiet else ((0.0, 1.0), (0.0, 0.5)), value=(0.2, 0.8))
         return row(rng, a=base, fine=rng.uniform(0.1, 0.3), fine_scale=rng.uniform(0.006, 0.02), blotch=rng.uniform(0.05, 0.15),
                    blotch_scale=rng.uniform(0.1, 0.5))  # fmt: skip
     return tiles(rng) if look < 0.92 else stone(rng)

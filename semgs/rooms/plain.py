@@ -42,10 +42,10 @@ class Room:
     planes: Float64[np.ndarray, "t 4"]
     caster: Raycaster
     field: Float64[np.ndarray, "x y z"]
-    corner: Float64[np.ndarray, "3"]
+    corner: Float64[np.ndarray, 3]
     shifts: Float64[np.ndarray, " p"]
     lights: Float64[np.ndarray, "l 16"]
-    ambient: Float64[np.ndarray, "3"]
+    ambient: Float64[np.ndarray, 3]
     darkening: float
 
     def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
@@ -90,7 +90,7 @@ def build_room(rng: np.random.Generator) -> Room:
     )
 
 
-def _distance_field(plan: Plan, solids: Solids) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, "3"]]:
+def _distance_field(plan: Plan, solids: Solids) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
     """Distance to the nearest solid on a grid that reaches half way into walls, floor and ceiling."""
     size = np.array(plan.size)
     corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
@@ -100,7 +100,7 @@ def _distance_field(plan: Plan, solids: Solids) -> tuple[Float64[np.ndarray, "x 
     return field, corner
 
 
-def _lighting(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, "3"]]:
+def _lighting(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, 3]]:
     """Lamps, windows, and at times the sun through one of them; at least one light, some rooms dim and warm, some bright."""
     day = len(plan.windows) > 0 and rng.random() < 0.75
     warm = np.array([1.0, rng.uniform(0.75, 0.95), rng.uniform(0.5, 0.85)])
@@ -131,7 +131,7 @@ def _lighting(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray,
     return np.array(rows), ambient
 
 
-def _light(kind: int, place: np.ndarray, colour: np.ndarray, window) -> Float64[np.ndarray, "16"]:
+def _light(kind: int, place: np.ndarray, colour: np.ndarray, window) -> Float64[np.ndarray, 16]:
     row = np.zeros(kernels.LIGHT_WIDTH)
     row[0] = kind
     row[1:4], row[4:7] = place, colour

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
@@ -11,6 +11,7 @@ from jaxtyping import Float64
 from semgs.data.classes import IGNORE
 from semgs.rooms import fittings, furniture, openings
 from semgs.rooms import materials as m
+from semgs.rooms.footprints import Wall, overlap, rectangle
 from semgs.rooms.furniture import LABEL, Maker
 from semgs.rooms.solids import CYLINDER, Part, Piece, block, moved
 
@@ -82,46 +83,6 @@ def draw_plan(rng: np.random.Generator) -> Plan:
     return Plan(kind, builder.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints))
 
 
-def rectangle(x: float, y: float, width: float, depth: float, yaw: float) -> Float64[np.ndarray, "4 2"]:
-    """Corners of a footprint whose own (0, 0) is at (x, y), anticlockwise."""
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    own = np.array([[0, 0], [width, 0], [width, depth], [0, depth]], dtype=np.float64)
-    return own @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
-
-
-def overlap(a: Float64[np.ndarray, "4 2"], b: Float64[np.ndarray, "4 2"]) -> bool:
-    """Whether two rectangles share area: no side of either has all of the other beyond it (separating axes)."""
-    for one, other in ((a, b), (b, a)):
-        for start, end in ((one[0], one[1]), (one[1], one[2])):
-            axis = end - start
-            mine, theirs = one @ axis, other @ axis
-            if mine.max() <= theirs.min() or theirs.max() <= mine.min():
-                return False
-    return True
-
-
-@dataclass
-class _Wall:
-    """A wall: where its own x axis starts when seen from the room, the yaw of that axis, its length, and what hangs on it.
-
-    A piece set against it keeps its frame: y = 0 on the wall, y into the room.
-    """
-
-    start: tuple[float, float]
-    yaw: float
-    length: float
-    taken: list[tuple[float, float, float, float]] = field(default_factory=list)
-
-    def at(self, along: float, off: float = 0.0) -> tuple[float, float]:
-        """The floor's point at a place along the wall and a distance off it."""
-        cosine, sine = float(np.cos(self.yaw)), float(np.sin(self.yaw))
-        return self.start[0] + along * cosine - off * sine, self.start[1] + along * sine + off * cosine
-
-    def free(self, left: float, right: float, low: float, high: float) -> bool:
-        """Whether nothing is on that part of the wall."""
-        return all(right <= a or left >= b or high <= c or low >= d for a, b, c, d in self.taken)
-
-
 class _Builder:
     """A room that is being furnished."""
 
@@ -132,14 +93,14 @@ class _Builder:
         self.footprints: list[Float64[np.ndarray, "4 2"]] = []
         self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
         self.windows: list[Opening] = []
-        self.draped: list[tuple[_Wall, float, float, float, float]] = []
+        self.draped: list[tuple[Wall, float, float, float, float]] = []
         self.surfaces: list[tuple[float, float, float, float, float, float]] = []
         half_x, half_y = size[0] / 2, size[1] / 2
         self.walls = [
-            _Wall((-half_x, -half_y), 0.0, size[0]),
-            _Wall((half_x, -half_y), np.pi / 2, size[1]),
-            _Wall((half_x, half_y), np.pi, size[0]),
-            _Wall((-half_x, half_y), -np.pi / 2, size[1]),
+            Wall((-half_x, -half_y), 0.0, size[0]),
+            Wall((half_x, -half_y), np.pi / 2, size[1]),
+            Wall((half_x, half_y), np.pi, size[0]),
+            Wall((-half_x, half_y), -np.pi / 2, size[1]),
         ]
 
     def chance(self, share: float) -> bool:
@@ -215,7 +176,7 @@ class _Builder:
             if kind != "bathroom" and self.chance(0.75):
                 self.draped.append((wall, left, left + width, low, low + tall))
 
-    def hang(self, wall: _Wall, piece: Piece, left: float, low: float) -> None:
+    def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
         """Fix a piece to a wall with its lower left corner there."""
         x, y = wall.at(left)
         self.parts += moved(piece.parts, (x, y, low), wall.yaw)
@@ -238,7 +199,7 @@ class _Builder:
             self.surfaces.append((x, y, yaw, width, depth, piece.surface))
         return True
 
-    def against_wall(self, piece: Piece, tries: int = 14) -> tuple[_Wall, float] | None:
+    def against_wall(self, piece: Piece, tries: int = 30) -> tuple[Wall, float] | None:
         """Put a piece with its back to some wall; returns the wall and where on it, None if it found no room."""
         rng = self.rng
         for _ in range(tries):

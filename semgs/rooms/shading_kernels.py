@@ -166,8 +166,8 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
         low, high = np.empty(3, np.int64), np.empty(3, np.int64)
         for axis in range(3):
             extent = abs(turn[axis, 0]) * hx + abs(turn[axis, 1]) * hy + abs(turn[axis, 2]) * hz + reach
-            low[axis] = max(0, int(math.ceil((centres[p, axis] - extent - corner[axis]) / step)))
-            high[axis] = min(field.shape[axis] - 1, int(math.floor((centres[p, axis] + extent - corner[axis]) / step)))
+            low[axis] = max(0, math.ceil((centres[p, axis] - extent - corner[axis]) / step))
+            high[axis] = min(field.shape[axis] - 1, math.floor((centres[p, axis] + extent - corner[axis]) / step))
         for i in range(low[0], high[0] + 1):
             x = corner[0] + i * step - centres[p, 0]
             for j in range(low[1], high[1] + 1):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -172,7 +173,7 @@ def _template(shape: int) -> Float64[np.ndarray, "t 3 3"]:
 def _stitched(rows: Sequence[np.ndarray]) -> Float64[np.ndarray, "t 3 3"]:
     """Triangles between rings of equally many points; those without area (at poles) are left out."""
     triangles = []
-    for below, above in zip(rows[:-1], rows[1:], strict=True):
+    for below, above in pairwise(rows):
         for i in range(len(below)):
             j = (i + 1) % len(below)
             triangles += [(below[i], below[j], above[j]), (below[i], above[j], above[i])]

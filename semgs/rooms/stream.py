@@ -30,8 +30,8 @@ Count = int | tuple[int, int]
 def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targets: int) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 
-    Contexts follow one another along a smooth way and share 60 to 90 % of what they see; targets lie between them and a
-    little beyond. The same arguments give the same bits.
+    Contexts are one to four steps of a hand-held camera apart, fewer where neighbours would share less than 60 to 90 % of
+    what they see; targets lie between them and a little beyond. The same arguments give the same bits.
 
     Args:
         seed: the stream.
@@ -53,7 +53,8 @@ def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targe
     room = build_room(rng)
     intrinsics = draw_intrinsics(rng, size)
     span = (contexts - 1) / 2
-    path = draw_path(rng, room, intrinsics, size, reach=span + 0.5)
+    gap = int(rng.integers(1, 5))
+    path = draw_path(rng, room, intrinsics, size, reach=gap * (span + 0.5)).paced(gap)
     path = fitted(rng, room, path, intrinsics, size)
     places = np.arange(contexts) - span
     strata = (np.arange(targets) + rng.uniform(0, 1, targets)) / max(targets, 1)
@@ -83,7 +84,7 @@ def fitted(
     for _ in range(6):
         if overlap(room, path.pose(-0.5), path.pose(0.5), intrinsics, size) >= wanted:
             break
-        path = path.slowed(0.75)
+        path = path.paced(0.75)
     return path
 
 

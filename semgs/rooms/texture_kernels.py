@@ -106,7 +106,7 @@ def texture(material, x, y, z, u, v, foot, shift, out):
         a = 2 * filtered_band(u / scale, 0.5, foot / scale) - 1
         b = 2 * filtered_band(v / (scale * material[ASPECT]), 0.5, foot / (scale * material[ASPECT])) - 1
         weight = 0.5 + 0.5 * a * b
-    elif kind == TILES or kind == PLANKS:
+    elif kind in (TILES, PLANKS):
         height = scale * material[ASPECT]
         row = math.floor(v / scale)
         along = u / height + (cell_hash(int(row), 3, 7, seed) if kind == PLANKS else 0.0)
