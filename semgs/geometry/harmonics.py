@@ -64,8 +64,8 @@ def colours_from_harmonics(
     Raises:
         ValueError: k is none of these.
     """
-    count = harmonics.shape[-2]
-    degree = round(sqrt(count)) - 1
-    if (degree + 1) ** 2 != count:
+    degrees = {(degree + 1) ** 2: degree for degree in range(MAX_DEGREE + 1)}
+    degree = degrees.get(harmonics.shape[-2])
+    if degree is None:
         raise ValueError(f"harmonics are {tuple(harmonics.shape)}; expected [... k 3] with k = 1, 4, 9 or 16")
     return (0.5 + torch.einsum("...k,...kc->...c", basis(directions, degree), harmonics)).clamp_min(0)

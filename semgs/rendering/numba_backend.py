@@ -22,7 +22,7 @@ _ONE_AT_A_TIME = threading.RLock()
 """Numba's own threading layer, the only one on some systems, ends the process when two Python threads use it at once."""
 
 
-def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, "drawn"]:
+def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
     """The Gaussians that are drawn, nearest first; equal depths keep the order of their index."""
     with torch.no_grad():
         depths = (means.detach().double() - camera.centre) @ camera.axes[2]
@@ -30,7 +30,7 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
         return drawn[_stable_order(depths[drawn])]
 
 
-def splat(splats: Splats, order: Int64[Tensor, "drawn"], camera: Pinhole) -> Layer:
+def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
     """Features blended at every pixel, and the light that is left there (float64)."""
     vector = torch.tensor(
         [*camera.axes.flatten(), *camera.centre, *camera.focal_px, *camera.principal_px, *sum(camera.slope_limits, ())],
@@ -41,7 +41,7 @@ def splat(splats: Splats, order: Int64[Tensor, "drawn"], camera: Pinhole) -> Lay
     return Layer(picture, transmittance)
 
 
-def _stable_order(depths: Float[Tensor, "n"]) -> Int64[Tensor, "n"]:
+def _stable_order(depths: Float[Tensor, " n"]) -> Int64[Tensor, " n"]:
     """argsort of positive numbers, equal ones in the order of their index; some ten times faster than a stable argsort.
 
     One sort of integers whose high bits are the leading bits of the number and whose low bits are its index. Where two
@@ -50,7 +50,7 @@ def _stable_order(depths: Float[Tensor, "n"]) -> Int64[Tensor, "n"]:
     values = depths.numpy()
     index_bits = np.uint64(max(1, len(values) - 1).bit_length())
     bits = values.view(np.uint64)
-    spread = int((bits.max() - bits.min())).bit_length() if len(bits) else 0
+    spread = int(bits.max() - bits.min()).bit_length() if len(bits) else 0
     shift = np.uint64(max(0, spread + int(index_bits) - 64))
     keys = ((bits - bits.min(initial=np.uint64(2**63))) >> shift) << index_bits | np.arange(len(bits), dtype=np.uint64)
     keys.sort()
@@ -92,7 +92,9 @@ def _splat_backward(
     camera: Tensor, transmittance: Tensor, last: Tensor, grad_picture: Tensor, grad_transmittance: Tensor,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
     height, width = transmittance.shape
-    gradients = tuple(torch.zeros_like(one) for one in (means, quaternions, scales, opacities, features))
+    grad_means, grad_quaternions = means.new_zeros(means.shape), quaternions.new_zeros(quaternions.shape)
+    grad_scales, grad_opacities = scales.new_zeros(scales.shape), opacities.new_zeros(opacities.shape)
+    grad_features = features.new_zeros(features.shape)
     with _threads():
         tiles = _Tiles.of(means, quaternions, scales, opacities, order, camera, height, width)
         geometry = np.zeros((len(tiles.pairs), 6))
@@ -103,9 +105,10 @@ def _splat_backward(
         )  # fmt: skip
         project_backward(
             _array(means), _array(quaternions), _array(scales), camera.numpy(), tiles.ellipses, tiles.first_pair,
-            geometry, blended, *(one.numpy() for one in gradients),
+            geometry, blended, grad_means.numpy(), grad_quaternions.numpy(), grad_scales.numpy(), grad_opacities.numpy(),
+            grad_features.numpy(),
         )  # fmt: skip
-    return gradients
+    return grad_means, grad_quaternions, grad_scales, grad_opacities, grad_features
 
 
 @_splat_backward.register_fake
@@ -173,10 +176,10 @@ def _array(tensor: Tensor) -> np.ndarray:
 
 @contextmanager
 def _threads() -> Iterator[None]:
-    """Numba with as many threads as torch uses here, one kernel at a time."""
+    """Numba with as many threads as torch uses here (or fewer, where its own setting is lower), one call at a time."""
     with _ONE_AT_A_TIME:
         before = numba.get_num_threads()
-        numba.set_num_threads(min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))
+        numba.set_num_threads(min(torch.get_num_threads(), before))
         try:
             yield
         finally:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
@@ -25,7 +24,7 @@ class Pinhole:
     """
 
     axes: Float64[Tensor, "3 3"]
-    centre: Float64[Tensor, "3"]
+    centre: Float64[Tensor, " 3"]
     focal_px: tuple[float, float]
     principal_px: tuple[float, float]
     size: tuple[int, int]
@@ -67,7 +66,7 @@ class Pinhole:
         return (means.double() - self.centre.to(means.device)).to(means.dtype)
 
 
-def near_plane(depths: Float[Tensor, "g"], near: float | None) -> float:
+def near_plane(depths: Float[Tensor, " g"], near: float | None) -> float:
     """The z-depth [m] up to which nothing is drawn: a part of the near bound, or of the median depth where there is none."""
     if near is not None:
         return NEAR_FRACTION * near

@@ -26,7 +26,7 @@ CHUNK = 1 << 22
 """Numbers in one pixel-by-Gaussian matrix; more pixels are drawn in several."""
 
 
-def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, "drawn"]:
+def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
     """The Gaussians that are drawn, nearest first; equal depths keep the order of their index."""
     with torch.no_grad():
         depths = camera.offsets(means) @ camera.axes[2].to(means)
@@ -34,7 +34,7 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
         return drawn[torch.argsort(depths[drawn], stable=True)]
 
 
-def splat(splats: Splats, order: Int64[Tensor, "drawn"], camera: Pinhole) -> Layer:
+def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
     """Features blended at every pixel, and the light that is left there."""
     centres, inverses, visible = project(splats, camera)
     order = order[visible[order]]

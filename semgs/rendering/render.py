@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import ModuleType
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -14,7 +15,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.rendering import Rendering
-from semgs.rendering.splats import Splats
+from semgs.rendering.splats import Layer, Splats
 
 BACKENDS = ("auto", "numba", "reference")
 """Who draws: `auto` is the fastest here, `numba` runs on the CPU, `reference` is slow and exact."""
@@ -24,8 +25,8 @@ def render(
     gaussians: Gaussians,
     cameras: Cameras,
     *,
-    background: Sequence[float] | Float[Tensor, "3"] = (0.0, 0.0, 0.0),
-    near: float | Tensor | None = None,
+    background: Sequence[float | int] | Float[Tensor, " 3"] = (0, 0, 0),
+    near: float | int | Tensor | None = None,
     backend: str = "auto",
 ) -> Rendering:
     """Splat Gaussians into cameras: one pass for colour, depth and alpha, one for classes with covariances of their own.
@@ -46,37 +47,33 @@ def render(
         Rendering in the dtype of the means (half precision is computed in float32).
 
     Raises:
-        ValueError: batch axes disagree, there is no view axis, a number of the Gaussians' geometry is not finite, dtypes or
-            devices differ, intrinsics have skew, near is not positive, or the back-end is unknown.
+        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, devices differ,
+            intrinsics have skew, near is not positive, or the back-end is unknown.
     """
     drawing = _backend(backend)
     batch = tuple(gaussians.means.shape[:-2])
     if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
         raise ValueError(
-            f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and then at least one view"
+            f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more, of views"
         )
     _check(gaussians)
     dtype, device = gaussians.means.dtype, gaussians.means.device
     working = dtype if dtype in (torch.float32, torch.float64) else torch.float32
-    scenes = gaussians.to("cpu", working).map(
-        lambda tensor: tensor.flatten(0, len(batch) - 1) if batch else tensor[None]
-    )
-    backdrop = torch.as_tensor(background, dtype=working, device="cpu")
+    backdrop = torch.as_tensor(background).to("cpu", working)
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")
     bounds = _near_bounds(near, cameras.batch)
 
-    views = cameras.batch[-1]
-    poses = cameras.world_from_camera.reshape(-1, 4, 4)
-    intrinsics = cameras.intrinsics.reshape(-1, 3, 3)
-    drawn = []
-    for index in range(len(poses)):
-        scene = scenes.map(lambda tensor, at=index // views: tensor[at])
-        camera = Pinhole.of(Cameras(poses[index], intrinsics[index], cameras.size))
-        drawn.append(_view(scene, camera, bounds[index], backdrop, drawing))
+    here = gaussians.to("cpu", working)
+    drawn: list[Rendering] = []
+    for at in np.ndindex(batch):
+        scene = here.map(lambda tensor, at=at: tensor[at])
+        for view in range(cameras.batch[-1]):
+            camera = Pinhole.of(cameras[(*at, view)])
+            drawn.append(_view(scene, camera, bounds[len(drawn)], backdrop, drawing))
 
     def stacked(name: str) -> Tensor:
-        return torch.stack([getattr(one, name) for one in drawn]).unflatten(0, cameras.batch).to(device, dtype)
+        return torch.cat([getattr(one, name) for one in drawn]).unflatten(0, cameras.batch).to(device, dtype)
 
     return Rendering(
         images=stacked("images"),
@@ -87,30 +84,29 @@ def render(
 
 
 def _view(scene: Gaussians, camera: Pinhole, near: float | None, background: Tensor, drawing: ModuleType) -> Rendering:
-    """One view of one scene; its Rendering has no leading axes."""
+    """One view of one scene, with a view axis of length one."""
     order = drawing.depth_order(scene.means, camera, near)
 
-    def layer(appearance: Appearance, features: Tensor):
+    def layer(appearance: Appearance, features: Tensor) -> Layer:
         splats = Splats(scene.means, appearance.quaternions, appearance.scales, scene.opacities, features)
-        drawn = drawing.splat(splats, order, camera)
-        return drawn.picture, drawn.transmittance
+        return drawing.splat(splats, order, camera)
 
     offsets = camera.offsets(scene.means)
     colours = colours_from_harmonics(scene.colour.features, torch.nn.functional.normalize(offsets, dim=-1))
     depths = offsets @ camera.axes[2].to(offsets)
-    picture, light = layer(scene.colour, torch.cat((colours, depths[:, None]), dim=-1))
-    dtype = picture.dtype
-    alphas = (1 - light).to(dtype)
+    colour = layer(scene.colour, torch.cat((colours, depths[:, None]), dim=-1))
+    dtype = colour.picture.dtype
+    alphas = (1 - colour.transmittance).to(dtype)
     seen = alphas > 0
-    classes = None
+    semantics = None
     if scene.semantic is not None:
-        shares, class_light = layer(scene.semantic, scene.semantic.features)
-        classes = shares + (class_light / len(shares)).to(dtype)
+        classes = layer(scene.semantic, scene.semantic.features)
+        semantics = classes.picture + (classes.transmittance / len(classes.picture)).to(dtype)
     return Rendering(
-        images=picture[:3] + light.to(dtype) * background[:, None, None],
-        semantics=classes,
-        depths=torch.where(seen, picture[3] / torch.where(seen, alphas, 1), 0),
-        alphas=alphas,
+        images=(colour.picture[:3] + colour.transmittance.to(dtype) * background[:, None, None])[None],
+        semantics=None if semantics is None else semantics[None],
+        depths=torch.where(seen, colour.picture[3] / torch.where(seen, alphas, 1), 0)[None],
+        alphas=alphas[None],
     )
 
 
@@ -128,7 +124,7 @@ def _backend(name: str) -> ModuleType:
 
 
 def _check(gaussians: Gaussians) -> None:
-    """Refuse geometry that is not finite (it would vanish from the picture unseen) and tensors of different kinds."""
+    """Refuse geometry that is not finite, which would vanish from the picture unseen, and tensors on several devices."""
     tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
     for name, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
         if appearance is not None:
@@ -136,16 +132,15 @@ def _check(gaussians: Gaussians) -> None:
             tensors[f"{name}.scales"] = appearance.scales
             tensors[f"{name}.features"] = appearance.features
     for name, tensor in tensors.items():
-        if (tensor.dtype, tensor.device) != (gaussians.means.dtype, gaussians.means.device):
+        if tensor.device != gaussians.means.device:
             raise ValueError(
-                f"{name} is {tensor.dtype} on {tensor.device} but means is {gaussians.means.dtype} on "
-                f"{gaussians.means.device}; bring all to one dtype and device with Gaussians.to"
+                f"{name} is on {tensor.device} but means is on {gaussians.means.device}; bring all to one with Gaussians.to"
             )
         if not name.endswith("features") and not torch.isfinite(tensor).all():
-            raise ValueError(f"{name} hold a number that is not finite; expected finite numbers")
+            raise ValueError(f"{name} holds a number that is not finite; expected finite numbers only")
 
 
-def _near_bounds(near: float | Tensor | None, batch: tuple[int, ...]) -> list[float | None]:
+def _near_bounds(near: float | int | Tensor | None, batch: tuple[int, ...]) -> list[float | None]:
     """The near bound of each view, views of all scenes in one list."""
     if near is None:
         return [None] * torch.Size(batch).numel()

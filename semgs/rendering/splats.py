@@ -23,7 +23,7 @@ class Splats:
     means: Float[Tensor, "g 3"]
     quaternions: Float[Tensor, "g 4"]
     scales: Float[Tensor, "g 3"]
-    opacities: Float[Tensor, "g"]
+    opacities: Float[Tensor, " g"]
     features: Float[Tensor, "g c"]
 
 
