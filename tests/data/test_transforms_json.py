@@ -1,0 +1,401 @@
+"""transforms.json: every dialect gives the same cameras, and what is broken is named by its key."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from landmarks import POINTS, drawn, found, looking
+from PIL import Image
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import project
+
+SIZE = (120, 170)
+FX, FY, CX, CY = 150.0, 143.0, 91.3, 55.2
+PINHOLE = {"fl_x": FX, "fl_y": FY, "cx": CX, "cy": CY, "w": SIZE[1], "h": SIZE[0]}
+DISTORTION = {"k1": 0.11, "k2": -0.06, "p1": 0.003, "p2": -0.004, "k3": 0.01}
+EYES = [(0.5, -0.3, -3.2), (-0.4, 0.2, -2.9), (0.1, 0.4, -3.4)]
+
+
+def opengl(eye: tuple[float, float, float]) -> np.ndarray:
+    """World from camera with OpenGL axes: right, up, backward."""
+    pose = looking(eye, (0, 0, 0))
+    return np.stack((pose[:, 0], -pose[:, 1], -pose[:, 2], pose[:, 3]), axis=1)
+
+
+def pixels(matrix: np.ndarray, fx=FX, fy=FY, cx=CX, cy=CY, k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0) -> np.ndarray:
+    """Where the landmarks are seen, by the format's own words: y up, looking along -z, OpenCV's distortion."""
+    inside = np.linalg.inv(matrix) @ np.c_[POINTS, np.ones(len(POINTS))].T
+    x, y = inside[0] / -inside[2], -inside[1] / -inside[2]
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return np.stack((fx * u + cx, fy * v + cy), axis=1)
+
+
+def write(
+    folder: Path, shared: dict[str, Any], frames: list[dict[str, Any]] | None = None, **intrinsics: float
+) -> Path:
+    """A scene of three pictures of the landmarks; `intrinsics` are those they are drawn with."""
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    listed = []
+    for index, eye in enumerate(EYES):
+        picture = drawn(SIZE, pixels(opengl(eye), **intrinsics))
+        Image.fromarray(picture).save(folder / "images" / f"{index:03d}.png")
+        listed.append({"file_path": f"images/{index:03d}.png", "transform_matrix": opengl(eye).tolist()})
+        listed[-1].update({} if frames is None else frames[index])
+    (folder / "transforms.json").write_text(json.dumps({**shared, "frames": listed}))
+    return folder
+
+
+def offsets(folder: Path) -> float:
+    """The farthest that a landmark is from where the cameras put it, over all frames [px]."""
+    views = open_scene(folder).read([0, 1, 2])
+    worst = 0.0
+    for index, image in enumerate(views.images):
+        expected = project(torch.from_numpy(POINTS), views.cameras[index])[:, :2].numpy()
+        inside = ((expected > 8) & (expected < np.array(SIZE[::-1]) - 8)).all(axis=1)
+        assert inside.sum() >= 8
+        worst = max(worst, float(np.abs(found(image, expected[inside], (8, 8)) - expected[inside]).max()))
+    return worst
+
+
+ANGLE_X = 2 * math.atan(SIZE[1] / (2 * FX))
+ANGLE_Y = 2 * math.atan(SIZE[0] / (2 * FY))
+CENTRAL = {"fx": FX, "fy": FX, "cx": SIZE[1] / 2, "cy": SIZE[0] / 2}
+
+
+@pytest.mark.parametrize(
+    ("shared", "drawn_with"),
+    [
+        ({"camera_model": "PINHOLE", **PINHOLE}, {}),
+        ({"camera_model": "OPENCV", **PINHOLE, **DISTORTION}, DISTORTION),
+        ({**PINHOLE, **DISTORTION, "k4": 0.0, "aabb_scale": 4, "camera_angle_x": 9.0}, DISTORTION),
+        ({**PINHOLE, "k1": 0.11, "k2": -0.06}, {"k1": 0.11, "k2": -0.06}),
+        ({"camera_angle_x": ANGLE_X}, CENTRAL),
+        ({"camera_angle_x": ANGLE_X, "w": float(SIZE[1]), "h": float(SIZE[0]), "fl_y": None}, CENTRAL),
+        ({"camera_angle_x": ANGLE_X, "camera_angle_y": ANGLE_Y}, {**CENTRAL, "fy": FY}),
+        ({"fl_x": FX, "cx": CX, "cy": CY}, {"fy": FX}),
+    ],
+    ids=[
+        "nerfstudio",
+        "distorted",
+        "instant-ngp",
+        "k1 k2 alone",
+        "angle",
+        "angle and size",
+        "two angles",
+        "one focal length",
+    ],
+)
+def test_a_point_is_seen_on_its_feature_in_every_dialect(tmp_path, shared, drawn_with):
+    assert offsets(write(tmp_path, shared, **drawn_with)) < 0.1
+
+
+def test_intrinsics_may_be_given_per_frame_or_partly_so(tmp_path):
+    per_frame = [
+        {"fl_x": 120.0 + 9 * n, "fl_y": 125.0 + 5 * n, "cx": 80.0 + n, "cy": 61.0, "w": 170, "h": 120} for n in range(3)
+    ]
+    write(tmp_path, {}, per_frame)
+    partly = [{"fl_x": frame["fl_x"]} for frame in per_frame]
+    write(tmp_path / "partly", PINHOLE, partly)
+    for index in range(3):
+        camera = open_scene(tmp_path).cameras[index]
+        assert camera.intrinsics.tolist() == [
+            [120.0 + 9 * index, 0, 80.0 + index],
+            [0, 125.0 + 5 * index, 61],
+            [0, 0, 1],
+        ]
+        assert open_scene(tmp_path / "partly").cameras[index].intrinsics[0].tolist() == [120.0 + 9 * index, 0, CX]
+        assert open_scene(tmp_path / "partly").cameras[index].intrinsics[1].tolist() == [0, FY, CY]
+
+
+def test_opengl_axes_become_opencvs(tmp_path):
+    cameras = open_scene(write(tmp_path, PINHOLE)).cameras
+    for eye, camera in zip(EYES, cameras, strict=True):
+        np.testing.assert_allclose(camera.world_from_camera.numpy(), looking(eye, (0, 0, 0)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "spelling",
+    ["./images/{:03d}.png", "images\\{:03d}.png", ".\\images\\{:03d}.png", "images/{:03d}", "{}/images/{:03d}.png"],
+)
+def test_paths_are_found_however_they_are_spelt(tmp_path, spelling):
+    arguments = (str(tmp_path),) if spelling.startswith("{}") else ()
+    frames = [{"file_path": spelling.format(*arguments, index)} for index in range(3)]
+    scene = open_scene(write(tmp_path, PINHOLE, frames))
+    assert len(scene) == 3
+    assert scene.frames[1].picture_path.samefile(tmp_path / "images" / "001.png")
+
+
+def test_the_synthetic_nerf_dialect_is_read(tmp_path):
+    write(
+        tmp_path, {"camera_angle_x": ANGLE_X}, [{"file_path": f"./images/{n:03d}", "rotation": 0.01} for n in range(3)]
+    )
+    for path in sorted((tmp_path / "images").iterdir()):
+        rgba = np.dstack((np.array(Image.open(path)), np.full(SIZE, 255, np.uint8)))
+        rgba[0, 0, 3] = 0
+        Image.fromarray(rgba).save(path)
+    (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
+    scene = open_scene(tmp_path)
+    assert scene.read([0]).images[0, :, 0, 0].tolist() == [1, 1, 1]
+    assert any("3 pictures have an alpha channel" in note for note in scene.notes)
+
+
+def test_a_transforms_file_may_be_named_itself(tmp_path):
+    write(tmp_path, PINHOLE)
+    (tmp_path / "transforms.json").rename(tmp_path / "mine.json")
+    assert len(open_scene(tmp_path / "mine.json")) == 3
+
+
+def test_absent_pictures_are_counted_and_said_and_positions_count_the_others(tmp_path):
+    write(tmp_path, PINHOLE)
+    (tmp_path / "images" / "001.png").unlink()
+    scene = open_scene(tmp_path)
+    assert [frame.name for frame in scene.frames] == ["images/000.png", "images/002.png"]
+    assert scene.absent == ("images/001.png",)
+    assert scene.notes == ("1 of the 3 listed pictures are absent, the first is images/001.png.",)
+    torch.testing.assert_close(scene.read([1]).cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
+
+
+def test_one_picture_is_not_a_scene(tmp_path):
+    write(tmp_path, PINHOLE)
+    for name in ("000", "002"):
+        (tmp_path / "images" / f"{name}.png").unlink()
+    with pytest.raises(InputError, match=r"at least two usable frames, found 1 \(3 listed, 2 without"):
+        open_scene(tmp_path)
+
+
+def edited(folder: Path, edit: Callable[[dict[str, Any]], object]) -> Path:
+    """The scene with its transforms file changed."""
+    write(folder, PINHOLE)
+    content = json.loads((folder / "transforms.json").read_text())
+    edit(content)
+    (folder / "transforms.json").write_text(json.dumps(content))
+    return folder
+
+
+def matrix(frame: int, change: Callable[[np.ndarray], object]) -> Callable[[dict[str, Any]], object]:
+    """An edit of one pose."""
+
+    def edit(content: dict[str, Any]) -> None:
+        pose = np.array(content["frames"][frame]["transform_matrix"])
+        change(pose)
+        content["frames"][frame]["transform_matrix"] = pose.tolist()
+
+    return edit
+
+
+def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dict[str, Any]], object]:
+    """An edit of one key, of a frame or shared."""
+    return lambda content: (content if frame is None else content["frames"][frame]).update({key: value})
+
+
+@pytest.mark.parametrize(
+    ("edit", "key", "found_text"),
+    [
+        (matrix(1, lambda m: m.__setitem__((0, 2), math.nan)), "frames[1].transform_matrix", "not finite"),
+        (matrix(2, lambda m: m.__setitem__((0, 3), math.inf)), "frames[2].transform_matrix", "not finite"),
+        (matrix(1, lambda m: m.__setitem__((slice(0, 3), 1), 0)), "frames[1].transform_matrix", "it is singular"),
+        (matrix(0, lambda m: m.__setitem__(slice(0, 3), 2 * m[:3])), "frames[0].transform_matrix", "scales or shears"),
+        (matrix(0, lambda m: m.__setitem__((slice(0, 3), 1), -m[:3, 1])), "frames[0].transform_matrix", "mirrors"),
+        (matrix(2, lambda m: m.__setitem__((3, 0), 1)), "frames[2].transform_matrix", "a last row of"),
+        (assigned("transform_matrix", [[1, 0, 0, 0]] * 3, 1), "frames[1].transform_matrix", "shape (3, 4)"),
+        (assigned("transform_matrix", [[1, 0], [1]], 1), "frames[1].transform_matrix", "no matrix of numbers"),
+        (assigned("transform_matrix", "identity", 1), "frames[1].transform_matrix", "no matrix of numbers"),
+        (assigned("transform_matrix", None, 1), "frames[1].transform_matrix", "nothing"),
+        (assigned("fl_x", 0), "fl_x", "0"),
+        (assigned("fl_y", -3.0, 1), "frames[1].fl_y", "-3"),
+        (assigned("fl_x", "500"), "fl_x", "'500'"),
+        (assigned("fl_x", 10**400), "fl_x", "1000"),
+        (assigned("cx", math.nan), "cx", "nan"),
+        (assigned("w", 170.5), "w", "170.5"),
+        (assigned("h", 0), "h", "0"),
+        (assigned("k1", True), "k1", "True"),
+        (assigned("k4", 0.1), "k4", "0.1"),
+        (assigned("camera_model", "OPENCV_FISHEYE"), "camera_model", "OPENCV_FISHEYE"),
+        (assigned("is_fisheye", True), "is_fisheye", "True"),
+        (lambda content: [content.pop(key) for key in ("fl_x", "fl_y")], "frames[0].fl_x", "neither"),
+        (lambda content: content.update(fl_x=None, fl_y=None, camera_angle_x=4.0), "camera_angle_x", "4.0"),
+        (assigned("frames", []), "frames", "[]"),
+        (assigned("frames", {"a": 1}), "frames", "{'a': 1}"),
+        (assigned("frames", [1, 2]), "frames[0]", "1"),
+        (lambda content: content.pop("frames"), "frames", "nothing"),
+        (assigned("file_path", None, 1), "frames[1].file_path", "nothing"),
+        (assigned("file_path", 7, 1), "frames[1].file_path", "7"),
+        (assigned("file_path", "./images/000.png", 1), "frames[1].file_path", "frames[0].file_path is too"),
+        (assigned("metric", "yes"), "metric", "'yes'"),
+        (assigned("applied_transform", [[1, 2], [3, 4]]), "applied_transform", "[[1, 2], [3, 4]]"),
+        (assigned("depth_unit_scale_factor", -1), "depth_unit_scale_factor", "-1"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_is_named_by_its_key(tmp_path, edit, key, found_text):
+    with pytest.raises(InputError) as caught:
+        open_scene(edited(tmp_path, edit))
+    assert caught.value.key == key
+    assert found_text in caught.value.found
+    assert caught.value.path == tmp_path / "transforms.json"
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1, 2]", b"\xff\xfe\x00", b'{"frames": [}', b"[" * 100_000])
+def test_what_is_no_json_object_is_refused(tmp_path, content):
+    (tmp_path / "transforms.json").write_bytes(content)
+    with pytest.raises(InputError, match=r"transforms\.json: expected"):
+        open_scene(tmp_path)
+
+
+def test_pictures_of_another_size_than_their_cameras_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"expected 340x240 pixels .* as its camera says, found 170x120"):
+        open_scene(write(tmp_path, {**PINHOLE, "w": 340, "h": 240}))
+    with pytest.raises(InputError, match="w: expected"):
+        open_scene(write(tmp_path, {**PINHOLE, "w": 340, "h": None}))
+
+
+def test_a_rotated_photo_is_read_as_its_camera_was_made(tmp_path):
+    write(tmp_path, PINHOLE)
+    path = tmp_path / "images" / "000.png"
+    upright = np.array(Image.open(path))
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(np.ascontiguousarray(np.rot90(upright))).save(path, exif=exif)  # stored lying, to be turned
+    np.testing.assert_allclose(open_scene(tmp_path).read([0]).images[0].permute(1, 2, 0) * 255, upright, atol=1e-3)
+    Image.fromarray(upright).save(path, exif=exif)  # stored as the camera says; the turn is not wanted
+    np.testing.assert_allclose(open_scene(tmp_path).read([0]).images[0].permute(1, 2, 0) * 255, upright, atol=1e-3)
+    edited_size = json.loads((tmp_path / "transforms.json").read_text())
+    del edited_size["w"], edited_size["h"]
+    (tmp_path / "transforms.json").write_text(json.dumps(edited_size))
+    with pytest.raises(InputError, match="EXIF orientation 6 and no stated size"):
+        open_scene(tmp_path)
+
+
+def test_a_truncated_picture_is_told_when_it_is_read(tmp_path):
+    write(tmp_path, PINHOLE)
+    path = tmp_path / "images" / "001.png"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    scene = open_scene(tmp_path)
+    with pytest.raises(InputError, match=r"001\.png: expected a complete picture"):
+        scene.read([0, 1])
+
+
+def with_maps(folder: Path, shared: dict[str, Any], depths: np.ndarray, labels: np.ndarray, frames=(0, 1, 2)) -> Path:
+    """The scene with the same depth and label map for some of its frames."""
+    extra = [{"depth_file_path": f"d{n}.png", "label_file_path": f"l{n}.png"} if n in frames else {} for n in range(3)]
+    write(folder, {**PINHOLE, "label_set": "scannet20", **shared}, extra)
+    for index in frames:
+        cv2.imwrite(str(folder / f"d{index}.png"), depths)
+        cv2.imwrite(str(folder / f"l{index}.png"), labels)
+    return folder
+
+
+DEPTHS = np.random.default_rng(0).integers(0, 9000, SIZE, dtype=np.uint16)
+LABELS = np.random.default_rng(1).choice(np.array([0, 4, 19, 255], np.uint8), SIZE)
+
+
+def test_depths_are_metres_and_labels_are_indices(tmp_path):
+    views = open_scene(with_maps(tmp_path, {}, DEPTHS, LABELS)).read([0, 2])
+    np.testing.assert_allclose(views.depths[1], DEPTHS / 1000, rtol=1e-6)
+    np.testing.assert_array_equal(views.labels[0], LABELS)
+    assert open_scene(tmp_path).unit == "metric"
+    assert open_scene(tmp_path).classes.name == "scannet20"
+    scaled = open_scene(with_maps(tmp_path / "b", {"depth_unit_scale_factor": 0.00025}, DEPTHS, LABELS)).read([0])
+    np.testing.assert_allclose(scaled.depths[0], DEPTHS / 4000, rtol=1e-6)
+
+
+def test_depths_may_be_arrays_with_holes(tmp_path):
+    write(tmp_path, PINHOLE, [{"depth_file_path": f"{index}.npy"} for index in range(3)])
+    depths = DEPTHS.astype(np.float64)
+    depths[0, :3] = math.nan, math.inf, -1
+    for index in range(3):
+        np.save(tmp_path / f"{index}.npy", depths)
+    read = open_scene(tmp_path).read([1]).depths[0]
+    assert read[0, :3].tolist() == [0, 0, 0]
+    np.testing.assert_allclose(read[1:], DEPTHS[1:] / 1000, rtol=1e-6)
+    np.save(tmp_path / "1.npy", np.array([{"a": 1}]), allow_pickle=True)
+    with pytest.raises(InputError, match=r"1\.npy: expected an array"):
+        open_scene(tmp_path).read([1])
+
+
+def test_labels_and_depths_are_given_only_where_all_frames_have_them(tmp_path):
+    scene = open_scene(with_maps(tmp_path, {}, DEPTHS, LABELS, frames=(0, 1)))
+    assert scene.read([0, 1]).labels is not None
+    assert scene.read([1, 2]).labels is None
+    assert scene.read([1, 2]).depths is None
+
+
+def test_smaller_depth_maps_of_the_same_aspect_are_enlarged_by_nearest_centres(tmp_path):
+    small = DEPTHS[:40, :57]
+    views = open_scene(with_maps(tmp_path, {}, small, LABELS)).read([0])
+    rows = ((np.arange(120) + 0.5) * 40 / 120).astype(int)
+    columns = ((np.arange(170) + 0.5) * 57 / 170).astype(int)
+    np.testing.assert_allclose(views.depths[0], small[rows][:, columns] / 1000, rtol=1e-6)
+    with pytest.raises(InputError, match=r"d0\.png: expected 170x120 pixels"):
+        open_scene(with_maps(tmp_path / "b", {}, DEPTHS[:, :100], LABELS)).read([0])
+
+
+def test_labels_outside_the_table_are_refused_with_file_and_frame(tmp_path):
+    with pytest.raises(InputError, match=r"l1\.png: frame images/001\.png: expected labels 0\.\.19 .* found 20 at"):
+        open_scene(with_maps(tmp_path, {}, DEPTHS, np.where(LABELS == 19, np.uint8(20), LABELS))).read([1])
+
+
+@pytest.mark.parametrize(
+    ("shared", "key"),
+    [({"label_set": "ade20k"}, "label_set"), ({"label_set": None}, "label_set"), ({"label_ignore": 0}, "label_ignore")],
+)
+def test_labels_need_a_known_table(tmp_path, shared, key):
+    with pytest.raises(InputError) as caught:
+        open_scene(with_maps(tmp_path, shared, DEPTHS, LABELS))
+    assert caught.value.key == key
+
+
+def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tmp_path):
+    labels = np.where(np.add.outer(np.arange(SIZE[0]) // 12, np.arange(SIZE[1]) // 12) % 2, np.uint8(3), np.uint8(17))
+    scene = open_scene(with_maps(tmp_path, DISTORTION, np.where(labels == 3, 1000, 5000).astype(np.uint16), labels))
+    for index in range(3):
+        Image.fromarray(np.repeat((labels * 10)[..., None], 3, -1)).save(tmp_path / "images" / f"{index:03d}.png")
+    views = scene.read([0])
+    assert set(views.labels.unique().tolist()) == {3, 17}
+    assert (views.depths[views.labels == 3] == 1).all()
+    assert (views.depths[views.labels == 17] == 5).all()
+    flat = torch.where(views.labels[0] == 3, 30 / 255, 170 / 255)
+    assert (((views.images[0, 0] - flat).abs() < 0.01).float().mean()) > 0.8  # but for the edges of the squares
+
+
+def test_absent_maps_are_said_and_masks_are_not_used(tmp_path):
+    write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
+    scene = open_scene(tmp_path)
+    assert scene.read([0]).depths is None
+    assert any("3 listed depth or label files are absent" in note for note in scene.notes)
+    assert any("masks" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize(
+    ("shared", "depth", "unit"),
+    [
+        ({}, False, "unknown"),
+        ({"metric": True}, False, "metric"),
+        ({}, True, "metric"),
+        ({"metric": False}, True, "unknown"),
+    ],
+)
+def test_a_scene_is_metric_if_it_says_so_or_has_depths(tmp_path, shared, depth, unit):
+    frames = [{"depth_file_path": f"{n}.png"} if depth else {} for n in range(3)]
+    assert open_scene(write(tmp_path, {**PINHOLE, **shared}, frames)).unit == unit
+
+
+def test_nerfstudios_transform_of_the_world_is_kept_beside_the_poses(tmp_path):
+    applied = [[0, 1, 0, 0.5], [1, 0, 0, -2], [0, 0, -1, 0]]
+    scene = open_scene(write(tmp_path, {**PINHOLE, "applied_transform": applied, "applied_scale": 0.4}))
+    np.testing.assert_array_equal(scene.applied_transform, applied)
+    assert scene.applied_scale == 0.4
+    np.testing.assert_allclose(scene.cameras[0].centres, EYES[0])
