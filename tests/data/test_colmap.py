@@ -1,0 +1,209 @@
+"""COLMAP models, packed here by the format's description and not by pycolmap."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from landmarks import POINTS, drawn, found, looking
+from PIL import Image
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import project
+from semgs.geometry.rotations import quaternion_from_matrix
+
+pytest.importorskip("pycolmap")
+
+SIZE = (130, 180)
+EYES = [(0.5, -0.3, -3.2), (-0.4, 0.2, -2.9), (0.1, 0.4, -3.4)]
+NAMES = ["c.png", "a.png", "b.png"]  # their order in the model is not that of their names
+MODELS = {
+    "SIMPLE_PINHOLE": (0, (150.0, 93.1, 61.7)),
+    "PINHOLE": (1, (150.0, 144.0, 93.1, 61.7)),
+    "SIMPLE_RADIAL": (2, (150.0, 93.1, 61.7, -0.08)),
+    "RADIAL": (3, (150.0, 93.1, 61.7, -0.1, 0.05)),
+    "OPENCV": (4, (150.0, 144.0, 93.1, 61.7, 0.1, -0.05, 0.003, -0.004)),
+}
+
+
+def pose(eye: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Camera from world: rotation and translation."""
+    world = looking(eye, (0, 0, 0))
+    return world[:3, :3].T, -world[:3, :3].T @ world[:3, 3]
+
+
+def pixels(eye: tuple[float, float, float], model: str) -> np.ndarray:
+    """Where the landmarks are seen, by the formulas of COLMAP's camera models."""
+    rotation, translation = pose(eye)
+    inside = POINTS @ rotation.T + translation
+    x, y = inside[:, 0] / inside[:, 2], inside[:, 1] / inside[:, 2]
+    values = MODELS[model][1]
+    k1, k2, p1, p2 = 0.0, 0.0, 0.0, 0.0
+    if model in ("PINHOLE", "OPENCV"):
+        fx, fy, cx, cy, *rest = values
+        k1, k2, p1, p2 = rest or (0.0,) * 4
+    else:
+        fx, cx, cy, *rest = values
+        fy = fx
+        k1, k2 = (*rest, 0.0, 0.0)[:2]
+    r2 = x * x + y * y
+    radial = k1 * r2 + k2 * r2 * r2
+    u = x + x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y + y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+    return np.stack((fx * u + cx, fy * v + cy), axis=1)
+
+
+def quaternion(rotation: np.ndarray) -> list[float]:
+    return quaternion_from_matrix(torch.from_numpy(np.ascontiguousarray(rotation))).tolist()
+
+
+def write_pictures(folder: Path, model: str) -> None:
+    folder.mkdir(parents=True)
+    for eye, name in zip(EYES, NAMES, strict=True):
+        Image.fromarray(drawn(SIZE, pixels(eye, model))).save(folder / name)
+
+
+def write_text(folder: Path, model: str) -> None:
+    """cameras.txt, images.txt, points3D.txt."""
+    folder.mkdir(parents=True)
+    values = " ".join(map(repr, MODELS[model][1]))
+    (folder / "cameras.txt").write_text(f"# cameras\n7 {model} {SIZE[1]} {SIZE[0]} {values}\n")
+    lines = ["# images"]
+    for index, (eye, name) in enumerate(zip(EYES, NAMES, strict=True)):
+        rotation, translation = pose(eye)
+        lines.append(" ".join(map(repr, [index + 1, *quaternion(rotation), *translation.tolist(), 7])) + f" {name}")
+        lines.append(" ".join(f"{u!r} {v!r} {n + 1}" for n, (u, v) in enumerate(pixels(eye, model).tolist())))
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    lines = ["# points"]
+    for n, point in enumerate(POINTS.tolist()):
+        lines.append(" ".join(map(repr, [n + 1, *point, 9, 8, 7, 0.5])) + "".join(f" {i + 1} {n}" for i in range(3)))
+    (folder / "points3D.txt").write_text("\n".join(lines) + "\n")
+
+
+def write_binary(folder: Path, model: str) -> None:
+    """cameras.bin, images.bin, points3D.bin."""
+    folder.mkdir(parents=True)
+    number, values = MODELS[model]
+    camera = struct.pack("<QIiQQ", 1, 7, number, SIZE[1], SIZE[0]) + struct.pack(f"<{len(values)}d", *values)
+    (folder / "cameras.bin").write_bytes(camera)
+    images = struct.pack("<Q", 3)
+    for index, (eye, name) in enumerate(zip(EYES, NAMES, strict=True)):
+        rotation, translation = pose(eye)
+        images += struct.pack("<I7dI", index + 1, *quaternion(rotation), *translation, 7) + name.encode() + b"\0"
+        images += struct.pack("<Q", len(POINTS))
+        images += b"".join(struct.pack("<ddq", u, v, n + 1) for n, (u, v) in enumerate(pixels(eye, model)))
+    (folder / "images.bin").write_bytes(images)
+    points = struct.pack("<Q", len(POINTS))
+    for n, point in enumerate(POINTS):
+        points += struct.pack("<Q3d3BdQ", n + 1, *point, 9, 8, 7, 0.5, 3)
+        points += b"".join(struct.pack("<II", i + 1, n) for i in range(3))
+    (folder / "points3D.bin").write_bytes(points)
+
+
+WRITERS = {"text": write_text, "binary": write_binary}
+
+
+@pytest.mark.parametrize("form", WRITERS)
+@pytest.mark.parametrize("model", MODELS)
+def test_a_point_is_seen_on_its_feature(tmp_path, form, model):
+    write_pictures(tmp_path / "images", model)
+    WRITERS[form](tmp_path / "sparse" / "0", model)
+    scene = open_scene(tmp_path)
+    assert scene.layout == "COLMAP"
+    assert scene.unit == "unknown"
+    assert [frame.name for frame in scene.frames] == ["a.png", "b.png", "c.png"]
+    np.testing.assert_allclose(scene.cameras[2].world_from_camera.numpy(), looking(EYES[0], (0, 0, 0)), atol=1e-9)
+    views = scene.read([0, 1, 2])
+    for index, image in enumerate(views.images):
+        expected = project(torch.from_numpy(POINTS), views.cameras[index])[:, :2].numpy()
+        inside = ((expected > 8) & (expected < np.array(SIZE[::-1]) - 8)).all(axis=1)
+        assert inside.sum() >= 8
+        assert np.abs(found(image, expected[inside], (8, 8)) - expected[inside]).max() < 0.1
+
+
+@pytest.mark.parametrize("place", ["sparse/0", "sparse", "colmap/sparse/0", ""])
+def test_the_model_is_found_where_programs_put_it(tmp_path, place):
+    write_pictures(tmp_path / "scene" / "images", "PINHOLE")
+    write_text(tmp_path / "model", "PINHOLE")
+    (tmp_path / "scene" / place).mkdir(parents=True, exist_ok=True)
+    for file in (tmp_path / "model").iterdir():
+        file.rename(tmp_path / "scene" / place / file.name)
+    for path in (tmp_path / "scene", tmp_path / "scene" / place):
+        scene = open_scene(path)
+        assert (len(scene), scene.name) == (3, "scene")
+
+
+def test_near_and_far_come_from_the_points_that_the_frames_see(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_binary(tmp_path / "sparse" / "0", "PINHOLE")
+    scene = open_scene(tmp_path)
+    np.testing.assert_allclose(np.sort(scene.points, axis=0), np.sort(POINTS, axis=0))
+    assert all(len(frame.points) == len(POINTS) for frame in scene.frames)
+    bounds = scene.depth_range([0, 2])
+    depths = np.concatenate([(POINTS - eye) @ looking(eye, (0, 0, 0))[:3, 2] for eye in (EYES[1], EYES[0])])
+    assert 0 < bounds.near < depths.min()
+    assert depths.max() < bounds.far
+    assert abs(bounds.middle / np.median(depths) - 1) < 0.05
+    assert "sparse points" in bounds.reason
+
+
+def test_absent_pictures_are_counted(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse", "PINHOLE")
+    (tmp_path / "images" / "b.png").unlink()
+    scene = open_scene(tmp_path)
+    assert scene.absent == ("b.png",)
+    assert any("1 of the model's 3 pictures are absent" in note for note in scene.notes)
+
+
+def test_other_camera_models_are_refused_by_name(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse", "OPENCV")
+    cameras = tmp_path / "sparse" / "cameras.txt"
+    cameras.write_text(cameras.read_text().replace("OPENCV", "OPENCV_FISHEYE"))
+    with pytest.raises(InputError, match="camera 7: expected a camera model of SIMPLE_PINHOLE, .* found OPENCV_FISHEYE"):  # noqa: RUF043
+        open_scene(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["cameras", "images", "points3D"])
+@pytest.mark.parametrize("part", [0.0, 0.1, 0.5, 0.99])
+def test_binaries_cut_short_are_refused_by_name(tmp_path, name, part):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_binary(tmp_path / "sparse" / "0", "PINHOLE")
+    path = tmp_path / "sparse" / "0" / f"{name}.bin"
+    path.write_bytes(path.read_bytes()[: int(part * path.stat().st_size)])
+    with pytest.raises(InputError, match=rf"{name}\.bin: expected a complete list"):
+        open_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("cameras.txt", "PINHOLE", "NOT_A_MODEL"),
+        ("cameras.txt", "150.0", "nan"),
+        ("cameras.txt", "150.0", "0.0"),
+        ("cameras.txt", "7 ", "8 "),
+        ("images.txt", " 7 c.png", " x c.png"),
+        ("points3D.txt", "9 8 7", "nine"),
+    ],
+)
+def test_damaged_models_are_refused(tmp_path, name, old, new):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse" / "0", "PINHOLE")
+    path = tmp_path / "sparse" / "0" / name
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError, match="sparse/0"):
+        open_scene(tmp_path)
+
+
+def test_pictures_of_another_size_than_the_camera_are_refused(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse" / "0", "PINHOLE")
+    Image.new("RGB", (90, 65)).save(tmp_path / "images" / "a.png")
+    with pytest.raises(InputError, match=r"a\.png: expected 180x130"):
+        open_scene(tmp_path)
