@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,6 @@ from typing import Annotated
 import tyro
 
 from semgs.cli.reconstruct import Reconstruct
-from semgs.files.folders import check_folder
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,13 @@ class Demo:
     """
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
-    """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    """Folder to write: a new one, an empty one, or that of an earlier demo, which is replaced."""
     views: int = 2
     """How many photos go in."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
     """Where the network computes; auto takes a CUDA GPU where there is one."""
     overwrite: bool = False
-    """Replace DIR if an earlier run wrote it, once the new one is complete."""
+    """Replace DIR even if it holds another scene that semgs wrote."""
 
     def run(self) -> None:
         """Reconstruct the embedded room.
@@ -35,9 +35,16 @@ class Demo:
         Raises:
             InputError: the output folder cannot be used.
         """
-        check_folder(self.out, self.overwrite)
         from semgs.rooms.demo import demo_scene
 
-        Reconstruct(
-            scene=demo_scene(), out=self.out, views=self.views, device=self.device, overwrite=self.overwrite
-        ).run()
+        scene = demo_scene()
+        overwrite = self.overwrite or _scene_in(self.out) == scene.name
+        Reconstruct(scene=scene, out=self.out, views=self.views, device=self.device, overwrite=overwrite).run()
+
+
+def _scene_in(folder: Path) -> str | None:
+    """The name of the scene that a folder of results is of, None if it is no such folder."""
+    try:
+        return json.loads((folder / "report.json").read_text(encoding="utf-8"))["scene"]["name"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return None

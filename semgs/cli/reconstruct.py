@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from semgs.reconstruction.report import Origin
 
 
+MOST_VIEWS = 4
+"""More context views than this are more than the models are trained with."""
+
+
 @dataclass(frozen=True)
 class Reconstruct:
     """Turn posed photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
@@ -94,10 +98,10 @@ class Reconstruct:
         scene = open_scene(self.scene)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
-        with stages("load", f"Loading {self.model} with {self.weights} weights"):
+        with stages("load", f"Loading the model {self.model}"):
             model, origin = self._model(device)
         with own_folder(self.out, self.overwrite) as folder:
-            result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages)
+            result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages, notes=self._notes())
             with stages("write", f"Writing {self.out}"):
                 write_ply(folder / "gaussians.ply", result.encoding.gaussians)
                 if result.classes is not None:
@@ -122,6 +126,15 @@ class Reconstruct:
         if self.weights not in ("shipped", "random") and not Path(self.weights).is_file():
             raise UsageError(f"--weights is {self.weights}; expected a file, found nothing there")
 
+    def _notes(self) -> list[str]:
+        """What the user should know of the result because of the options."""
+        notes = []
+        if self.weights == "random":
+            notes.append("The weights are random: the network is untrained, and what comes out is noise.")
+        if max(self.views, len(self.context)) > MOST_VIEWS:
+            notes.append(f"The model was made for 2 to {MOST_VIEWS} views; more may blur what they see together.")
+        return notes
+
     def _choice(self, scene: Scene) -> Choice:
         """The frames that go in and those that are held out."""
         from semgs.data.choice import choose, given
@@ -142,7 +155,7 @@ class Reconstruct:
         with what_the_user_gave():
             model = load(self.model, None if self.weights == "shipped" else self.weights)
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return model.eval().to(device), Origin(f"semgs {__version__}", self.weights, parameters, device)
+        return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
 
 
 def saved(result: Reconstruction) -> SavedScene:
@@ -171,7 +184,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
     """What the user reads at the end: what was chosen, how it went, where it is."""
     from semgs.reconstruction.report import outputs
     from semgs.reconstruction.report_page import decibels, length
-    from semgs.reconstruction.scores import mean
+    from semgs.reconstruction.scores import mean_scores
 
     metric, bounds = result.metric, result.depth_range
     height, width = result.size
@@ -183,12 +196,12 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
-        ("PSNR", f"input views {decibels(mean([one.psnr for one in result.context.scores]))}"),
+        ("PSNR", f"input views {decibels(mean_scores(result.context.scores).psnr)}"),
         ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
         *(("note", sentence) for sentence in result.notes),
     ]
     if result.target is not None:
-        held_out = decibels(mean([one.psnr for one in result.target.scores]))
+        held_out = decibels(mean_scores(result.target.scores).psnr)
         rows = [(name, f"held-out views {held_out}, {text}" if name == "PSNR" else text) for name, text in rows]
     written = [(str(out / output.name), output.text) for output in outputs(result)]
     width = max(len(path) for path, _ in written)

@@ -66,7 +66,7 @@ def overlay(
     return np.rint(photo + strength * (tint - photo)).astype(np.uint8)
 
 
-def legend(maps: Iterable[UInt8[np.ndarray, "*axes"]], classes: ClassTable) -> tuple[LegendEntry, ...]:
+def legend(maps: Iterable[np.ndarray], classes: ClassTable) -> tuple[LegendEntry, ...]:
     """The classes that occur in the maps, the most frequent first."""
     counts = sum(
         (np.bincount(labels.ravel(), minlength=256)[: len(classes)] for labels in maps), np.zeros(len(classes))

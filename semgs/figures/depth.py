@@ -11,7 +11,7 @@ NOTHING = (40, 42, 46)
 """The grey of pixels without depth."""
 
 
-def depth_limits(maps: Iterable[Float[np.ndarray, "*axes"]]) -> tuple[float, float]:
+def depth_limits(maps: Iterable[np.ndarray]) -> tuple[float, float]:
     """The depths that the colours of several maps should span: the 1st to the 99th percentile of what has depth (> 0).
 
     Maps without any depth give (0, 1).

@@ -105,6 +105,7 @@ def reconstruct(
     size: Sequence[int] | None = None,
     *,
     stages: Stages | None = None,
+    notes: Sequence[str] = (),
 ) -> Reconstruction:
     """Reconstruct a scene from its context frames and look at it from these and from the held-out ones.
 
@@ -114,6 +115,7 @@ def reconstruct(
         model: in evaluation mode, on the device to compute on; rendering is done where `render` does it.
         size: (height, width) to read the frames at [px]; None is `default_size` of the first one's.
         stages: told of each stage: read, encode, render.
+        notes: what else the user should know, a sentence each.
 
     Raises:
         InputError: a frame cannot be read.
@@ -145,7 +147,7 @@ def reconstruct(
         target=None
         if target is None or held_out is None
         else _shown(scene, choice.targets, target, held_out, model.classes),
-        notes=(*scene.notes, *_notes(scene, choice, context, model.classes)),
+        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes)),
     )
 
 

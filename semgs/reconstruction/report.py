@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from semgs.data.classes import IGNORE
 from semgs.figures.classes import label_maps, legend
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
-from semgs.reconstruction.scores import ViewScores, mean
+from semgs.reconstruction.scores import ViewScores, mean_scores
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Origin:
 
     Attributes:
         software: name and version.
-        weights: of the model: "shipped", "random" or a path.
+        weights: of the model, where they come from, in a sentence.
         parameters: of the model.
         device: that it ran on.
     """
@@ -44,7 +43,7 @@ def outputs(result: Reconstruction) -> tuple[Output, ...]:
     depth = "16-bit depth in millimetres" if result.metric else "depth as 32-bit float TIFF in the scene's unit"
     maps = "" if result.classes is None else "class maps (coloured, and as numbers with 255 for unseen), "
     listed = [
-        Output("report.html", "this page; needs no network and no other file"),
+        Output("report.html", "the report to look at; one page that needs no network and no other file"),
         Output("report.json", "all its numbers"),
         Output("gaussians.ply", "the scene in colour, plain 3DGS: opens in every Gaussian splat viewer"),
         Output("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
@@ -103,8 +102,8 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True)
         ],
         "means": {
-            "context": _means(result.context.scores),
-            "target": _means(result.target.scores) if result.target else None,
+            "context": _rounded(mean_scores(result.context.scores)),
+            "target": _rounded(mean_scores(result.target.scores)) if result.target else None,
         },
         "classes": [
             {"name": entry.name, "share": rounded(entry.share)}
@@ -131,8 +130,3 @@ def _all_shown(result: Reconstruction) -> list[Shown]:
 def _rounded(score: ViewScores) -> dict[str, float | None]:
     """The scores of a view by their names."""
     return {name: rounded(value) for name, value in asdict(score).items()}
-
-
-def _means(many: Sequence[ViewScores]) -> dict[str, float | None]:
-    """The mean of each score over the views that have it."""
-    return {field.name: rounded(mean([getattr(one, field.name) for one in many])) for field in fields(ViewScores)}

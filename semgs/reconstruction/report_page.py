@@ -13,26 +13,24 @@ from semgs.figures.page import Block, Facts, Gallery, Headline, Legend, Notes, P
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import as_bytes
 from semgs.reconstruction.report import Origin, outputs
-from semgs.reconstruction.scores import ViewScores, mean
+from semgs.reconstruction.scores import ViewScores, mean_scores
 
 _TICKS = 5
+
+HELD_OUT = "Frames that the model was not given: the test of the reconstruction. What no input view sees stays empty."
 
 
 def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> str:
     """The report as one self-contained HTML page."""
     scene = result.scene
     maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in _all_shown(result)]
-    limits = depth_limits(shown.rendering.depths.numpy() for shown in _all_shown(result))
+    limits = depth_limits(_depth_maps(result))
     held_out = len(result.target.positions) if result.target else 0
     sections = [
-        Section("Input views", _own_lead(result), (*_keys(result, maps, limits), *_galleries(result, True, limits))),
-        *(
-            [Section("Held-out views", _held_out_lead(result), _galleries(result, False, limits))]
-            if result.target
-            else []
-        ),
-        Section("Scores", _scores_lead(result), (_score_table(result),)),
         Section("What was read and chosen", "", (_facts(result, origin),)),
+        Section("Input views", _own_lead(result), (*_keys(result, maps, limits), *_galleries(result, True, limits))),
+        *([Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
+        Section("Scores", _scores_lead(result), (_score_table(result),)),
         Section("Time", "", (_timings(seconds),)),
         Section("Files", "", (Facts(tuple((output.name, output.text) for output in outputs(result))),)),
     ]
@@ -44,8 +42,7 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
         + (f" and compared with {held_out} that {'was' if held_out == 1 else 'were'} held out." if held_out else "."),
         headlines=_headlines(result, maps, seconds),
         sections=sections,
-        foot=f"Made by {origin.software} with the model {result.model} ({origin.weights} weights). "
-        "The numbers of this page are in report.json.",
+        foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
     )
 
 
@@ -64,15 +61,23 @@ def _all_shown(result: Reconstruction) -> list[Shown]:
     return [result.context] if result.target is None else [result.context, result.target]
 
 
+def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
+    """All depth maps that the page shows, which share one scale."""
+    shown = [part.rendering.depths for part in _all_shown(result)]
+    if result.target is not None and result.target.views.depths is not None:
+        shown.append(result.target.views.depths)
+    return [depths.numpy() for depths in shown]
+
+
 def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict[str, float]) -> list[Headline]:
     """The few numbers that tell how it went."""
     found = []
     if result.target is not None:
-        found.append(Headline(decibels(mean([one.psnr for one in result.target.scores])), "PSNR of held-out views"))
-        iou = mean([one.miou for one in result.target.scores])
-        if iou is not None:
-            found.append(Headline(f"{iou:.2f}", "mIoU of held-out views"))
-    found.append(Headline(decibels(mean([one.psnr for one in result.context.scores])), "PSNR of the input views"))
+        held_out = mean_scores(result.target.scores)
+        found.append(Headline(decibels(held_out.psnr), "PSNR of held-out views"))
+        if held_out.miou is not None:
+            found.append(Headline(f"{held_out.miou:.2f}", "mIoU of held-out views"))
+    found.append(Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
     found.append(Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
     if result.classes is not None:
         found.append(Headline(str(len(legend(maps, result.classes))), "classes present"))
@@ -85,13 +90,6 @@ def _own_lead(result: Reconstruction) -> str:
     """What the pictures of the input views are."""
     return "What went in, and what the Gaussians show from the same cameras." + (
         "" if result.classes is None else " Classes are hatched where nothing was seen (alpha below 0.5)."
-    )
-
-
-def _held_out_lead(result: Reconstruction) -> str:
-    """What the pictures of the held-out views are."""
-    return "Frames that the model was not given: the test of the reconstruction." + (
-        " Parts that no input view sees stay empty."
     )
 
 
@@ -174,9 +172,7 @@ def _score_table(result: Reconstruction) -> Table:
         for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True):
             rows.append((f"{name} (frame {position}, {role})", *cells(score)))
         if len(shown.scores) > 1:
-            names = ("psnr", "coverage", "depth_error", "accuracy", "miou")
-            values = (mean([getattr(score, name) for score in shown.scores]) for name in names)
-            rows.append((f"mean, {role}", *cells(ViewScores(*values))))
+            rows.append((f"mean, {role}", *cells(mean_scores(shown.scores))))
     return Table(("view", *columns), tuple(rows))
 
 
@@ -199,7 +195,8 @@ def _facts(result: Reconstruction, origin: Origin) -> Facts:
             f"{length(result.depth_range.near, result.metric)} to {length(result.depth_range.far, result.metric)}: "
             f"{result.depth_range.reason}",
         ),
-        ("Model", f"{result.model}, {origin.parameters:,} parameters, {origin.weights} weights, on {origin.device}"),
+        ("Model", f"{result.model}, {origin.parameters:,} parameters, on {origin.device}"),
+        ("Weights", origin.weights),
     ]
     if result.classes is not None:
         rows.append(("Class table", f"{result.classes.name}, {len(result.classes)} classes"))

@@ -57,7 +57,18 @@ def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
     return tuple(ViewScores(*values) for values in zip(ratios, coverages, errors, hits, ious, strict=True))
 
 
-def mean(values: Sequence[float | None]) -> float | None:
+def mean_scores(views: Sequence[ViewScores]) -> ViewScores:
+    """The mean of each score over the views that have it; there must be a view."""
+    return ViewScores(
+        psnr=sum(view.psnr for view in views) / len(views),
+        coverage=sum(view.coverage for view in views) / len(views),
+        depth_error=_mean([view.depth_error for view in views]),
+        accuracy=_mean([view.accuracy for view in views]),
+        miou=_mean([view.miou for view in views]),
+    )
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
     """The mean of what is known, None if nothing is."""
     known = [value for value in values if value is not None]
     return sum(known) / len(known) if known else None

@@ -12,7 +12,7 @@ from semgs.reconstruction.reconstruct import Network, reconstruct
 from semgs.reconstruction.report import Origin, outputs, report_numbers, rounded
 from semgs.reconstruction.report_page import decibels, length, report_page
 
-ORIGIN = Origin("semgs 9.9", "random", 1234567, "cpu")
+ORIGIN = Origin("semgs 9.9", "drawn from a hat", 1234567, "cpu")
 SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
 
 
@@ -48,7 +48,7 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
     text = text_of(html)
     for part in (
         "images/00.png", "Held-out views", result.choice.reason, result.depth_range.reason, "0.5 m to 10 m", "metres",
-        "wall", "picture", "1.50 s", "semgs 9.9", "random weights", "semantics.ply", "transforms.json", "mIoU",
+        "wall", "picture", "1.50 s", "semgs 9.9", "drawn from a hat", "semantics.ply", "transforms.json", "mIoU",
         "32x48 (height x width), read from 40x56",
     ):  # fmt: skip
         assert part in text, part
