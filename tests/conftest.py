@@ -11,8 +11,10 @@ from jaxtyping import install_import_hook
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
 
-_names = [module.name for module in pkgutil.walk_packages([str(ROOT / "semgs")], "semgs.", onerror=lambda name: None)]
-install_import_hook([name for name in _names if not name.endswith("_kernels")], "beartype.beartype")
+_modules = pkgutil.walk_packages([str(ROOT / "semgs")], "semgs.", onerror=lambda name: None)
+# The hook takes a package's name for all modules in it, so only modules are named.
+_names = [module.name for module in _modules if not module.ispkg and not module.name.endswith("_kernels")]
+install_import_hook(_names, "beartype.beartype")
 
 
 @pytest.fixture(scope="session")
