@@ -1,6 +1,7 @@
-"""Splatting on CPU: Numba kernels as differentiable torch operators; equals `reference` in value and gradient."""
+"""Splatting on CPU: Numba kernels as differentiable torch operators; equals `reference` in value and gradient.
 
-from __future__ import annotations
+Annotations are evaluated here, since torch reads the operators' schemas from them.
+"""
 
 import threading
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
 from semgs.rendering.pinhole import Pinhole, near_plane
@@ -32,13 +33,17 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
 
 def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
     """Features blended at every pixel, and the light that is left there (float64)."""
-    vector = torch.tensor(
-        [*camera.axes.flatten(), *camera.centre, *camera.focal_px, *camera.principal_px, *sum(camera.slope_limits, ())],
-        dtype=torch.float64,
-    )
     tensors = (splats.means, splats.quaternions, splats.scales, splats.opacities, splats.features)
-    picture, transmittance, _ = _splat(*(one.contiguous() for one in tensors), order, vector, *camera.size)
+    picture, transmittance, _ = _splat(
+        *(one.contiguous() for one in tensors), order, camera_vector(camera), *camera.size
+    )
     return Layer(picture, transmittance)
+
+
+def camera_vector(camera: Pinhole) -> Float64[Tensor, " 20"]:
+    """A camera in the layout of `projection_kernels`."""
+    numbers = (*camera.focal_px, *camera.principal_px, *(bound for limits in camera.slope_limits for bound in limits))
+    return torch.cat((camera.axes.flatten(), camera.centre, torch.tensor(numbers, dtype=torch.float64)))
 
 
 def _stable_order(depths: Float[Tensor, " n"]) -> Int64[Tensor, " n"]:
@@ -69,7 +74,7 @@ def _splat(
     transmittance = torch.empty(height, width, dtype=torch.float64)
     last = torch.empty(height, width, dtype=torch.int32)
     with _threads():
-        tiles = _Tiles.of(means, quaternions, scales, opacities, order, camera, height, width)
+        tiles = into_tiles(means, quaternions, scales, opacities, order, camera, height, width)
         draw(
             tiles.ellipses, _array(features), tiles.first_in_tile, tiles.gaussians,
             picture.numpy(), transmittance.numpy(), last.numpy(),
@@ -96,7 +101,7 @@ def _splat_backward(
     grad_scales, grad_opacities = scales.new_zeros(scales.shape), opacities.new_zeros(opacities.shape)
     grad_features = features.new_zeros(features.shape)
     with _threads():
-        tiles = _Tiles.of(means, quaternions, scales, opacities, order, camera, height, width)
+        tiles = into_tiles(means, quaternions, scales, opacities, order, camera, height, width)
         geometry = np.zeros((len(tiles.pairs), 6))
         blended = np.zeros((len(tiles.pairs), features.shape[1]), _array(features).dtype)
         draw_backward(
@@ -138,7 +143,7 @@ _splat.register_autograd(_differentiate, setup_context=_save)
 
 
 @dataclass(frozen=True)
-class _Tiles:
+class Tiles:
     """Projected Gaussians and which tiles they meet.
 
     Recomputed by the backward pass: that takes less time than its share of memory would be worth.
@@ -150,24 +155,28 @@ class _Tiles:
     pairs: np.ndarray  # [pairs], the number of each pair, Gaussian by Gaussian
     first_pair: np.ndarray  # [g + 1]
 
-    @classmethod
-    def of(cls, means, quaternions, scales, opacities, order, camera, height: int, width: int) -> _Tiles:
-        count, ranks = len(means), order.numpy()
-        ellipses = np.empty((count, 8))
-        project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
 
-        tiles = -(-height // TILE) * -(-width // TILE)
-        counts = np.zeros((PARTS, tiles), np.int64)
-        first_pair = np.zeros(count + 1, np.int64)
-        rectangles = np.empty((count, 4), np.int32)
-        count_pairs(ellipses, ranks, height, width, rectangles, first_pair[1:], counts)
-        np.cumsum(first_pair, out=first_pair)
-        ends = np.cumsum(counts.T).reshape(tiles, PARTS)
-        starts = np.ascontiguousarray(ends.T) - counts
-        gaussians = np.empty(first_pair[-1], np.int32)
-        pairs = np.empty(first_pair[-1], np.int64)
-        fill_pairs(ellipses, ranks, width, rectangles, first_pair, starts, gaussians, pairs)
-        return cls(ellipses, np.concatenate(([0], ends[:, -1])), gaussians, pairs, first_pair)
+def into_tiles(
+    means: Tensor, quaternions: Tensor, scales: Tensor, opacities: Tensor, order: Tensor, camera: Tensor,
+    height: int, width: int,
+) -> Tiles:  # fmt: skip
+    """Project Gaussians and sort them into tiles, front to back."""
+    count, ranks = len(means), order.numpy()
+    ellipses = np.empty((count, 8))
+    project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
+
+    tiles = -(-height // TILE) * -(-width // TILE)
+    counts = np.zeros((PARTS, tiles), np.int64)
+    first_pair = np.zeros(count + 1, np.int64)
+    rectangles = np.empty((count, 4), np.int32)
+    count_pairs(ellipses, ranks, height, width, rectangles, first_pair[1:], counts)
+    np.cumsum(first_pair, out=first_pair)
+    ends = np.cumsum(counts.T).reshape(tiles, PARTS)
+    starts = np.ascontiguousarray(ends.T) - counts
+    gaussians = np.empty(first_pair[-1], np.int32)
+    pairs = np.empty(first_pair[-1], np.int64)
+    fill_pairs(ellipses, ranks, width, rectangles, first_pair, starts, gaussians, pairs)
+    return Tiles(ellipses, np.concatenate(([0], ends[:, -1])), gaussians, pairs, first_pair)
 
 
 def _array(tensor: Tensor) -> np.ndarray:

@@ -51,7 +51,7 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
         alpha = torch.where((sigma >= 0) & (alpha >= MIN_ALPHA), alpha, 0)
         # Transmittance only falls, so those that leave enough of it are the ones before the pixel is finished.
         alpha = torch.where(torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE, alpha, 0)
-        behind = torch.cat((torch.ones_like(alpha[:, :1]), torch.cumprod(1 - alpha, dim=1)), dim=1)
+        behind = torch.cat((alpha.new_ones(len(chunk), 1), torch.cumprod(1 - alpha, dim=1)), dim=1)
         blended.append((alpha * behind[:, :-1]) @ features)
         left.append(behind[:, -1])
     return Layer(

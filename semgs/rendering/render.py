@@ -147,4 +147,7 @@ def _near_bounds(near: float | int | Tensor | None, batch: tuple[int, ...]) -> l
     bounds = torch.as_tensor(near).detach().to("cpu", torch.float64)
     if not (bounds > 0).all() or not torch.isfinite(bounds).all():
         raise ValueError(f"near is {bounds.tolist()}; expected positive finite numbers, or None")
-    return bounds.expand(batch).reshape(-1).tolist()
+    try:
+        return bounds.expand(batch).reshape(-1).tolist()
+    except RuntimeError:
+        raise ValueError(f"near is {tuple(bounds.shape)}; expected one number, or {batch}: one for each view") from None
