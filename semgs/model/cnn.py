@@ -47,6 +47,9 @@ class FeatureCNN(nn.Module):
         outputs: channels out (the paper's d).
     """
 
+    mean: Tensor
+    std: Tensor
+
     def __init__(self, widths: tuple[int, int, int] = (64, 96, 128), outputs: int = 128) -> None:
         super().__init__()
         first, second, third = widths

@@ -1,7 +1,5 @@
 """The plane sweep's correlation as one differentiable operation on the CPU, without the warped features in memory."""
 
-from __future__ import annotations
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -36,9 +34,8 @@ def _correlate(
     n, h, w, _ = reference.shape
     sums = reference.new_empty(n, depths.shape[1], h, w)
     seen = torch.empty_like(sums)
-    kernels.correlate(
-        *_arrays(reference, source, matrices, offsets, depths, smallest), mask_unseen, *_arrays(sums, seen)
-    )
+    inputs = _arrays(reference, source, matrices, offsets, depths, smallest)
+    kernels.correlate(*inputs, mask_unseen, *_arrays(sums, seen))  # type: ignore[call-arg]
     return sums, seen
 
 
@@ -61,11 +58,9 @@ def _correlate_backward(
     grad: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     d_reference, d_source = torch.zeros_like(reference), torch.zeros_like(source)
-    kernels.correlate_backward(
-        *_arrays(reference, source, matrices, offsets, depths, smallest),
-        mask_unseen,
-        *_arrays(grad.contiguous(), d_reference, d_source),
-    )
+    inputs = _arrays(reference, source, matrices, offsets, depths, smallest)
+    outputs = _arrays(grad, d_reference, d_source)
+    kernels.correlate_backward(*inputs, mask_unseen, *outputs)  # type: ignore[call-arg]
     return d_reference, d_source
 
 

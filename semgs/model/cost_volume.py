@@ -111,7 +111,7 @@ def correlate(
         mask_unseen: what is behind or outside the source is 0 and unseen, and the border's texels extend to the
             map's edge; else depth is clamped to `smallest` and the map is surrounded by zeros.
     """
-    n, _, h, w = reference.shape
+    h, w = reference.shape[-2:]
     rows, columns = torch.meshgrid(
         torch.arange(h, device=depths.device, dtype=depths.dtype),
         torch.arange(w, device=depths.device, dtype=depths.dtype),

@@ -136,7 +136,8 @@ def start_at(head: Head, channels: slice, sigma: float) -> None:
     """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels."""
     share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)
     last = head[-1]
-    assert isinstance(last, nn.Conv2d) and last.bias is not None
+    assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
     with torch.no_grad():
         last.bias[channels] = torch.logit(torch.tensor(share))
 

@@ -263,8 +263,12 @@ class SemGS(nn.Module):
         if self.harmonics <= RENDERED_HARMONICS:
             return self.colour_head(x)
         first, activation, last = self.colour_head
+        assert isinstance(last, nn.Conv2d)
+        assert last.bias is not None
         live = [*range(9), *(9 + self.harmonics * c + k for c in range(3) for k in range(RENDERED_HARMONICS))]
-        return nn.functional.conv2d(activation(first(x)), last.weight[live], last.bias[live], padding=last.padding)
+        return nn.functional.conv2d(
+            activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
+        )
 
 
 def _flattened(views: Views, like: Tensor) -> Views:

@@ -103,7 +103,8 @@ def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
     """
     try:
         with safe_open(path, "pt") as file:
-            return {name: _single(file.get_tensor(name)) for name in file.keys()}  # noqa: SIM118: safe_open is no dict
+            names = list(file.keys())
+            return {name: _single(file.get_tensor(name)) for name in names}
     except (OSError, SafetensorError) as error:
         raise InputError(path, "a whole safetensors file", f"{error}") from None
 

@@ -1,0 +1,84 @@
+import pytest
+import torch
+
+from semgs.model.swin import MultiViewSwin, Windows
+
+GRID, COUNT, D = (8, 12), 2, 8
+
+
+def by_loop(q, k, v, shifted: bool, cross: bool) -> torch.Tensor:
+    """Attention of every token over its window's tokens, pair by pair."""
+    _, views, h, w, d = q.shape
+    size = (h // COUNT, w // COUNT)
+    shift = (size[0] // 2, size[1] // 2) if shifted else (0, 0)
+
+    def window(row: int, column: int) -> tuple[int, int]:
+        return ((row - shift[0]) % h) // size[0], ((column - shift[1]) % w) // size[1]
+
+    def region(row: int, column: int) -> tuple[bool, bool]:
+        return row < shift[0], column < shift[1]
+
+    out = torch.zeros_like(q)
+    cells = [(r, c) for r in range(h) for c in range(w)]
+    for i in range(views):
+        keys_of = [j for j in range(views) if j != i] if cross else [i]
+        for cell in cells:
+            near = [(j, *u) for j in keys_of for u in cells if window(*u) == window(*cell)]
+            logits = torch.stack([q[0, i][cell] @ k[0][u] / d**0.5 for u in near])
+            logits = logits + torch.tensor([0.0 if region(*u[1:]) == region(*cell) else -100.0 for u in near])
+            out[0, i][cell] = logits.softmax(0) @ torch.stack([v[0][u] for u in near])
+    return out
+
+
+@pytest.mark.parametrize(
+    ("views", "shifted", "cross"), [(2, True, False), (2, False, True), (3, True, True), (4, True, True)]
+)
+def test_windowed_attention_equals_a_loop_over_tokens(views, shifted, cross):
+    grid = GRID if views == 2 else (4, 8)
+    q, k, v = (torch.randn(1, views, *grid, D, dtype=torch.float64) for _ in range(3))
+    fast = Windows(grid, COUNT, shifted, q).attend(q, k, v, cross)
+    assert (fast - by_loop(q, k, v, shifted, cross)).abs().max() < 1e-10
+
+
+def test_giving_every_other_view_twice_changes_nothing_and_one_of_two_does():
+    q = torch.randn(1, 3, *GRID, D, dtype=torch.float64)
+
+    def first(views: list[int]) -> torch.Tensor:
+        x = q[:, views]
+        return Windows(GRID, COUNT, True, x).attend(x, x, x, True)[:, 0]
+
+    assert (first([0, 1, 2]) - first([0, 1, 2, 1, 2])).abs().max() < 1e-12
+    assert (first([0, 1, 2]) - first([0, 1, 2, 1])).abs().max() > 1e-3
+
+
+def test_splitting_and_joining_are_inverse():
+    x = torch.randn(2, 3, *GRID, D)
+    windows = Windows(GRID, COUNT, True, x)
+    assert torch.equal(windows.join(windows.split(x)), x)
+
+
+def test_one_window_is_full_attention_without_a_mask():
+    windows = Windows(GRID, 1, True, torch.zeros(1))
+    assert windows.mask is None
+    assert windows.size == GRID
+
+
+def test_a_map_that_cannot_be_cut_is_refused():
+    with pytest.raises(ValueError, match=r"\(7, 12\)"):
+        Windows((7, 12), 2, False, torch.zeros(1))
+
+
+def test_all_views_move_in_lock_step():
+    swin = MultiViewSwin(D, 2).double()
+    x = torch.randn(1, 3, D, *GRID, dtype=torch.float64)
+    order = [2, 0, 1]
+    assert (swin(x, None)[:, order] - swin(x[:, order], None)).abs().max() < 1e-12
+
+
+def test_reduced_tokens_still_see_the_other_views():
+    swin = MultiViewSwin(D, 1, reduction=2).double()
+    x = torch.randn(1, 2, D, *GRID, dtype=torch.float64)
+    other = x.clone()
+    other[:, 1] = torch.randn_like(other[:, 1])
+    assert swin(x, None).shape == x.shape
+    assert (swin(x, None)[:, 0] - swin(other, None)[:, 0]).abs().max() > 1e-3

@@ -1,0 +1,106 @@
+import json
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from semgs import load
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.files.errors import InputError
+from semgs.model import presets
+from semgs.weights.file import is_ours, read_header, save
+
+
+@pytest.fixture(scope="module")
+def small():
+    return load("small", weights="random", seed=1)
+
+
+@pytest.fixture(scope="module")
+def written(small, tmp_path_factory):
+    path = tmp_path_factory.mktemp("weights") / "mine.safetensors"
+    save(path, small, {"description": "a test", "seed": "1"})
+    return path
+
+
+def test_what_is_saved_is_loaded_but_for_rounding(small, written):
+    again = load("small", weights=written)
+    for name, tensor in small.state_dict().items():
+        assert torch.equal(again.state_dict()[name], tensor.bfloat16().float())
+    assert again.origin == "mine.safetensors: a test"
+    assert read_header(written).metadata["seed"] == "1"
+
+
+def test_drawing_is_a_function_of_the_seed_and_leaves_the_callers_state(small):
+    torch.manual_seed(5)
+    expected = torch.rand(3)
+    torch.manual_seed(5)
+    same, other = load("small", weights="random", seed=1), load("small", weights="random", seed=2)
+    assert torch.equal(torch.rand(3), expected)
+    assert torch.equal(same.cnn.conv1.weight, small.cnn.conv1.weight)
+    assert not torch.equal(other.cnn.conv1.weight, small.cnn.conv1.weight)
+
+
+def test_no_weights_ship_for_base():
+    with pytest.raises(ValueError, match='no weights ship for "base"'):
+        load("base")
+
+
+def test_an_unknown_name_lists_the_known():
+    with pytest.raises(ValueError, match="small, base, mvsplat"):
+        load("large")
+
+
+def test_weights_of_another_network_are_refused(written):
+    with pytest.raises(InputError, match='weights of "small"'):
+        load("base", weights=written)
+
+
+def test_weights_of_another_class_table_are_refused(tmp_path):
+    table = ClassTable("mine", ("wall", "floor"), ((1, 2, 3), (4, 5, 6)), (1, 2))
+    path = tmp_path / "mine.safetensors"
+    save(path, presets.small(table), {})
+    with pytest.raises(InputError, match=r"scannet20 \(20 classes\), found mine \(2 classes\)"):
+        load("small", weights=path)
+    assert load("small", weights=path, classes=table).classes == table
+
+
+def test_weights_of_another_shape_are_refused(written, tmp_path):
+    header = read_header(written)
+    tensors = load_file(written)
+    tensors["semantic_head.2.bias"] = torch.zeros(5)
+    path = tmp_path / "shape.safetensors"
+    settings = json.dumps(presets.small().settings)
+    classes = json.dumps(
+        {"name": SCANNET20.name, "names": SCANNET20.names, "colours": SCANNET20.colours, "raw_ids": SCANNET20.raw_ids}
+    )
+    save_file(tensors, path, {"semgs": "1", "settings": settings, "classes": classes, **header.metadata})
+    with pytest.raises(InputError, match=r"semantic_head\.2\.bias: expected shape \(27,\), found \(5,\)"):
+        load("small", weights=path)
+
+
+@pytest.mark.parametrize("content", [b"", b"not weights at all", b"\x08\0\0\0\0\0\0\0{}      "])
+def test_a_file_that_is_no_weights_is_refused(content, tmp_path):
+    path = tmp_path / "x.safetensors"
+    path.write_bytes(content)
+    assert not is_ours(path)
+    for name in ("small", "mvsplat"):
+        with pytest.raises(InputError):
+            load(name, weights=path)
+
+
+def test_a_truncated_file_is_refused(written, tmp_path):
+    path = tmp_path / "cut.safetensors"
+    path.write_bytes(written.read_bytes()[:-1000])
+    with pytest.raises(InputError):
+        load("small", weights=path)
+
+
+def test_a_missing_file_is_told(tmp_path):
+    with pytest.raises(InputError, match="expected a file of weights, found nothing"):
+        load("small", weights=tmp_path / "none.safetensors")
+
+
+def test_metadata_may_not_take_the_formats_keys(small, tmp_path):
+    with pytest.raises(ValueError, match="'settings'"):
+        save(tmp_path / "x.safetensors", small, {"settings": "mine"})

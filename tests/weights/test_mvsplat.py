@@ -1,0 +1,141 @@
+import ast
+
+import numpy as np
+import pytest
+import torch
+from golden import golden_tensor
+from safetensors.torch import save_file
+
+from semgs import load
+from semgs.data.views import Views
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.harmonics import basis
+from semgs.geometry.rotations import covariance
+from semgs.model import presets
+from semgs.weights.mvsplat import our_name
+
+AGREEMENT = 1e-4
+
+
+@pytest.fixture(scope="module")
+def state(shared) -> dict[str, torch.Tensor]:
+    """MVSplat's 471 tensors by its own names, drawn by the golden rule."""
+    lines = (shared / "reference" / "mvsplat_state_dict.txt").read_text().splitlines()
+    shapes = dict(line.split(None, 1) for line in lines if line and not line.startswith("#"))
+    return {f"encoder.{key}": golden_tensor(key, ast.literal_eval(shape)) for key, shape in shapes.items()}
+
+
+@pytest.fixture(scope="module")
+def checkpoint(state, tmp_path_factory):
+    path = tmp_path_factory.mktemp("mvsplat") / "re10k.ckpt"
+    torch.save({"state_dict": state, "epoch": 3}, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def fixture(shared):
+    return np.load(shared / "golden" / "mvsplat_2x64x96.npz")
+
+
+@pytest.fixture(scope="module")
+def activations(checkpoint, fixture):
+    model = load("mvsplat", weights=checkpoint).eval()
+    height, width = fixture["image"].shape[-2:]
+    k = torch.from_numpy(fixture["intrinsics_normalised"]).double() * torch.tensor([width, height, 1.0])[:, None]
+    cameras = Cameras(fixture["camera_to_world"], k, (height, width))
+    views = Views(
+        torch.from_numpy(fixture["image"]),
+        cameras,
+        torch.tensor([[[float(fixture["near"]), float(fixture["far"])]] * 2]),
+    )
+    kept: dict[str, torch.Tensor] = {}
+
+    def keep(**names: object):
+        def hook(_module, inputs, output) -> None:
+            for name, pick in names.items():
+                kept[name] = pick(inputs, output)
+
+        return hook
+
+    model.cnn.register_forward_hook(keep(cnn=lambda i, o: o))
+    model.colour_transformer.register_forward_hook(keep(transformer=lambda i, o: o.transpose(0, 1)))
+    model.cost_regressor.register_forward_hook(keep(cost_volume=lambda i, o: i[0], depth_logits=lambda i, o: o))
+    model.depth_refinement.register_forward_hook(keep(refine_unet=lambda i, o: o[0]))
+    with torch.inference_mode():
+        encoding = model(views)
+    gaussians = encoding.gaussians
+    kept |= {
+        "depth": encoding.depths,
+        "opacity": gaussians.opacities,
+        "means": gaussians.means,
+        "covariances": covariance(gaussians.colour.quaternions, gaussians.colour.scales),
+    }
+    assert gaussians.semantic is None
+    return kept, gaussians
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["cnn", "transformer", "cost_volume", "depth_logits", "refine_unet", "depth", "opacity", "means", "covariances"],
+)
+def test_every_array_of_the_authors_code_is_reproduced(activations, fixture, name):
+    expected = torch.from_numpy(fixture[name])
+    found = activations[0][name].reshape(expected.shape)
+    assert (found - expected).norm() / expected.norm() < AGREEMENT
+
+
+def test_colours_are_the_authors_from_every_direction(activations, fixture):
+    directions = torch.nn.functional.normalize(torch.randn(50, 3, dtype=torch.float64), dim=-1)
+    theirs = torch.from_numpy(fixture["harmonics"][0]).double()  # gaussian, colour, k in the renderer's basis
+    expected = torch.einsum("dk,gck->dgc", basis(directions.roll(1, dims=-1), 3), theirs)
+    found = torch.einsum("dk,gkc->dgc", basis(directions, 3), activations[1].colour.features[0].double())
+    assert (found - expected).norm() / expected.norm() < AGREEMENT
+
+
+def test_all_471_names_are_ours_too(state):
+    assert len(state) == 471
+    assert {our_name(name) for name in state} == set(presets.mvsplat().state_dict())
+
+
+def test_safetensors_of_the_same_names_load_alike(state, checkpoint, tmp_path):
+    save_file(state, tmp_path / "re10k.safetensors")
+    a = load("mvsplat", weights=tmp_path / "re10k.safetensors").state_dict()
+    b = load("mvsplat", weights=checkpoint).state_dict()
+    assert all(torch.equal(a[name], b[name]) for name in b)
+
+
+def test_base_takes_all_tensors_and_draws_its_semantic_branch(state, checkpoint):
+    base = load("base", weights=checkpoint, seed=3)
+    fresh = load("base", weights="random", seed=3)
+    assert "all 471 tensors of MVSplat taken" in base.origin
+    own = base.state_dict()
+    assert all(torch.equal(own[our_name(name)], tensor) for name, tensor in state.items())
+    semantic = [name for name in own if name.startswith("semantic_")]
+    assert semantic
+    assert all(torch.equal(own[name], fresh.state_dict()[name]) for name in semantic)
+
+
+@pytest.mark.parametrize("fault", ["missing", "extra", "shape"])
+def test_a_tensor_that_does_not_fit_is_named(state, tmp_path, fault):
+    broken = dict(state)
+    name = "encoder.depth_predictor.proj_feature.bias"
+    if fault == "missing":
+        del broken[name]
+    elif fault == "extra":
+        broken[name := "encoder.backbone.surplus"] = torch.zeros(2)
+    else:
+        broken[name] = torch.zeros(31)
+    torch.save({"state_dict": broken}, tmp_path / "broken.ckpt")
+    with pytest.raises(InputError, match=(our_name(name) or name).replace(".", r"\.")):
+        load("mvsplat", weights=tmp_path / "broken.ckpt")
+
+
+class Surprise:
+    """An object that a pickle would build."""
+
+
+def test_what_needs_unpickling_is_refused(state, tmp_path):
+    torch.save({"state_dict": state, "surprise": Surprise()}, tmp_path / "pickle.ckpt")
+    with pytest.raises(InputError, match="weights_only"):
+        load("mvsplat", weights=tmp_path / "pickle.ckpt")
