@@ -27,7 +27,7 @@ TARGETS = 4
 LEAST_SEEN = 0.5
 """A target has to share at least this part of what it sees with a context."""
 
-GRID = 12
+GRID = 10
 WIDEST_ANGLE = np.radians(60)
 """From directions further apart than this a surface is not the same to see."""
 
@@ -90,39 +90,38 @@ def given(scene: Scene, context: Sequence[int | str]) -> Choice:
 class _Geometry:
     """The cameras of some frames as arrays, and what they share."""
 
-    def __init__(self, scene: Scene, depth: float, indices: np.ndarray) -> None:
+    def __init__(self, scene: Scene, depth: float, indices: Sequence[int] | np.ndarray) -> None:
         frames = [scene.frames[index] for index in indices]
         lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
-        self.poses = np.stack([frame.world_from_camera for frame in frames])
-        self.intrinsics = np.stack([lenses[frame.lens] for frame in frames])
+        poses = np.stack([frame.world_from_camera for frame in frames])
+        intrinsics = np.stack([lenses[frame.lens] for frame in frames])
+        rotations, self.centres = poses[:, :3, :3], poses[:, :3, 3]
         self.sizes = np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64)
+        self.projections = intrinsics @ rotations.mT
         steps = (np.arange(GRID) + 0.5) / GRID
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2) * self.sizes[:, None]
-        rays = np.concatenate((grid, np.ones_like(grid[..., :1])), axis=-1) @ np.linalg.inv(self.intrinsics).mT
-        self.points = depth * rays @ self.poses[:, :3, :3].mT + self.poses[:, None, :3, 3]
+        pixels = np.concatenate((grid, np.ones_like(grid[..., :1])), axis=-1)
+        rays = depth * pixels @ np.linalg.inv(self.projections).mT
+        self.points = self.centres[:, None] + rays
+        self.directions = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
     def baselines(self) -> np.ndarray:
         """Distances between the cameras [n n]."""
-        centres = self.poses[:, :3, 3]
-        return np.linalg.norm(centres[:, None] - centres, axis=-1)
+        return np.linalg.norm(self.centres[:, None] - self.centres, axis=-1)
 
     def overlaps(self) -> np.ndarray:
         """How much each pair shares of what it sees at the middle depth, the smaller of both directions [n n]."""
-        seen = np.stack([self._seen_by(index) for index in range(len(self.poses))], axis=1)
+        seen = np.stack([self.seen_by(index) for index in range(len(self.centres))], axis=1)
         return np.minimum(seen, seen.T)
 
-    def _seen_by(self, index: int) -> np.ndarray:
-        """The part of each frame's points that frame `index` sees too, from a similar direction [n]."""
-        towards = self.points - self.poses[index, :3, 3]
-        inside = towards @ self.poses[index, :3, :3]
-        homogeneous = inside @ self.intrinsics[index].T
-        depth = np.where(inside[..., 2] > 0, inside[..., 2], np.inf)
-        pixels = homogeneous[..., :2] / depth[..., None]
-        visible = (inside[..., 2] > 0) & ((pixels >= 0) & (pixels < self.sizes[index])).all(-1)
-        away = self.points - self.poses[:, None, :3, 3]
-        cosine = (towards * away).sum(-1)
-        alike = cosine > np.cos(WIDEST_ANGLE) * np.linalg.norm(towards, axis=-1) * np.linalg.norm(away, axis=-1)
-        return (visible & alike).mean(axis=1)
+    def seen_by(self, index: int) -> np.ndarray:
+        """The part of what each frame sees at the middle depth that frame `index` sees too, from a similar direction [n]."""
+        towards = self.points - self.centres[index]
+        x, y, depth = np.moveaxis(towards @ self.projections[index].T, -1, 0)
+        width, height = self.sizes[index]
+        inside = (depth > 0) & (x >= 0) & (x < width * depth) & (y >= 0) & (y < height * depth)
+        cosine = (towards * self.directions).sum(-1) / np.sqrt((towards * towards).sum(-1))
+        return (inside & (cosine > np.cos(WIDEST_ANGLE))).mean(axis=1)
 
 
 def _check_count(scene: Scene, count: int) -> None:
@@ -169,14 +168,14 @@ def _seen_enough(scene: Scene, context: Sequence[int], frames: Sequence[int], bo
         frames = [frames[index] for index in np.linspace(0, len(frames) - 1, CANDIDATES).round().astype(int)]
     if not frames:
         return []
-    overlaps = _Geometry(scene, bounds.middle, np.array([*context, *frames])).overlaps()
-    shared = overlaps[len(context) :, : len(context)].max(axis=1)
+    geometry = _Geometry(scene, bounds.middle, [*context, *frames])
+    shared = np.max([geometry.seen_by(index) for index in range(len(context))], axis=0)[len(context) :]
     return [frame for frame, part in zip(frames, shared, strict=True) if part >= LEAST_SEEN]
 
 
 def _reason(scene: Scene, context: Sequence[int], bounds: DepthRange) -> str:
     """One sentence with the figures of the contexts."""
-    geometry = _Geometry(scene, bounds.middle, np.array(context))
+    geometry = _Geometry(scene, bounds.middle, context)
     pairs = np.triu_indices(len(context), 1)
     overlaps, baselines = geometry.overlaps()[pairs], geometry.baselines()[pairs]
     names = ", ".join(f"{index} ({scene.frames[index].name})" for index in context)

@@ -136,7 +136,9 @@ def _from_baseline(frames: Sequence[Frame], asked: Sequence[int], unit: str) -> 
     everyone = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
     for centres, whose in ((everyone[list(asked)], "these cameras"), (everyone, "the scene's cameras")):
         mean = centres.mean(axis=0)
-        baseline = float(np.sqrt(2 * ((centres - mean) ** 2).sum(-1).mean()))  # root mean square over all pairs
+        count = max(2, len(centres))
+        # The root of the mean squared distance over all pairs, without going through them.
+        baseline = float(np.sqrt(2 * ((centres - mean) ** 2).sum() / (count - 1)))
         if baseline > 1e-9 * (1 + float(np.abs(mean).max())):
             middle = MIDDLE_PER_BASELINE * baseline
             reason = f"{MIDDLE_PER_BASELINE:g} times the distance between {whose} ({baseline:.3g}) as the middle depth"

@@ -10,7 +10,7 @@ import numpy as np
 from semgs.data.frames import Frame
 from semgs.files.pictures import read_grey
 
-LONGEST_SIDE = 640
+LONGEST_SIDE = 480
 """Features are found at this size: a few tens of milliseconds a picture, and plenty of them [px]."""
 
 FEATURES = 1500

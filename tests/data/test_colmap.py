@@ -165,7 +165,9 @@ def test_other_camera_models_are_refused_by_name(tmp_path):
     write_text(tmp_path / "sparse", "OPENCV")
     cameras = tmp_path / "sparse" / "cameras.txt"
     cameras.write_text(cameras.read_text().replace("OPENCV", "OPENCV_FISHEYE"))
-    with pytest.raises(InputError, match="camera 7: expected a camera model of SIMPLE_PINHOLE, .* found OPENCV_FISHEYE"):  # noqa: RUF043
+    with pytest.raises(
+        InputError, match=r"camera 7: expected a camera model of SIMPLE_PINHOLE, .* found OPENCV_FISHEYE"
+    ):
         open_scene(tmp_path)
 
 

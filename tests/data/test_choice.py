@@ -1,0 +1,145 @@
+"""Choice of views: by what they see and from where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from landmarks import looking
+
+from semgs.data.choice import choose, given
+from semgs.data.frames import Frame
+from semgs.data.lens import Lens
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene
+
+LENS = Lens((120, 170), (150.0, 143.0), (91.3, 55.2))
+MIDDLE = 5**0.5
+"""The middle depth of a metric scene: of 0.5 and 10 m [m]."""
+
+
+def scene(poses: Sequence[np.ndarray], unit: str = "metric") -> Scene:
+    """A scene of cameras alone."""
+    frames = tuple(Frame(f"{n:04d}.png", Path("nowhere"), LENS, pose) for n, pose in enumerate(poses))
+    return Scene(Path("nowhere"), "scene", "transforms.json", unit, frames)
+
+
+def beside(*places: float) -> list[np.ndarray]:
+    """Cameras side by side, looking the same way, at these parts of the middle depth."""
+    return [looking((place * MIDDLE, 0.1, 0), (place * MIDDLE, 0.1, 5)) for place in places]
+
+
+def test_a_baseline_in_the_band_is_preferred_to_a_shorter_and_a_longer_one():
+    assert choose(scene(beside(0.0, 0.01, 0.11, 0.9)), 2).context in [(0, 2), (1, 2)]
+    assert choose(scene(beside(0.9, 0.0, 0.005, 0.1)), 2).context in [(1, 3), (2, 3)]
+    for relative in (0.05, 0.1, 0.15):
+        assert choose(scene(beside(0.0, relative, 1.1, 1.11)), 2).context == (0, 1)
+
+
+def test_frames_that_look_elsewhere_are_not_chosen_whatever_their_baseline():
+    away = looking((0.1 * MIDDLE, 0.1, 0), (0.1 * MIDDLE, 0.1, -5))
+    aside = looking((0.09 * MIDDLE, 0.1, 0), (5, 0.1, 0.5))
+    assert choose(scene([*beside(0.0), away, aside, *beside(0.2)]), 2).context == (0, 3)
+
+
+def test_cameras_that_face_each_other_share_nothing():
+    face_to_face = [looking((0, 0.1, 0), (0, 0.1, 5)), looking((0, 0.1, 2 * MIDDLE), (0, 0.1, 0))]
+    assert choose(scene([*face_to_face, *beside(0.3)]), 2).context == (0, 2)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_the_order_of_the_file_does_not_matter(count):
+    generator = np.random.default_rng(3)
+    poses = [looking(eye, (0, 0, 4)) for eye in generator.normal(0, 0.5, (12, 3))]
+    chosen = {tuple(poses[n][:3, 3]) for n in choose(scene(poses), count).context}
+    for _ in range(3):
+        shuffled = [poses[n] for n in generator.permutation(12)]
+        choice = choose(scene(shuffled), count)
+        assert {tuple(shuffled[n][:3, 3]) for n in choice.context} == chosen
+        assert list(choice.context) == sorted(choice.context)
+
+
+def test_further_views_are_added_beside_those_chosen():
+    choice = choose(scene(beside(*np.arange(12) * 0.03)), 4)
+    assert set(np.diff(choice.context)) == {3}
+
+
+def test_the_frames_left_between_are_the_targets():
+    choice = choose(scene(beside(0.0, 0.03, 0.06, 0.09, 1.5)), 2)
+    assert choice.context == (0, 3)
+    assert choice.targets == (1, 2)
+
+
+def test_many_frames_between_give_a_few_targets_spread_over_them():
+    choice = given(scene(beside(*np.linspace(0, 0.2, 41))), (0, 40))
+    assert choice.targets == (1, 14, 26, 39)
+
+
+def test_without_frames_between_the_nearest_others_are_the_targets():
+    assert given(scene(beside(0.0, 0.1, 0.2, 0.3, 3.0)), (1, 2)).targets == (0, 3)
+
+
+def test_frames_that_see_something_else_are_no_targets():
+    away = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE, 0.1, -5))
+    assert given(scene([*beside(0.0), away, *beside(0.06, 0.1)]), (0, 3)).targets == (2,)
+
+
+def test_all_frames_may_be_contexts():
+    assert choose(scene(beside(0.0, 0.1, 0.2)), 3).targets == ()
+
+
+@pytest.mark.parametrize("count", [-1, 0, 1, 4, 10**9])
+def test_absurd_numbers_of_views_are_refused(count):
+    with pytest.raises(ValueError, match="expected 2 to 3, the number of usable frames"):
+        choose(scene(beside(0.0, 0.1, 0.2)), count)
+
+
+@pytest.mark.parametrize(
+    ("context", "message"), [((1,), "2 to 3"), ((1, 1), "different"), ((0, 3), "no frame 3"), ((0, "x.png"), "x.png")]
+)
+def test_contexts_that_cannot_be_are_refused(context, message):
+    with pytest.raises(ValueError, match=message):
+        given(scene(beside(0.0, 0.1, 0.2)), context)
+
+
+def test_named_contexts_are_taken_in_the_order_given():
+    choice = given(scene(beside(0.0, 0.1, 0.2)), ("0002.png", 0))
+    assert choice.context == (2, 0)
+    assert choice.targets == (1,)
+
+
+def test_the_reason_has_the_figures():
+    reason = given(scene(beside(0.0, 0.1)), (0, 1)).reason
+    for part in ("0 (0000.png), 1 (0001.png)", "share 9", "middle depth of 2.2 m", "0.22 m (10% of it)"):
+        assert part in reason
+    assert "no parallax" not in reason
+
+
+def test_a_camera_that_only_turns_is_told_to_have_no_parallax():
+    turning = [looking((1, 2, 3), (1 + step, 2, 8)) for step in (0.0, 0.3, 0.6)]
+    assert "no parallax" in choose(scene(turning), 2).reason
+
+
+def test_thousands_of_frames_are_no_burden():
+    choice = choose(scene(beside(*np.linspace(0, 20, 3000))), 3)
+    relative = np.diff(choice.context) * 20 / 2999
+    assert ((relative > 0.05) & (relative < 0.15)).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("hololens_office", 2), ("hololens_office", 4), ("small_house/living", 3), ("fox", 2), ("fox", 3)],
+)
+def test_real_scenes_get_views_that_belong_together(shared, name, count):
+    real = open_scene(shared / "data" / name)
+    choice = choose(real, count)
+    assert len(choice.context) == count
+    assert choice.targets
+    middle = real.depth_range().middle
+    centres = np.stack([real.frames[n].world_from_camera[:3, 3] for n in choice.context])
+    distances = np.linalg.norm(centres[:, None] - centres, axis=-1) + 9 * np.eye(count)
+    assert ((distances.min(axis=1) / middle > 0.03) & (distances.min(axis=1) / middle < 0.2)).all()
+    if name != "fox":
+        assert " m " in choice.reason

@@ -1,0 +1,144 @@
+"""Scenes: recognised, counted, read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from landmarks import looking
+from PIL import Image
+
+from semgs.data.scenes import open_scene
+from semgs.data.views import resized
+from semgs.files.errors import InputError
+
+SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]
+NAMES = ["left/0001.png", "left/0002.png", "right/0002.png", "right/0003.png"]
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """A metric scene of four frames in two folders, one of another size."""
+    frames = []
+    for index, (name, size) in enumerate(zip(NAMES, SIZES, strict=True)):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        pixels = np.random.default_rng(index).integers(0, 256, (*size, 3), dtype=np.uint8)
+        Image.fromarray(pixels).save(tmp_path / name)
+        pose = looking((0.2 * index, 0.1, -3), (0.1, 0, 0)) * (1, -1, -1, 1)
+        frames.append({"file_path": name, "transform_matrix": pose.tolist(), "w": size[1], "h": size[0]})
+    (tmp_path / "transforms.json").write_text(
+        json.dumps({"fl_x": 110.0, "fl_y": 104.0, "metric": True, "frames": frames})
+    )
+    return tmp_path
+
+
+def test_frames_are_read_in_the_order_asked_for(folder):
+    scene = open_scene(folder)
+    views = scene.read([3, 0])
+    assert views.images.shape == (2, 3, 90, 130)
+    for image, index in zip(views.images, (3, 0), strict=True):
+        stored = torch.from_numpy(np.array(Image.open(folder / NAMES[index]))).permute(2, 0, 1)
+        torch.testing.assert_close(image, stored.float() / 255)
+    torch.testing.assert_close(views.cameras[0].world_from_camera, scene.cameras[3].world_from_camera)
+    assert views.depth_range.tolist() == [[0.5, 10.0]] * 2
+    assert views.labels is None
+    assert views.depths is None
+
+
+def test_reading_at_a_size_is_reading_and_resizing(folder):
+    scene = open_scene(folder)
+    whole, small = resized(scene.read([0, 1]), (48, 80)), scene.read([0, 1], size=(48, 80))
+    assert torch.equal(whole.images, small.images)
+    assert torch.equal(whole.cameras.intrinsics, small.cameras.intrinsics)
+
+
+def test_frames_of_different_sizes_need_a_size(folder):
+    scene = open_scene(folder)
+    with pytest.raises(ValueError, match=r"left/0001\.png is \(90, 130\) .* right/0002\.png \(60, 100\); give a size"):
+        scene.read([0, 2])
+    assert scene.read([0, 2], size=(48, 64)).size == (48, 64)
+
+
+@pytest.mark.parametrize(
+    ("name", "position"),
+    [("left/0001.png", 0), ("./right/0003.png", 3), ("0003.png", 3), ("0001", 0), ("left\\0002.png", 1)],
+)
+def test_names_work_as_positions_do(folder, name, position):
+    assert open_scene(folder).index(name) == position
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ([4], "no frame 4; expected a position from 0 to 3"),
+        ([-1], "no frame -1"),
+        (["0002.png"], r"may be left/0002\.png or right/0002\.png"),
+        (["other.png"], r"no usable frame 'other\.png'"),
+        ([], "no frames are asked for"),
+    ],
+)
+def test_frames_that_are_not_there_are_refused(folder, frames, message):
+    with pytest.raises(ValueError, match=message):
+        open_scene(folder).read(frames)
+
+
+def test_an_unknown_layout_lists_what_was_looked_for(tmp_path):
+    (tmp_path / "photo.jpg").touch()
+    with pytest.raises(
+        InputError, match=r"transforms\.json .* COLMAP model .* sparse/0/.*; pictures alone have no poses"
+    ):
+        open_scene(tmp_path)
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(InputError, match="name the scene's folder"):
+        open_scene(tmp_path / "notes.txt")
+
+
+def test_the_scene_one_folder_below_is_pointed_to(folder):
+    (folder / "inside").mkdir()
+    for file in [*folder.glob("*t"), folder / "transforms.json"]:
+        file.rename(folder / "inside" / file.name)
+    with pytest.raises(InputError, match=f"there is one in {folder / 'inside'}"):
+        open_scene(folder)
+
+
+def test_a_missing_folder_is_told(tmp_path):
+    with pytest.raises(InputError, match="nothing there"):
+        open_scene(tmp_path / "absent")
+
+
+def test_the_fox_has_twelve_of_its_sixty_seven_pictures(shared):
+    fox = open_scene(shared / "data" / "fox")
+    assert (len(fox), len(fox.absent), fox.unit, fox.name) == (12, 55, "unknown", "fox")
+    assert fox.notes == ("55 of the 67 listed pictures are absent, the first is images/0005.jpg.",)
+    views = fox.read(["0004.jpg", 4], size=(320, 180))
+    assert views.images.shape == (2, 3, 320, 180)
+    assert views.depths is None
+
+
+def test_the_office_is_metric_and_has_sparse_depths(shared):
+    office = open_scene(shared / "data" / "hololens_office")
+    assert (len(office), office.unit, office.classes) == (20, "metric", None)
+    views = office.read([3, 4])
+    assert views.size == (360, 540)
+    assert views.labels is None
+    known = views.depths[views.depths > 0]
+    assert 0.3 < known.min() < known.max() < 20
+
+
+def test_the_small_house_has_exact_depths_and_labels(shared):
+    living = open_scene(shared / "data" / "small_house" / "living")
+    views = living.read([3, 4], size=(240, 320))
+    assert living.classes.name == "scannet20"
+    assert views.labels.shape == views.depths.shape == (2, 240, 320)
+    named = {living.classes.names[label] for label in views.labels.unique().tolist() if label != 255}
+    assert {"wall", "floor", "sofa"} <= named
+
+
+def test_reading_twice_gives_the_same_bits(shared):
+    path = shared / "data" / "fox"
+    first, second = (open_scene(path).read([3, 4], size=(320, 240)) for _ in range(2))
+    assert torch.equal(first.images, second.images)
+    assert torch.equal(first.depth_range, second.depth_range)
