@@ -17,22 +17,8 @@ from torch import Tensor
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
+from semgs.objectives.weights import LossWeights
 from semgs.rendering.rendering import Rendering
-
-
-@dataclass(frozen=True)
-class LossWeights:
-    """How the terms are weighed; the defaults are the paper's.
-
-    Attributes:
-        semantic: of the cross-entropy L_sem.
-        colour: of the squared error L_c.
-        smoothness: of the regional smoothness L_rs; 0 is the paper's ablation without it.
-    """
-
-    semantic: float = 0.1
-    colour: float = 1.0
-    smoothness: float = 0.001
 
 
 @dataclass(frozen=True)
@@ -90,6 +76,11 @@ def losses(
             raise ValueError(
                 f"the rendering has {rendering.semantics.shape[-3]} classes but table {target.classes.name} of the "
                 f"target has {len(target.classes)}; train with the table of the labels"
+            )
+        if class_weights is not None and len(class_weights) != len(target.classes):
+            raise ValueError(
+                f"class_weights has {len(class_weights)} factors; expected {len(target.classes)}, one for each class of "
+                f"table {target.classes.name}"
             )
         distributions = rendering.semantics.flatten(end_dim=-4)
         labels = target.labels.reshape(views, *target.size)

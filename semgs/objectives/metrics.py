@@ -22,7 +22,7 @@ def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h
 
 
 def confusion_matrix(
-    predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, "..."], classes: int
+    predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, ...], classes: int
 ) -> Int64[Tensor, "class class"]:
     """Counts of pixels, rows by true class, columns by predicted class.
 

@@ -40,6 +40,7 @@ class RunLog:
         self._reports: list[StepReport] = []
         self._waited = self._samples = 0.0
         self._began = self._since = self._shown = time.monotonic()
+        self._latest = (step, 0.0, 0)
         self._bar: Progress | None = None
         if console is not None and console.is_terminal:
             self._bar = Progress(
@@ -56,6 +57,8 @@ class RunLog:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._reports:
+            self._flush()
         if self._bar is not None:
             self._bar.stop()
         self._file.close()
@@ -74,10 +77,11 @@ class RunLog:
         self._reports.append(report)
         self._samples += scenes
         self._waited += waited
+        self._latest = (step, seconds, skipped)
         if self._bar is not None:
             self._bar.update(self._task, completed=step)
         if len(self._reports) >= EVERY or step == self._steps:
-            self._flush(step, seconds, skipped)
+            self._flush()
 
     def validation(self, step: int, result: Validation) -> None:
         """Take note of a validation."""
@@ -93,8 +97,9 @@ class RunLog:
         if self._console is not None:
             self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
-    def _flush(self, step: int, seconds: float, skipped: int) -> None:
+    def _flush(self) -> None:
         """Write the means since the last line and show them."""
+        step, seconds, skipped = self._latest
         now = time.monotonic()
         moved = [report for report in self._reports if report.moved] or self._reports
         means = {

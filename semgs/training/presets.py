@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semgs.objectives.losses import LossWeights
+from semgs.objectives.weights import LossWeights
 from semgs.training.settings import TrainingSettings
 
 

@@ -64,9 +64,10 @@ def export_weights(run: Path, path: Path) -> Path:
     model = load(settings.model, "random", seed=settings.seed)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     state.restore(checkpoint.tensors, checkpoint.numbers)
+    model.load_state_dict(state.average.module.state_dict())
     save(
         path,
-        state.average.module,
+        model,
         {
             "training": json.dumps(settings.as_json()),
             "data": f"rooms of seed {settings.seed}, drawn live",

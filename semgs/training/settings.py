@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from typing import Annotated, Any
 
-from semgs.objectives.losses import LossWeights
+import tyro
+
+from semgs.objectives.weights import LossWeights
+
+
+def _size(given: list[str]) -> tuple[int, int]:
+    """(height, width) of "240x320".
+
+    Raises:
+        ValueError: it is written otherwise.
+    """
+    match = re.fullmatch(r"(\d{1,5})[x×X](\d{1,5})", given[0])
+    if not match:
+        raise ValueError(f"expected height x width in pixels, such as 240x320, found {given[0]!r}")
+    return int(match[1]), int(match[2])
+
+
+HEIGHT_BY_WIDTH = tyro.constructors.PrimitiveConstructorSpec(
+    nargs=1,
+    metavar="HxW",
+    instance_from_str=_size,
+    is_instance=lambda value: isinstance(value, tuple) and len(value) == 2,
+    str_from_instance=lambda size: [f"{size[0]}x{size[1]}"],
+)
+"""How a size is written on the command line, here as everywhere."""
 
 
 @dataclass(frozen=True)
@@ -15,13 +40,13 @@ class TrainingSettings:
     How it is run (minutes, data workers, how often it saves) changes no number and is not in here.
     """
 
-    model: str
-    """Preset of the network: small or base."""
+    model: Annotated[str, tyro.conf.Suppress]
+    """The network: small or base."""
     steps: int
     """Length of the run in optimiser steps; the learning rate falls to zero at its end."""
     batch: int = 2
     """Scenes per step."""
-    size: tuple[int, int] = (240, 320)
+    size: Annotated[tuple[int, int], HEIGHT_BY_WIDTH] = (240, 320)
     """Height and width of the pictures [px]."""
     contexts: tuple[int, int] = (2, 4)
     """Fewest and most input views; each step draws its own number, equal for all scenes of its batch."""

@@ -195,3 +195,5 @@ def test_disagreeing_shapes_and_tables_are_refused_by_name():
         losses(rendering(images.mT, None), views(images, LABELS[None]))
     with pytest.raises(ValueError, match="has 4 classes but table three of the target has 3"):
         losses(rendering(images, distributions(16, classes=4)), views(images, LABELS[None]))
+    with pytest.raises(ValueError, match="class_weights has 2 factors; expected 3"):
+        losses(rendering(images, distributions(17)), views(images, LABELS[None]), class_weights=(1.0, 2.0))

@@ -1,0 +1,20 @@
+"""The weights of the loss's terms; no torch, so that settings can be read and printed without it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """How the terms are weighed; the defaults are the paper's.
+
+    Attributes:
+        semantic: of the cross-entropy L_sem.
+        colour: of the squared error L_c.
+        smoothness: of the regional smoothness L_rs; 0 is the paper's ablation without it.
+    """
+
+    semantic: float = 0.1
+    colour: float = 1.0
+    smoothness: float = 0.001
