@@ -4,7 +4,7 @@ import numba
 import numpy as np
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True)
 def _taps(u, v, h, w, mask_unseen):
     """The four texels around a position, their weights (0 outside the map unless its border extends)."""
     left, top = int(np.floor(u)), int(np.floor(v))
