@@ -60,7 +60,7 @@ class Frame:
         Args:
             depth_range: near and far to give the view.
             classes: the table of its labels; None leaves labels out.
-            maps: what `undistortion` gave, for a caller who reads several frames of one lens.
+            maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
 
         Raises:
             InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
@@ -69,7 +69,7 @@ class Frame:
         depths = None if self.depth_path is None else self._read_depths(self.depth_path)
         labels = None if self.label_path is None or classes is None else self._read_labels(self.label_path, classes)
         if not self.lens.is_pinhole:
-            maps = self.undistortion() if maps is None else maps
+            maps = self.lens.maps() if maps is None else maps
             image = self.lens.undistorted(image, maps)
             depths = None if depths is None else self.lens.undistorted(depths, maps, nearest=True)
             labels = None if labels is None else self.lens.undistorted(labels, maps, nearest=True)
@@ -81,17 +81,6 @@ class Frame:
             depths=None if depths is None else torch.from_numpy(depths)[None],
             classes=classes or SCANNET20,
         )
-
-    def undistortion(self) -> tuple[np.ndarray, np.ndarray]:
-        """The undistortion maps of its lens, `Lens.maps`.
-
-        Raises:
-            InputError: the distortion cannot be undone.
-        """
-        try:
-            return self.lens.maps()
-        except ValueError as error:
-            raise InputError(self.picture_path, "a lens whose distortion can be undone", str(error)) from error
 
     def _read_depths(self, path: Path) -> np.ndarray:
         """The depth map in metres, float32 [h w], 0 where unknown.

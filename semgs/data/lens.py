@@ -10,6 +10,12 @@ import numpy as np
 _HALF = 0.5
 """OpenCV's first pixel centre is at 0, ours at 0.5: taken from cx, cy and positions before its calls, added after."""
 
+_GRID = 32
+"""Distortion is checked at so many places along each side."""
+
+_MOST_ENLARGED = 4.0
+"""A distortion whose undoing would enlarge the picture more than this is not a lens's."""
+
 
 @dataclass(frozen=True)
 class Lens:
@@ -20,12 +26,30 @@ class Lens:
         focal: (fx, fy) [px].
         centre: (cx, cy) [px], the centre of the first pixel at (0.5, 0.5).
         distortion: (k1, k2, p1, p2, k3), all 0 for a pinhole.
+
+    Raises:
+        ValueError: the size or a focal length is not positive, a number is not finite, or the distortion is so strong that no
+            pinhole sees the whole picture after it is undone.
     """
 
     size: tuple[int, int]
     focal: tuple[float, float]
     centre: tuple[float, float]
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if min(self.size) < 1 or not min(self.focal) > 0:
+            raise ValueError(
+                f"size {self.size} (height, width) and focal lengths {self.focal} px; expected positive ones"
+            )
+        if not np.isfinite((*self.focal, *self.centre, *self.distortion)).all():
+            raise ValueError(
+                f"focal {self.focal}, centre {self.centre}, distortion {self.distortion}; expected finite numbers"
+            )
+        if not self.is_pinhole and not self._can_be_undone():
+            raise ValueError(
+                f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the whole picture"
+            )
 
     @property
     def is_pinhole(self) -> bool:
@@ -38,9 +62,6 @@ class Lens:
 
         Of the pinholes that could follow undistortion it is the widest in which every pixel has been seen (OpenCV's
         optimal camera matrix with alpha = 0), so that no border has to be invented.
-
-        Raises:
-            ValueError: the distortion is so strong that no such pinhole exists.
         """
         if self.is_pinhole:
             return _matrix(self.focal, self.centre)
@@ -48,27 +69,11 @@ class Lens:
         ideal, _ = cv2.getOptimalNewCameraMatrix(
             self._opencv_matrix, np.array(self.distortion), (width, height), 0, (width, height)
         )
-        if not np.isfinite(ideal).all() or ideal[0, 0] <= 0 or ideal[1, 1] <= 0:
-            raise ValueError(f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the picture")
         return _matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + _HALF, ideal[1, 2] + _HALF))
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
-        """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each.
-
-        Raises:
-            ValueError: a pixel would come from outside the picture, since the distortion folds over before its edge.
-        """
-        height, width = self.size
-        ideal = self.intrinsics - _HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
-        x, y = cv2.initUndistortRectifyMap(
-            self._opencv_matrix, np.array(self.distortion), np.eye(3), ideal, (width, height), cv2.CV_32FC1
-        )
-        slack = 0.01 * max(
-            self.size
-        )  # OpenCV finds the pinhole from a grid of points, so an edge may be off by a little
-        if min(x.min(), y.min()) < -slack or x.max() > width + slack or y.max() > height + slack:
-            raise ValueError(f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the picture")
-        return x, y
+        """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each."""
+        return self._sources(self.intrinsics, self.size)
 
     def undistorted(
         self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
@@ -84,6 +89,29 @@ class Lens:
         points = np.asarray(positions, dtype=np.float64)[:, None] - _HALF
         plane = cv2.undistortPoints(points, self._opencv_matrix, np.array(self.distortion))[:, 0]
         return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
+
+    def _can_be_undone(self) -> bool:
+        """Whether every pixel after undistortion has one source in the picture: the model does not fold over before its edge."""
+        if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:
+            return False
+        if (np.diagonal(self.intrinsics)[:2] > _MOST_ENLARGED * np.array(self.focal)).any():
+            return False
+        height, width = self.size
+        coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
+        x, y = self._sources(coarse, (_GRID, _GRID))
+        slack = 0.01 * max(
+            self.size
+        )  # OpenCV finds the pinhole from a grid of points, so an edge may be off by a little
+        inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
+        return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
+
+    def _sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Where in the stored picture the pixels of a pinhole K [3 3] of (height, width) come from, in OpenCV's positions."""
+        shifted = pinhole - _HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+        x, y = cv2.initUndistortRectifyMap(
+            self._opencv_matrix, np.array(self.distortion), np.eye(3), shifted, size[::-1], cv2.CV_32FC1
+        )
+        return np.asarray(x), np.asarray(y)
 
     @property
     def _opencv_matrix(self) -> np.ndarray:

@@ -131,7 +131,7 @@ class Scene:
         views, lens, maps = [], None, None
         for frame in chosen:
             if frame.lens != lens and not frame.lens.is_pinhole:
-                lens, maps = frame.lens, frame.undistortion()
+                lens, maps = frame.lens, frame.lens.maps()
             view = frame.read((bounds.near, bounds.far), self.classes, maps=None if frame.lens.is_pinhole else maps)
             views.append(view if size is None else resized(view, size))
         return _joined(views, self.classes or SCANNET20)

@@ -85,7 +85,21 @@ def test_labels_are_undone_from_the_nearest_pixel_without_mixing():
     assert (undone == labels[y, x]).mean() > 0.999  # OpenCV rounds exact halves to even
 
 
-def test_distortion_that_folds_over_is_refused():
-    for distortion in ((-3.0, 0.0, 0.0, 0.0, 0.0), (0.0, -8.0, 0.0, 0.0, 0.0), (50.0, -500.0, 0.0, 0.0, 0.0)):
-        with pytest.raises(ValueError, match="cannot be undone"):
-            Lens(SIZE, (120.0, 120.0), CENTRE, distortion).maps()
+@pytest.mark.parametrize(
+    ("size", "focal", "centre"),
+    [
+        ((0, 5), FOCAL, CENTRE),
+        (SIZE, (0.0, 5.0), CENTRE),
+        (SIZE, (float("nan"), 5.0), CENTRE),
+        (SIZE, FOCAL, (1.0, float("inf"))),
+    ],
+)
+def test_lenses_that_cannot_be_are_refused(size, focal, centre):
+    with pytest.raises(ValueError, match="expected"):
+        Lens(size, focal, centre)
+
+
+@pytest.mark.parametrize("k1", [-1e6, -3.0, -1.0, 1e6])
+def test_distortion_that_folds_over_within_the_picture_is_refused(k1):
+    with pytest.raises(ValueError, match="cannot be undone over the whole picture"):
+        Lens(SIZE, FOCAL, CENTRE, (k1, 0.0, 0.0, 0.0, 0.0))

@@ -222,6 +222,7 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (assigned("w", 170.5), "w", "170.5"),
         (assigned("h", 0), "h", "0"),
         (assigned("k1", True), "k1", "True"),
+        (assigned("k1", -1e6), "k1", "cannot be undone"),
         (assigned("k4", 0.1), "k4", "0.1"),
         (assigned("camera_model", "OPENCV_FISHEYE"), "camera_model", "OPENCV_FISHEYE"),
         (assigned("is_fisheye", True), "is_fisheye", "True"),

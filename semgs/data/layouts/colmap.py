@@ -6,7 +6,6 @@ are in a unit of COLMAP's choice. https://colmap.github.io/format.html
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -137,16 +136,21 @@ def _lens(model: Path, camera: Any) -> Lens:
         )
     values = dict(zip(MODELS[name], (float(value) for value in camera.params), strict=True))
     focal = values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
-    if not all(math.isfinite(value) for value in values.values()) or min(focal) <= 0:
-        raise InputError(model, "finite parameters and positive focal lengths", f"{values}", key)
-    if camera.width < 1 or camera.height < 1:
-        raise InputError(model, "a positive image size", f"{camera.width}x{camera.height}", key)
-    return Lens(
-        size=(int(camera.height), int(camera.width)),
-        focal=focal,
-        centre=(values["cx"], values["cy"]),
-        distortion=(values.get("k1", 0.0), values.get("k2", 0.0), values.get("p1", 0.0), values.get("p2", 0.0), 0.0),
-    )
+    try:
+        return Lens(
+            size=(int(camera.height), int(camera.width)),
+            focal=focal,
+            centre=(values["cx"], values["cy"]),
+            distortion=(
+                values.get("k1", 0.0),
+                values.get("k2", 0.0),
+                values.get("p1", 0.0),
+                values.get("p2", 0.0),
+                0.0,
+            ),
+        )
+    except ValueError as error:
+        raise InputError(model, "a camera that can be", str(error), key) from error
 
 
 def _world_from_camera(image: Any) -> np.ndarray:

@@ -202,12 +202,11 @@ def _lens(fields: Fields, picture: Path, notes: _Notes) -> Lens:
         raise fields.refused("fl_x", "a focal length in pixels, or camera_angle_x", "neither")
     cx, cy = fields.number("cx"), fields.number("cy")
     k1, k2, p1, p2, k3 = (fields.number(key) or 0.0 for key in DISTORTION)
-    return Lens(
-        size=size,
-        focal=(focal[0], focal[1]),
-        centre=(size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy),
-        distortion=(k1, k2, p1, p2, k3),
-    )
+    centre = (size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy)
+    try:
+        return Lens(size, (focal[0], focal[1]), centre, (k1, k2, p1, p2, k3))
+    except ValueError as error:
+        raise fields.refused("k1", "a distortion that can be undone", str(error)) from error
 
 
 def _focal(fields: Fields, axis: str, side: int) -> float | None:
