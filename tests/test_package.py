@@ -1,0 +1,72 @@
+"""What is installed: the version, the wheel and what travels in it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import semgs
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """The wheel, built without a network."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=120)
+    (path,) = folder.glob("*.whl")
+    return zipfile.ZipFile(path)
+
+
+def test_the_version_is_the_one_installed_and_cited():
+    assert importlib.metadata.version("semgs") == semgs.__version__
+    assert f"\nversion: {semgs.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_the_public_names_are_there():
+    assert {"Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render"} <= set(dir(semgs))
+    for name in semgs.__all__:
+        assert getattr(semgs, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'laod'"):
+        _ = semgs.laod
+
+
+def test_the_wheel_holds_every_file_of_the_package_and_nothing_else(wheel: zipfile.ZipFile):
+    listed = subprocess.run(["git", "ls-files", "semgs"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    packed = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    assert set(listed.stdout.split()) - packed == set()
+    assert all(name.startswith("semgs/") and "__pycache__" not in name for name in packed)
+
+
+def test_the_wheel_holds_the_licence_and_the_command(wheel: zipfile.ZipFile):
+    names = wheel.namelist()
+    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+    (points,) = [name for name in names if name.endswith("entry_points.txt")]
+    assert "semgs = semgs.cli.main:main" in wheel.read(points).decode()
+
+
+def test_what_is_embedded_is_small(wheel: zipfile.ZipFile):
+    sizes = {info.filename: info.file_size for info in wheel.infolist()}
+    weights = {name: size for name, size in sizes.items() if name.endswith(".safetensors")}
+    assert all(size <= 8 * 2**20 for size in weights.values())
+    others = sum(size for name, size in sizes.items() if name not in weights and not name.endswith(".py"))
+    assert others <= 1.5 * 2**20
+
+
+def test_every_requirement_is_pinned():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    extras = project["project"]["optional-dependencies"].values()
+    asked = [*project["build-system"]["requires"], *project["project"]["dependencies"], *(r for e in extras for r in e)]
+    pinned = {line.split("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").read_text().split()}
+    names = {one.split(";")[0].split(">")[0].split("[")[0].strip().lower().replace("_", "-") for one in asked}
+    assert names <= pinned
