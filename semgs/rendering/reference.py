@@ -12,8 +12,10 @@ admits is lost there.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from semgs.geometry.cameras import pixel_centres
@@ -36,35 +38,47 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
 
 def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
     """Features blended at every pixel, and the light that is left there."""
-    centres, inverses, visible = project(splats, camera)
-    order = order[visible[order]]
-    centres, inverses = centres[order], inverses[order]
+    ellipses = project(splats, camera)
+    order = order[ellipses.visible[order]]
+    centres, (xx, xy, yy) = ellipses.centres[order], ellipses.conics[order].unbind(-1)
     opacities, features = splats.opacities[order], splats.features[order]
 
     height, width = camera.size
     pixels = pixel_centres(camera.size, features.dtype).to(features.device).reshape(-1, 2)
     blended, left = [], []
     for chunk in pixels.split(max(1, CHUNK // max(1, len(order)))):
-        offsets = chunk[:, None] - centres
-        sigma = 0.5 * torch.einsum("pgi,gij,pgj->pg", offsets, inverses, offsets)
+        dx, dy = (chunk[:, None] - centres).unbind(-1)
+        sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
         alpha = (opacities * torch.exp(-sigma)).clamp(max=MAX_ALPHA)
         alpha = torch.where((sigma >= 0) & (alpha >= MIN_ALPHA), alpha, 0)
         # Transmittance only falls, so those that leave enough of it are the ones before the pixel is finished.
         alpha = torch.where(torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE, alpha, 0)
-        behind = torch.cat((alpha.new_ones(len(chunk), 1), torch.cumprod(1 - alpha, dim=1)), dim=1)
-        blended.append((alpha * behind[:, :-1]) @ features)
-        left.append(behind[:, -1])
+        light = torch.cat((alpha.new_ones(len(chunk), 1), torch.cumprod(1 - alpha, dim=1)), dim=1)
+        blended.append((alpha * light[:, :-1]) @ features)
+        left.append(light[:, -1])
     return Layer(
         picture=torch.cat(blended).mT.reshape(-1, height, width),
         transmittance=torch.cat(left).reshape(height, width),
     )
 
 
-def project(splats: Splats, camera: Pinhole) -> tuple[Float[Tensor, "g 2"], Float[Tensor, "g 2 2"], Tensor]:
-    """Centres [px], inverse covariances [px^-2] and visibility of the Gaussians in the image plane.
+@dataclass(frozen=True)
+class Ellipses:
+    """Gaussians in the image plane.
 
-    Not visible is what lies at or behind the camera's plane and what no finite ellipse describes.
+    Attributes:
+        centres: [px].
+        conics: xx, xy and yy of the inverse covariances [px^-2].
+        visible: false for what lies at or behind the camera's plane, or has no finite ellipse.
     """
+
+    centres: Float[Tensor, "g 2"]
+    conics: Float[Tensor, "g 3"]
+    visible: Bool[Tensor, " g"]
+
+
+def project(splats: Splats, camera: Pinhole) -> Ellipses:
+    """The ellipses of EWA splatting."""
     means = splats.means
     inside = camera.offsets(means) @ camera.axes.to(means).mT
     in_front = inside[:, 2] > 0
@@ -84,5 +98,5 @@ def project(splats: Splats, camera: Pinhole) -> tuple[Float[Tensor, "g 2"], Floa
     (xx, xy), (_, yy) = (row.unbind(-1) for row in covariances.unbind(-2))
     determinants = xx * yy - xy * xy
     visible = in_front & (determinants > 0) & torch.isfinite(determinants) & torch.isfinite(centres).all(-1)
-    adjugates = torch.stack((yy, -xy, -xy, xx), dim=-1).unflatten(-1, (2, 2))
-    return centres, adjugates / torch.where(visible, determinants, 1)[:, None, None], visible
+    adjugates = torch.stack((yy, -xy, xx), dim=-1)
+    return Ellipses(centres, adjugates / torch.where(visible, determinants, 1)[:, None], visible)
