@@ -180,15 +180,17 @@ def _reason(scene: Scene, context: Sequence[int], bounds: DepthRange) -> str:
     overlaps, baselines = geometry.overlaps()[pairs], geometry.baselines()[pairs]
     names = ", ".join(f"{index} ({scene.frames[index].name})" for index in context)
     unit = " m" if scene.unit == "metric" else ""
-    share = f"{overlaps.min():.0%}" if len(overlaps) == 1 else f"{overlaps.min():.0%} to {overlaps.max():.0%}"
-    far, near = baselines.max(), baselines.min()
-    apart = (
-        f"{far:.2g}{unit} ({far / bounds.middle:.0%} of it)"
-        if len(baselines) == 1
-        else f"{near:.2g} to {far:.2g}{unit} ({near / bounds.middle:.0%} to {far / bounds.middle:.0%} of it)"
-    )
+    share = _span(f"{overlaps.min():.0%}", f"{overlaps.max():.0%}")
+    near, far = baselines.min(), baselines.max()
+    relative = _span(f"{near / bounds.middle:.0%}", f"{far / bounds.middle:.0%}")
+    apart = f"{_span(f'{near:.2g}', f'{far:.2g}')}{unit} ({relative} of it)"
     parallax = "" if far > 0.005 * bounds.middle else "; there is no parallax, so depth is a guess"
     return (
         f"frames {names} share {share} of what they see at the middle depth of {bounds.middle:.2g}{unit} "
         f"and are {apart} apart{parallax}"
     )
+
+
+def _span(least: str, most: str) -> str:
+    """Two figures as a span, or as one where they read the same."""
+    return least if least == most else f"{least} to {most}"
