@@ -13,6 +13,8 @@ from semgs.rooms.shading import centres, look, pixel_directions
 
 PROBE = (12, 16)
 """Rays (down, across) with which a view is judged."""
+CANDIDATES = 10
+"""How many free ways are judged."""
 CLEARANCE = 0.5
 """Least distance to solids in the distance field [m]; the field errs by less than 0.1 m."""
 NEAREST = 0.5
@@ -103,9 +105,8 @@ def draw_path(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
     reach: float,
-    candidates: int = 40,
 ) -> Path:
-    """A way through free space whose middle shows much of what is in the room.
+    """A way through free space that shows much of what is in the room.
 
     Args:
         rng: draws the way.
@@ -113,16 +114,20 @@ def draw_path(
         intrinsics: of the camera [px].
         size: image (height, width) [px].
         reach: the way must be free from s = -reach to s = reach.
-        candidates: how many ways are drawn and judged.
     """
-    paths = []
-    for _ in range(12):
-        paths += [path for path in (_draw(rng, room) for _ in range(candidates)) if free(room, path, reach)]
-        if len(paths) >= 8:
+    paths: list[Path] = []
+    for _ in range(6):
+        for middle in _free_places(rng, room, 150)[:60]:
+            path = _draw(rng, room, middle, reach)
+            if free(room, path, reach):
+                paths.append(path)
+            if len(paths) == CANDIDATES:
+                break
+        if len(paths) == CANDIDATES:
             break
     if not paths:
         return _last_resort(rng, room, reach)
-    scores = np.array([_score(rng, room, path, intrinsics, size, reach) for path in paths[:10]])
+    scores = np.array([_score(rng, room, path, intrinsics, size, reach) for path in paths])
     return paths[int(scores.argmax())]
 
 
@@ -159,11 +164,20 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
     return centres(PROBE) * (size[1] / PROBE[1], size[0] / PROBE[0])
 
 
-def _draw(rng: np.random.Generator, room: Room) -> Path:
-    """Any way: sideways round something, forwards, or turning on the spot; s = 1 is one step of 5-40 cm and 1-15 degrees."""
+def _free_places(rng: np.random.Generator, room: Room, count: int) -> Float64[np.ndarray, "n 3"]:
+    """Those of `count` random places that keep their distance, a quarter of them at a robot's height, the others at a hand's."""
     x, y, z = room.plan.size
-    height = rng.uniform(0.5, 0.9) if rng.random() < 0.25 else rng.uniform(1.0, min(1.8, z - 0.6))
-    middle = np.array([rng.uniform(-0.5, 0.5) * (x - 1.0), rng.uniform(-0.5, 0.5) * (y - 1.0), height])
+    low = rng.uniform(0, 1, count) < 0.25
+    height = np.where(low, rng.uniform(0.5, 0.9, count), rng.uniform(1.0, min(1.8, z - 0.6), count))
+    across = rng.uniform(-0.5, 0.5, (count, 2)) * (x - 1.0, y - 1.0)
+    places = np.column_stack((across, height))
+    return places[room.clearance(places) >= CLEARANCE]
+
+
+def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float) -> Path:
+    """Any way: sideways round something, forwards or backwards; s = 1 is a step of 5-40 cm (less where the room would not
+    hold twice the reach) and 1-15 degrees."""
+    x, y, _ = room.plan.size
     aim = np.array([rng.uniform(-0.5, 0.5) * x, rng.uniform(-0.5, 0.5) * y, rng.uniform(0.2, 1.3)])
     if room.plan.footprints and rng.random() < 0.8:
         print_ = room.plan.footprints[int(rng.integers(len(room.plan.footprints)))]
@@ -172,7 +186,8 @@ def _draw(rng: np.random.Generator, room: Room) -> Path:
     distance = max(float(np.hypot(way[0], way[1])), 0.3)
     yaw = float(np.arctan2(way[1], way[0])) + rng.uniform(-0.35, 0.35)
     pitch = float(np.arctan2(way[2], distance)) * 0.6 + rng.uniform(-0.15, 0.12)
-    step = float(np.exp(rng.uniform(np.log(0.05), np.log(0.4))))
+    longest = min(0.4, 0.3 * float(np.hypot(x, y)) / (2 * reach))
+    step = float(np.exp(rng.uniform(np.log(min(0.05, longest / 2)), np.log(longest))))
     look_way = rng.random()
     heading = (
         yaw
@@ -231,8 +246,7 @@ def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> Path:
     """The way through the freest place of the room, as slow as it must be to stay free."""
     x, y, z = room.plan.size
     places = rng.uniform((-x / 2 + 0.3, -y / 2 + 0.3, 0.5), (x / 2 - 0.3, y / 2 - 0.3, z - 0.5), (4000, 3))
-    best = places[int(room.clearance(places).argmax())]
-    path = replace(_draw(rng, room), middle=(float(best[0]), float(best[1]), float(best[2])))
+    path = _draw(rng, room, places[int(room.clearance(places).argmax())], reach)
     for _ in range(8):
         if free(room, path, reach):
             break

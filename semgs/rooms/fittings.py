@@ -8,7 +8,7 @@ from semgs.data.classes import IGNORE
 from semgs.rooms import materials as m
 from semgs.rooms.furniture import LABEL, fronts, legs
 from semgs.rooms.materials import Row
-from semgs.rooms.solids import BALL, CUSHION, CYLINDER, Part, Piece, block
+from semgs.rooms.solids import BALL, CUSHION, CYLINDER, Part, Piece, Triple, block
 
 
 def cabinet(rng: np.random.Generator) -> Piece:
@@ -94,7 +94,7 @@ def bookshelf(rng: np.random.Generator) -> Piece:
     return Piece("bookshelf", (width, depth, height), tuple(parts), surface=height if height < 1.2 else None)
 
 
-def basin(label: int, material: Row, low: tuple[float, float, float], high: tuple[float, float, float]) -> list[Part]:
+def basin(label: int, material: Row, low: Triple, high: Triple) -> list[Part]:
     """An open box with walls of 2 cm: the bowl of a sink or the tub of a bath, from outside to outside."""
     thick = 0.02 if high[0] - low[0] < 1 else 0.05
     return [

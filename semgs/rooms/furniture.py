@@ -257,9 +257,9 @@ def fronts(
     rng: np.random.Generator,
     label: int,
     material: Row,
-    across: tuple[float, float],
+    across: tuple[float | int, float | int],
     y: float,
-    upwards: tuple[float, float],
+    upwards: tuple[float | int, float | int],
     columns: int,
     rows: int,
 ) -> list[Part]:

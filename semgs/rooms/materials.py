@@ -15,6 +15,8 @@ from semgs.rooms import texture_kernels as t
 
 Row = Float64[np.ndarray, " 24"]
 """One material."""
+Span = tuple[float | int, float | int]
+"""Lowest and highest value."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,9 @@ def linear(colour: tuple[float, float, float]) -> tuple[float, float, float]:
 
 def colour(
     rng: np.random.Generator,
-    hue: tuple[float, float] = (0.0, 1.0),
-    saturation: tuple[float, float] = (0.0, 0.7),
-    value: tuple[float, float] = (0.15, 0.9),
+    hue: Span = (0.0, 1.0),
+    saturation: Span = (0.0, 0.7),
+    value: Span = (0.15, 0.9),
 ) -> tuple[float, float, float]:
     """A random linear RGB colour; hue wraps around at 1, pale tones are more frequent than strong ones."""
     strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 1.5
@@ -230,7 +232,7 @@ def flooring(rng: np.random.Generator, wet: bool) -> Row:
                    tint=rng.uniform(0.3, 0.9), fine=0.03, gloss=rng.uniform(0, 0.3))  # fmt: skip
     if look < 0.78:
         quiet = rng.random() < 0.7
-        base = colour(rng, *((0.02, 0.16), (0.0, 0.3)) if quiet else ((0.0, 1.0), (0.0, 0.5)), value=(0.2, 0.8))
+        base = colour(rng, (0.02, 0.16) if quiet else (0.0, 1.0), (0.0, 0.3 if quiet else 0.5), (0.2, 0.8))
         return row(rng, a=base, fine=rng.uniform(0.1, 0.3), fine_scale=rng.uniform(0.006, 0.02), blotch=rng.uniform(0.05, 0.15),
                    blotch_scale=rng.uniform(0.1, 0.5))  # fmt: skip
     return tiles(rng) if look < 0.92 else stone(rng)

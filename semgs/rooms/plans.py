@@ -149,7 +149,7 @@ class _Builder:
             piece = openings.door(rng, height)
             wall = self.walls[int(rng.integers(4))]
             left = rng.uniform(0.15, wall.length - piece.size[0] - 0.15)
-            if wall.free(left - 0.1, left + piece.size[0] + 0.1, 0, height):
+            if wall.free(left - 0.1, left + piece.size[0] + 0.1, 0.0, height):
                 self.hang(wall, piece, left, 0.0)
                 x, y = wall.at(left)
                 self.kept_free.append(rectangle(x, y, piece.size[0], 0.75, wall.yaw))
@@ -211,7 +211,7 @@ class _Builder:
             off = 0.025 + rng.choice([0.0, rng.uniform(0, 0.06)]) + (0.07 if piece.name == "bed" else 0.0)
             if piece.name == "sofa":
                 off += 0.05
-            if not wall.free(left, left + piece.size[0], 0, piece.size[2]):
+            if not wall.free(left, left + piece.size[0], 0.0, piece.size[2]):
                 continue
             turn = rng.uniform(-0.05, 0.05) if piece.name in ("armchair", "other", "chair") else 0.0
             x, y = wall.at(left, off + abs(turn) * piece.size[0])
@@ -272,7 +272,7 @@ class _Builder:
                 if (
                     side > 0
                     and side + stand.size[0] < wall.length
-                    and wall.free(side, side + stand.size[0], 0, stand.size[2])
+                    and wall.free(side, side + stand.size[0], 0.0, stand.size[2])
                 ):
                     x, y = wall.at(side, 0.03)
                     if self.stand(stand, x, y, wall.yaw):
@@ -289,9 +289,13 @@ class _Builder:
             self.stand(low, x, y, wall.yaw)
         elif piece.name == "bathtub" and self.chance(0.8):
             drape = openings.shower_curtain(rng, piece.size[0] * rng.uniform(0.35, 1.0), self.size[2])
-            x, y = wall.at(left if self.chance(0.5) else left + piece.size[0] - drape.size[0], piece.size[1] + 0.035)
-            self.parts += moved(drape.parts, (x, y, 0.0), wall.yaw)
-            self.footprints.append(rectangle(x, y, drape.size[0], drape.size[1], wall.yaw))
+            along = 0.0 if self.chance(0.5) else piece.size[0] - drape.size[0]
+            start, end, _, front = self.footprints[-1]
+            x, y = front + along * (end - start) / piece.size[0] + 0.01 * (front - start) / piece.size[1]
+            shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
+            if not any(overlap(shape, other) for other in self.footprints):
+                self.parts += moved(drape.parts, (x, y, 0.0), wall.yaw)
+                self.footprints.append(shape)
 
     def chairs_around(self, table: Piece, x: float, y: float, yaw: float) -> None:
         """Chairs of one make at the sides of a table, facing it, some a little turned."""

@@ -15,6 +15,9 @@ from jaxtyping import Float64, Int64
 
 from semgs.rooms.materials import Row
 
+Triple = tuple[float | int, float | int, float | int]
+"""A place or a size (x, y, z) [m]."""
+
 BOX, CYLINDER, BALL, CUSHION = range(4)
 """Shapes, each filling its size: a cuboid; an upright elliptic cylinder; an ellipsoid; |x|^4 + |y|^4 + |z|^4 = 1."""
 
@@ -35,8 +38,8 @@ class Part:
 
     label: int
     material: Row
-    centre: tuple[float, float, float]
-    size: tuple[float, float, float]
+    centre: Triple
+    size: Triple
     shape: int = BOX
     yaw: float = 0.0
     tilt: float = 0.0
@@ -54,7 +57,7 @@ class Piece:
     """
 
     name: str
-    size: tuple[float, float, float]
+    size: Triple
     parts: tuple[Part, ...]
     surface: float | None = None
 
@@ -83,8 +86,8 @@ class Solids:
 def block(
     label: int,
     material: Row,
-    low: tuple[float, float, float],
-    high: tuple[float, float, float],
+    low: Triple,
+    high: Triple,
     shape: int = BOX,
     yaw: float = 0.0,
     tilt: float = 0.0,
@@ -95,7 +98,7 @@ def block(
     return Part(label, material, centre, size, shape, yaw, tilt)
 
 
-def moved(parts: Sequence[Part], origin: tuple[float, float, float], yaw: float = 0.0) -> list[Part]:
+def moved(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
     """Parts turned about z and then shifted."""
     cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))
     result = []
@@ -159,12 +162,12 @@ def _template(shape: int) -> Float64[np.ndarray, "t 3 3"]:
     rise = np.linspace(-np.pi / 2, np.pi / 2, 9)
     exponent = 0.5 if shape == CUSHION else 1.0
 
-    def power(value: np.ndarray) -> np.ndarray:
+    def power(value: np.ndarray | np.floating) -> np.ndarray | np.floating:
         return np.sign(value) * np.abs(value) ** exponent
 
     rows = []
     for angle in rise:
-        flat = max(float(np.cos(angle)), 0.0) ** exponent
+        flat = round(float(np.cos(angle)), 12) ** exponent
         height = np.full(16, float(power(np.sin(angle))))
         rows.append(0.5 * np.column_stack((flat * power(np.cos(turn)), flat * power(np.sin(turn)), height)))
     return _stitched(rows)

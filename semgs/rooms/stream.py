@@ -53,7 +53,7 @@ def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targe
     room = build_room(rng)
     intrinsics = draw_intrinsics(rng, size)
     span = (contexts - 1) / 2
-    gap = int(rng.integers(1, 5))
+    gap = float(rng.integers(1, 5))
     path = draw_path(rng, room, intrinsics, size, reach=gap * (span + 0.5)).paced(gap)
     path = fitted(rng, room, path, intrinsics, size)
     places = np.arange(contexts) - span

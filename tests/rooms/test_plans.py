@@ -1,0 +1,79 @@
+import itertools
+
+import numpy as np
+import pytest
+
+pytest.importorskip("embreex")
+
+from semgs.rooms.footprints import overlap, rectangle
+from semgs.rooms.plain import build_room
+from semgs.rooms.plans import SHARES, draw_plan
+from semgs.rooms.solids import BALL, BOX, CUSHION, CYLINDER, Part, gather, triangulate
+from semgs.rooms.stream import generator, sample
+
+
+def test_furniture_neither_intersects_nor_leaves_the_room():
+    kinds = set()
+    for seed in range(40):
+        plan = draw_plan(np.random.default_rng(seed))
+        kinds.add(plan.kind)
+        for one, other in itertools.combinations(plan.footprints, 2):
+            assert not overlap(one, other)
+        for corners in plan.footprints:
+            assert (np.abs(corners) <= (plan.size[0] / 2 + 1e-9, plan.size[1] / 2 + 1e-9)).all()
+        assert 2.3 <= plan.size[2] <= 3.2
+    assert kinds == set(SHARES)
+
+
+def test_rectangles_overlap_if_and_only_if_they_share_area():
+    base = rectangle(0.3, -0.2, 2.0, 1.0, 0.4)
+    along, across = np.array([np.cos(0.4), np.sin(0.4)]), np.array([-np.sin(0.4), np.cos(0.4)])
+
+    def shifted(distance: np.ndarray) -> np.ndarray:
+        x, y = np.array([0.3, -0.2]) + distance
+        return rectangle(x, y, 2.0, 1.0, 0.4)
+
+    assert overlap(base, shifted(1.99 * along))
+    assert not overlap(base, shifted(2.01 * along))
+    assert overlap(base, shifted(-0.99 * across))
+    assert not overlap(base, shifted(-1.01 * across))
+    # Their bounding boxes overlap, they do not.
+    assert not overlap(rectangle(0.0, 0.0, 1.0, 1.0, 0.0), rectangle(1.45, 0.55, 1.0, 1.0, np.pi / 4))
+    assert overlap(rectangle(0.0, 0.0, 1.0, 1.0, 0.0), rectangle(1.2, 0.2, 1.0, 1.0, np.pi / 4))
+
+
+@pytest.mark.parametrize("shape", [BOX, CYLINDER, BALL, CUSHION])
+def test_a_shape_is_closed_and_fills_its_size(shape):
+    part = Part(0, np.zeros(24), (1.0, -2.0, 0.5), (0.6, 0.4, 1.2), shape)
+    corners, owners = triangulate(gather([part]))
+    flat = corners.reshape(-1, 3)
+    np.testing.assert_allclose(flat.max(0) - flat.min(0), part.size, rtol=0.03)
+    np.testing.assert_allclose((flat.max(0) + flat.min(0)) / 2, part.centre, atol=0.02)
+    assert (owners == 0).all()
+    # Every edge of a closed surface belongs to two triangles.
+    edges: dict[frozenset, int] = {}
+    for triangle in np.round(corners, 9):
+        for a, b in itertools.combinations(map(tuple, triangle), 2):
+            edges[frozenset((a, b))] = edges.get(frozenset((a, b)), 0) + 1
+    assert set(edges.values()) == {2}
+
+
+def test_parts_are_tilted_about_their_own_x_axis_before_they_are_turned():
+    rotation = gather([Part(0, np.zeros(24), (0, 0, 0), (1, 1, 1), yaw=np.pi / 2, tilt=0.3)]).rotations[0]
+    np.testing.assert_allclose(rotation @ (1, 0, 0), (0, 1, 0), atol=1e-12)
+    np.testing.assert_allclose(rotation @ (0, 0, 1), (np.sin(0.3), 0, np.cos(0.3)), atol=1e-12)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+
+
+def test_cameras_keep_0_4_m_from_everything():
+    """Rays in all directions from every camera of 15 samples meet nothing nearer."""
+    rng = np.random.default_rng(0)
+    ways = rng.normal(size=(600, 3))
+    ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    for index in range(15):
+        room = build_room(generator(3, index))
+        for views in sample(3, index, size=(12, 16), contexts=2, targets=2):
+            for centre in views.cameras.centres.numpy():
+                triangles, distances = room.caster.cast(np.broadcast_to(centre, ways.shape), ways)
+                assert (triangles >= 0).all()
+                assert distances.min() > 0.4
