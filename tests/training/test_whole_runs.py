@@ -1,0 +1,105 @@
+"""Whole runs: the real network, rooms and splatting, and the command itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from semgs.objectives.weights import LossWeights
+from semgs.training.batches import VALIDATION_SEED, training_batches, validation_batches
+from semgs.training.checkpoints import newest_checkpoint
+from semgs.training.loop import train
+from semgs.training.run import export_weights
+from semgs.training.settings import TrainingSettings
+from semgs.weights.file import read_header
+from semgs.weights.load import load
+
+SETTINGS = TrainingSettings(
+    model="small",
+    steps=2,
+    batch=1,
+    size=(32, 48),
+    contexts=(2, 2),
+    targets=1,
+    context_targets=True,
+    losses=LossWeights(),
+    depth_weight=0.1,
+    seed=4,
+    validate_every=2,
+    validation_scenes=1,
+)
+
+
+@pytest.mark.usefixtures("real_rendering")
+def test_two_real_steps_leave_weights_that_load_and_tell_their_origin(tmp_path: Path):
+    pytest.importorskip("embreex")
+    outcome = train(SETTINGS, tmp_path / "run", workers=0)
+    assert (outcome.step, outcome.finished, outcome.skipped) == (2, True, 0)
+    path = export_weights(tmp_path / "run", tmp_path / "weights.safetensors")
+    model = load("small", path)
+    start = load("small", "random", seed=SETTINGS.seed)
+    assert any((a != b).any() for a, b in zip(model.parameters(), start.parameters(), strict=True))
+    metadata = read_header(path).metadata
+    assert (metadata["seed"], metadata["step"]) == ("4", "2")
+    assert path.stat().st_size < 8 * 2**20
+
+
+def test_step_k_sees_the_same_batch_wherever_the_run_began():
+    pytest.importorskip("embreex")
+    settings = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 4), targets=2)
+    whole = list(training_batches(settings, 0, workers=0))
+    rest = list(training_batches(settings, 2, workers=0))
+    assert [batch.scenes for batch in whole[2:]] == [batch.scenes for batch in rest]
+    for a, b in zip(whole[2:], rest, strict=True):
+        assert torch.equal(a.context.images, b.context.images)
+        assert torch.equal(a.target.labels, b.target.labels)
+        assert len(a.context) in (2, 3, 4)
+    with pytest.raises(ValueError, match="kept for the validation rooms"):
+        training_batches(TrainingSettings(model="small", steps=1, seed=VALIDATION_SEED), 0, workers=0)
+
+
+def test_validation_rooms_do_not_depend_on_the_seed_of_the_run():
+    pytest.importorskip("embreex")
+    options = {"model": "small", "steps": 1, "size": (16, 24), "contexts": (2, 2), "validation_scenes": 1}
+    (one,) = validation_batches(TrainingSettings(seed=1, **options))
+    (two,) = validation_batches(TrainingSettings(seed=2, **options))
+    assert torch.equal(one.target.images, two.target.images)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same_bits(tmp_path: Path):
+    def command(out: Path) -> list[str]:
+        options = (
+            "--steps 40 --batch 1 --size 32x48 --contexts 2 3 --targets 1 --validate-every 16 --validation-scenes 1"
+        )
+        return [
+            sys.executable, "-c", "import sys; from semgs.cli.main import main; sys.exit(main())",
+            "train", "small", "--out", str(out), "--save-minutes", "0.02", *options.split(),
+        ]  # fmt: skip
+
+    def finished(out: Path) -> dict[str, torch.Tensor]:
+        subprocess.run(command(out), check=True, capture_output=True, timeout=900, start_new_session=True)
+        return newest_checkpoint(out / "checkpoints").tensors
+
+    generator = torch.Generator().manual_seed(0)
+    began = time.monotonic()
+    whole = finished(tmp_path / "whole")
+    length = time.monotonic() - began
+    for kind in [signal.SIGKILL] * 16 + [signal.SIGTERM] * 4:
+        run = subprocess.Popen(
+            command(tmp_path / "cut"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        time.sleep(length * float(torch.rand(1, generator=generator)))
+        os.killpg(run.pid, kind)
+        run.wait(timeout=120)
+    parts = finished(tmp_path / "cut")
+    assert whole.keys() == parts.keys()
+    assert all(torch.equal(whole[name], parts[name]) for name in whole)
