@@ -14,13 +14,12 @@ from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_stage
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
+from semgs.reconstruction.stages import Stages
 
 if TYPE_CHECKING:
     from semgs.data.choice import Choice
     from semgs.data.scene import Scene
-    from semgs.export.scene import SavedScene
     from semgs.model.semgs import SemGS
-    from semgs.reconstruction.reconstruct import Reconstruction, Shown
     from semgs.reconstruction.report import Origin
 
 
@@ -82,35 +81,23 @@ class Reconstruct:
         """
         self._check()
         with show_stage("Starting"):
-            # Torch and what stands on it take seconds to import, which nobody should wait for to be told of a typing error.
+            # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
             from semgs.data.scenes import open_scene
-            from semgs.export.ply import write_ply, write_semantic_ply
-            from semgs.export.scene import FILE_NAME, save_scene
-            from semgs.files.atomic import write_json, write_text
-            from semgs.reconstruction.reconstruct import reconstruct
-            from semgs.reconstruction.renders import write_renders
-            from semgs.reconstruction.report import report_numbers
-            from semgs.reconstruction.report_page import report_page
-            from semgs.reconstruction.stages import Stages
 
-        stages = Stages(show_stage)
         device = chosen_device(self.device)
         scene = open_scene(self.scene)
+        stages = Stages(show_stage)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
         with stages("load", f"Loading the model {self.model}"):
             model, origin = self._model(device)
+
+        from semgs.cli.results import summary, write_results
+        from semgs.reconstruction.reconstruct import reconstruct
+
         with own_folder(self.out, self.overwrite) as folder:
             result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages, notes=self._notes())
-            with stages("write", f"Writing {self.out}"):
-                write_ply(folder / "gaussians.ply", result.encoding.gaussians)
-                if result.classes is not None:
-                    write_semantic_ply(folder / "semantics.ply", result.encoding.gaussians, result.classes)
-                save_scene(folder / FILE_NAME, saved(result))
-                (folder / "renders").mkdir()
-                write_renders(folder / "renders", result)
-            write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
-            write_text(folder / "report.html", report_page(result, origin, stages.seconds))
+            write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
 
     def _check(self) -> None:
@@ -156,66 +143,3 @@ class Reconstruct:
             model = load(self.model, None if self.weights == "shipped" else self.weights)
         parameters = sum(parameter.numel() for parameter in model.parameters())
         return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
-
-
-def saved(result: Reconstruction) -> SavedScene:
-    """A reconstruction as the scene file keeps it."""
-    from semgs.export.scene import SavedScene
-
-    scene = result.scene
-    transform = None if scene.applied_transform is None else scene.applied_transform.tolist()
-    return SavedScene(
-        gaussians=result.encoding.gaussians,
-        cameras=result.context.views.cameras,
-        depths=result.encoding.depths,
-        confidences=result.encoding.confidences,
-        depth_range=result.context.views.depth_range,
-        unit="metric" if result.metric else "unknown",
-        classes=result.classes,
-        frames=result.context.names,
-        source=scene.name,
-        model=result.model,
-        applied_transform=transform and tuple(tuple(row) for row in transform),
-        applied_scale=scene.applied_scale,
-    )
-
-
-def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str:
-    """What the user reads at the end: what was chosen, how it went, where it is."""
-    from semgs.reconstruction.report import outputs
-    from semgs.reconstruction.report_page import decibels, length
-    from semgs.reconstruction.scores import mean_scores
-
-    metric, bounds = result.metric, result.depth_range
-    height, width = result.size
-    rows = [
-        ("scene", f"{result.scene.name}: {result.scene.layout}, {len(result.scene)} usable frames"),
-        ("input", _frames(result.context)),
-        ("held out", _frames(result.target) if result.target else "none"),
-        ("why", result.choice.reason),
-        ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
-        ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
-        ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
-        ("PSNR", f"input views {decibels(mean_scores(result.context.scores).psnr)}"),
-        ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
-        *(("note", sentence) for sentence in result.notes),
-    ]
-    if result.target is not None:
-        held_out = decibels(mean_scores(result.target.scores).psnr)
-        rows = [(name, f"held-out views {held_out}, {text}" if name == "PSNR" else text) for name, text in rows]
-    written = [(str(out / output.name), output.text) for output in outputs(result)]
-    width = max(len(path) for path, _ in written)
-    return "\n".join(
-        [
-            *(f"{name:<9} {text}" for name, text in rows),
-            "",
-            *(f"{path:<{width}}  {text}" for path, text in written),
-            "",
-            f"Open {out / 'report.html'} in a browser.",
-        ]
-    )
-
-
-def _frames(shown: Shown) -> str:
-    """Frames as text: position and name."""
-    return ", ".join(f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True))

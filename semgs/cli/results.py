@@ -1,0 +1,91 @@
+"""The results of `semgs reconstruct`: the files in its folder, and the summary that the user reads at the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from semgs.export.ply import write_ply, write_semantic_ply
+from semgs.export.scene import FILE_NAME, SavedScene, save_scene
+from semgs.files.atomic import write_json, write_text
+from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.reconstruction.renders import write_renders
+from semgs.reconstruction.report import Origin, outputs, report_numbers
+from semgs.reconstruction.report_page import decibels, length, report_page
+from semgs.reconstruction.scores import mean_scores
+from semgs.reconstruction.stages import Stages
+
+
+def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> None:
+    """Write all files of a reconstruction into an existing folder.
+
+    The report comes last and holds the seconds of all that was done before it.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    with stages("write", "Writing the scene and its renders"):
+        write_ply(folder / "gaussians.ply", result.encoding.gaussians)
+        if result.classes is not None:
+            write_semantic_ply(folder / "semantics.ply", result.encoding.gaussians, result.classes)
+        save_scene(folder / FILE_NAME, saved(result))
+        (folder / "renders").mkdir()
+        write_renders(folder / "renders", result)
+    write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
+    write_text(folder / "report.html", report_page(result, origin, stages.seconds))
+
+
+def saved(result: Reconstruction) -> SavedScene:
+    """A reconstruction as the scene file keeps it."""
+    scene = result.scene
+    transform = None if scene.applied_transform is None else scene.applied_transform.tolist()
+    return SavedScene(
+        gaussians=result.encoding.gaussians,
+        cameras=result.context.views.cameras,
+        depths=result.encoding.depths,
+        confidences=result.encoding.confidences,
+        depth_range=result.context.views.depth_range,
+        unit="metric" if result.metric else "unknown",
+        classes=result.classes,
+        frames=result.context.names,
+        source=scene.name,
+        model=result.model,
+        applied_transform=transform and tuple(tuple(row) for row in transform),
+        applied_scale=scene.applied_scale,
+    )
+
+
+def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str:
+    """What the user reads at the end: what was chosen, how it went, where it is."""
+    metric, bounds = result.metric, result.depth_range
+    height, width = result.size
+    rows = [
+        ("scene", f"{result.scene.name}: {result.scene.layout}, {len(result.scene)} usable frames"),
+        ("input", _frames(result.context)),
+        ("held out", _frames(result.target) if result.target else "none"),
+        ("why", result.choice.reason),
+        ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
+        ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
+        ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
+        ("PSNR", f"input views {decibels(mean_scores(result.context.scores).psnr)}"),
+        ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
+        *(("note", sentence) for sentence in result.notes),
+    ]
+    if result.target is not None:
+        held_out = decibels(mean_scores(result.target.scores).psnr)
+        rows = [(name, f"held-out views {held_out}, {text}" if name == "PSNR" else text) for name, text in rows]
+    written = [(str(out / output.name), output.text) for output in outputs(result)]
+    width = max(len(path) for path, _ in written)
+    return "\n".join(
+        [
+            *(f"{name:<9} {text}" for name, text in rows),
+            "",
+            *(f"{path:<{width}}  {text}" for path, text in written),
+            "",
+            f"Open {out / 'report.html'} in a browser.",
+        ]
+    )
+
+
+def _frames(shown: Shown) -> str:
+    """Frames as text: position and name."""
+    return ", ".join(f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True))

@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import torch
+
+import semgs
+from semgs.cli.main import main
+from semgs.export.ply import read_ply
+from semgs.rendering.render import render
+from semgs.weights.file import save
+from semgs.weights.load import load
+
+OUTPUTS = {
+    ".semgs", "gaussians.ply", "semantics.ply", "scene.safetensors", "renders", "report.html", "report.json",
+}  # fmt: skip
+
+
+@pytest.fixture
+def done(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, str]:
+    """The folder of a run with untrained weights, and what it said."""
+    out = tmp_path / "out" / "room"
+    assert main(["reconstruct", str(scene), "--out", str(out), "--weights", "random", "--context", "0", "3"]) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    return out, told.out
+
+
+def test_all_files_appear_and_the_summary_tells_what_was_done(done: tuple[Path, str]) -> None:
+    out, told = done
+    assert {path.name for path in out.iterdir()} == OUTPUTS
+    assert [path.name for path in out.parent.iterdir()] == ["room"]
+    numbers = json.loads((out / "report.json").read_text())
+    assert numbers["choice"]["context"] == [0, 3]
+    assert numbers["choice"]["targets"] == [1, 2]
+    assert list(numbers["seconds"]) == ["choose", "load", "read", "encode", "render", "write"]
+    for part in (
+        "0 (images/000.png), 3 (images/003.png)", numbers["choice"]["reason"], "PSNR", "encode", "random",
+        str(out / "gaussians.ply"), f"Open {out / 'report.html'} in a browser.",
+    ):  # fmt: skip
+        assert part in told, part
+    assert len(list((out / "renders").glob("target_001_*.png"))) == 6
+    assert "untrained" in (out / "report.html").read_text()
+
+
+def test_what_the_ply_holds_looks_like_the_scene(done: tuple[Path, str]) -> None:
+    out, _ = done
+    scene = semgs.load_scene(out)
+    with torch.no_grad():
+        expected = render(scene.gaussians, scene.cameras, near=scene.near)
+        read = render(read_ply(out / "gaussians.ply"), scene.cameras, near=scene.near)
+    assert (expected.images - read.images).abs().max() < 1e-3
+    assert (expected.alphas - read.alphas).abs().max() < 1e-3
+    assert ((expected.depths - read.depths).abs() / expected.depths.clamp(min=0.1)).max() < 1e-3
+    assert len(read_ply(out / "semantics.ply")) == len(scene.gaussians)
+
+
+def test_the_scene_file_holds_what_was_read(done: tuple[Path, str]) -> None:
+    scene = semgs.load_scene(done[0])
+    assert scene.frames == ("images/000.png", "images/003.png")
+    assert scene.unit == "metric"
+    assert scene.cameras.size == (48, 64)
+    assert scene.source == "scene"
+    assert scene.near == 0.5
+
+
+def test_two_runs_write_the_same_scene(done: tuple[Path, str], scene: Path) -> None:
+    out, _ = done
+    before = {name: (out / name).read_bytes() for name in ("gaussians.ply", "semantics.ply", "scene.safetensors")}
+    arguments = ["reconstruct", str(scene), "--out", str(out), "--weights", "random", "--context", "0", "3"]
+    assert main([*arguments, "--overwrite"]) == 0
+    for name, content in before.items():
+        assert (out / name).read_bytes() == content
+
+
+def test_frames_by_name_another_size_and_weights_from_a_file(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save(tmp_path / "mine.safetensors", load("small", "random"), {"description": "drawn for a test"})
+    arguments = ["--weights", str(tmp_path / "mine.safetensors"), "--context", "002.png", "0", "--size", "32x50"]
+    assert main(["reconstruct", str(scene / "transforms.json"), "--out", str(tmp_path / "out"), *arguments]) == 0
+    numbers = json.loads((tmp_path / "out/report.json").read_text())
+    assert numbers["choice"]["context"] == [2, 0]
+    assert numbers["size"] == {"height": 32, "width": 50}
+    assert "drawn for a test" in numbers["model"]["weights"]
+    assert not re.search("untrained", capsys.readouterr().out)
+
+
+def test_a_colour_only_model_leaves_out_what_needs_classes(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    arguments = ["--model", "mvsplat", "--weights", "random", "--size", "32x48"]
+    assert main(["reconstruct", str(scene), "--out", str(out), *arguments]) == 0
+    assert {path.name for path in out.iterdir()} == OUTPUTS - {"semantics.ply"}
+    assert not list((out / "renders").glob("*_classes.png"))
+    assert semgs.load_scene(out).classes is None
+    assert "colour only" in (out / "report.html").read_text()
