@@ -1,0 +1,68 @@
+"""What a validation says and shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from semgs.data.classes import IGNORE, SCANNET20
+from semgs.rendering.rendering import Rendering
+from semgs.training.pictures import strip
+from semgs.training.step import render_targets
+from semgs.training.validation import validate
+
+
+def test_scores_are_those_of_all_target_pixels_together(network, batch):
+    model, batches = network(), [batch(step, scenes=1) for step in range(3)]
+    result = validate(model, batches)
+    predicted, truth, decibels = [], [], []
+    with torch.no_grad():
+        for one in batches:
+            rendering, target = render_targets(model(one.context), one)
+            predicted.append(rendering.semantics.argmax(2).flatten())
+            truth.append(target.labels.flatten().long())
+            errors = (rendering.images.clamp(0, 1) - target.images).square().flatten(2).mean(2).flatten()
+            decibels += [-10 * float(torch.log10(error)) for error in errors]
+    predicted, truth = torch.cat(predicted), torch.cat(truth)
+    ious = [
+        float(((predicted == k) & (truth == k)).sum() / (((predicted == k) | (truth == k)) & (truth != IGNORE)).sum())
+        for k in range(20)
+        if (truth == k).any()
+    ]
+    assert result.psnr == pytest.approx(np.mean(decibels), rel=1e-5)
+    assert result.miou == pytest.approx(np.mean(ious), rel=1e-5)
+    assert result.accuracy == pytest.approx(float((predicted == truth)[truth != IGNORE].float().mean()), rel=1e-6)
+    assert result.pictures.shape == (3 * 16, 6 * 24, 3)
+
+
+def test_without_scenes_there_is_nothing_to_say(network):
+    result = validate(network(), [])
+    assert np.isnan(result.psnr)
+    assert (result.miou, result.accuracy, result.pictures) == (None, None, None)
+
+
+def test_the_strip_shows_classes_in_their_colours_and_what_is_unseen_or_unknown_in_black(batch):
+    target = batch(0).target
+    height, width = target.size
+    labels = torch.full((2, 2, height, width), 3)
+    alphas = torch.ones(2, 2, height, width)
+    alphas[..., :5] = 0.4
+    rendering = Rendering(
+        images=target.images,
+        semantics=torch.nn.functional.one_hot(labels, 20).movedim(-1, -3).float(),
+        depths=torch.full_like(alphas, 0.5),
+        alphas=alphas,
+    )
+    panels = np.split(strip(rendering, target), 6, axis=1)
+    assert np.array_equal(panels[0], panels[1])
+    assert (panels[2][:, :5] == 0).all()
+    assert (panels[2][:, 5:] == SCANNET20.colours[3]).all()
+    # The first row of the batch's labels is ignored; elsewhere each pixel has the colour of its label.
+    assert (panels[3][0] == 0).all()
+    assert tuple(panels[3][7, 9]) == SCANNET20.colours[int(target.labels[0, 0, 7, 9])]
+    # 0.5 m is the near bound: white. The truth is farther: darker, but not black.
+    assert (panels[4][:, :5] == 0).all()
+    assert (panels[4][:, 5:] == 255).all()
+    assert (panels[5] < 255).all()
+    assert (panels[5] > 0).all()
