@@ -91,6 +91,13 @@ def cost_volume(
     return sums / count.clamp(min=1)
 
 
+def unit_features(features: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"]:
+    """Features without their mean over each picture, every texel of length sqrt(c); costs are then sqrt(c) times cosines."""
+    centred = features - features.mean((-2, -1), keepdim=True)
+    length = centred.square().sum(1, keepdim=True).clamp(min=1e-12).sqrt()
+    return centred * (math.sqrt(features.shape[1]) / length)
+
+
 def correlate(
     reference: Float[Tensor, "n c h w"],
     source: Float[Tensor, "n c h w"],

@@ -38,7 +38,9 @@ def small(classes: ClassTable = SCANNET20) -> SemGS:
         harmonics=4,
         colour_from_image=True,
         gaussian_stride=2,
+        cosine_cost=True,
         initial_sigma=0.5,
+        initial_depth_scale=0.1,
         name="small",
     )
 

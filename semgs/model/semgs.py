@@ -16,7 +16,7 @@ from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.model.camera_attention import token_transforms
 from semgs.model.cnn import FeatureCNN, ResidualBlock
 from semgs.model.conventions import OURS, Conventions
-from semgs.model.cost_volume import cost_volume
+from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.encoding import Encoding
 from semgs.model.heads import (
     CostRegressor,
@@ -66,7 +66,10 @@ class SemGS(nn.Module):
         harmonics: coefficients a colour that the head predicts; those beyond degree 3 are never drawn nor computed.
         colour_from_image: the colour head predicts a correction of the picture's own colour.
         gaussian_stride: 1 places a Gaussian per pixel, 2 one per 2x2 pixels.
+        cosine_cost: correlate features that are centred in each picture and of equal length, so that costs are
+            cosines times the root of d; a network that starts from nothing learns depth far sooner with it.
         initial_sigma: size at which Gaussians start, in pixels of their own grid; None leaves it to the draw.
+        initial_depth_scale: factor on the drawn weights of depth's last layers; below 1 all candidates start alike.
         conventions: of geometry.
         name: of the preset.
 
@@ -106,7 +109,9 @@ class SemGS(nn.Module):
         harmonics: int = 25,
         colour_from_image: bool = False,
         gaussian_stride: int = 1,
+        cosine_cost: bool = False,
         initial_sigma: float | None = None,
+        initial_depth_scale: float = 1.0,
         conventions: Conventions = OURS,
         name: str = "base",
     ) -> None:
@@ -126,6 +131,7 @@ class SemGS(nn.Module):
         self.harmonics = harmonics
         self.colour_from_image = colour_from_image
         self.stride = gaussian_stride
+        self.cosine_cost = cosine_cost
         factor = SHRINK // gaussian_stride
 
         self.cnn = FeatureCNN(cnn_widths, channels)
@@ -144,6 +150,9 @@ class SemGS(nn.Module):
             self.semantic_transformer = MultiViewSwin(channels, semantic_blocks, windows, expansion, reduction)
             self.semantic_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
             self.semantic_head = Head(3 + upsampled_channels, semantic_hidden, 7 + len(classes), last_kernel)
+        with torch.no_grad():
+            for layers in (self.cost_regressor.head, self.depth_refinement.to_disparity):
+                layers[-1].weight.mul_(initial_depth_scale)
         if initial_sigma is not None:
             start_at(self.colour_head, slice(2, 5), initial_sigma)
             if classes is not None:
@@ -182,7 +191,8 @@ class SemGS(nn.Module):
 
         bounds = depth_range.to(colour)
         candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(colour)
-        cost = cost_volume(colour.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
+        matched = unit_features(colour) if self.cosine_cost else colour
+        cost = cost_volume(matched.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
         probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).softmax(1)
         coarse = 1 / expected_depth(probabilities, candidates.flatten(0, 1), self.conventions.candidates)
 
