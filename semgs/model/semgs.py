@@ -150,9 +150,8 @@ class SemGS(nn.Module):
             self.semantic_transformer = MultiViewSwin(channels, semantic_blocks, windows, expansion, reduction)
             self.semantic_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
             self.semantic_head = Head(3 + upsampled_channels, semantic_hidden, 7 + len(classes), last_kernel)
-        with torch.no_grad():
-            for layers in (self.cost_regressor.head, self.depth_refinement.to_disparity):
-                layers[-1].weight.mul_(initial_depth_scale)
+        for last in (self.cost_regressor.head[-1], self.depth_refinement.to_disparity[-1]):
+            last.get_parameter("weight").data.mul_(initial_depth_scale)
         if initial_sigma is not None:
             start_at(self.colour_head, slice(2, 5), initial_sigma)
             if classes is not None:
