@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import pytest
@@ -10,6 +11,7 @@ from semgs.data.views import stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import covariance
 from semgs.model import presets
+from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
 
@@ -71,7 +73,7 @@ def test_depth_stays_within_its_range(model):
 def test_moving_the_world_moves_the_gaussians(model, views):
     still = posed_views(views, SIZE, dtype=torch.float64)
     motion = torch.eye(4, dtype=torch.float64)
-    motion[:3, :3] = torch.tensor([[0.0, 0.6, -0.8], [1, 0, 0], [0, -0.8, -0.6]])
+    motion[:3, :3] = torch.tensor([[0.0, 0.6, -0.8], [1, 0, 0], [0, -0.8, -0.6]], dtype=torch.float64)
     motion[:3, 3] = torch.tensor([800.0, -600.0, 30.0])
     cameras = Cameras(motion @ still.cameras.world_from_camera, still.cameras.intrinsics, SIZE)
     a, b = encode(model, still), encode(model, replace(still, cameras=cameras))
@@ -155,9 +157,8 @@ def test_cameras_of_four_views_and_leading_axes_are_free(small):
 
 
 def test_settings_rebuild_the_network(small):
-    from semgs.model.conventions import Conventions
-
-    settings = small.settings | {"conventions": Conventions(**small.settings["conventions"])}
+    plain = json.loads(json.dumps(small.settings))
+    settings = plain | {"conventions": Conventions(**plain["conventions"]), "cnn_widths": tuple(plain["cnn_widths"])}
     again = SemGS(classes=SCANNET20, **settings)
     assert {k: v.shape for k, v in again.state_dict().items()} == {k: v.shape for k, v in small.state_dict().items()}
 
