@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Iterable
 
 import torch
@@ -63,7 +66,7 @@ def training_batches(settings: TrainingSettings, start: int, workers: int) -> It
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
         prefetch_factor=4 if workers else None,
-        worker_init_fn=_be_a_quiet_worker,
+        worker_init_fn=_settle_worker,
     )
 
 
@@ -77,8 +80,21 @@ def validation_batches(settings: TrainingSettings) -> list[Batch]:
     return [rooms[index] for index in range(count)]
 
 
-def _be_a_quiet_worker(index: int) -> None:
-    """Settle a worker process: one thread, and signals meant for the run are left to the process that trains."""
+def _settle_worker(index: int) -> None:
+    """Settle a worker process: one thread, no signals that are meant for the run, and no life after it."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_run, daemon=True).start()
+
+
+def _end_with_the_run() -> None:
+    """Wait until the process that trains is gone, then be gone.
+
+    The loader's own watch is for the parent, which is the fork server; that stays for as long as it has a child, so that
+    after a `kill -9` of the run both would wait for each other for ever.
+    """
+    run = multiprocessing.parent_process()
+    if run is not None:
+        run.join()
+        os._exit(0)
