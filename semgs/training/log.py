@@ -12,6 +12,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from semgs.files.atomic import write_text
 from semgs.training.step import StepReport
 from semgs.training.validation import Validation
 
@@ -34,7 +35,7 @@ class RunLog:
 
     def __init__(self, path: Path, step: int, steps: int, console: Console | None) -> None:
         kept = [line for line in _lines(path) if json.loads(line)["step"] <= step]
-        path.write_text("".join(f"{line}\n" for line in kept))
+        write_text(path, "".join(f"{line}\n" for line in kept))
         self._file = path.open("a")
         self._start, self._steps, self._console = step, steps, console
         self._reports: list[StepReport] = []

@@ -28,10 +28,15 @@ def claim(out: Path, settings: TrainingSettings) -> None:
             listed = ", ".join(f"{name} = {there!r} there, {here!r} asked" for name, (here, there) in other.items())
             raise ValueError(f"{out} holds a run of other settings: {listed}; give the same ones or another folder")
         return
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if out.exists() and not (out.is_dir() and all(_is_leftover(file) for file in out.iterdir())):
         raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
+
+
+def _is_leftover(file: Path) -> bool:
+    """Whether a file is what a start that was killed at once leaves behind."""
+    return file.name.startswith(".settings.json.") and file.name.endswith(".part")
 
 
 def read_settings(out: Path) -> TrainingSettings:

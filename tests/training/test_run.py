@@ -34,6 +34,12 @@ def test_a_folder_of_something_else_is_refused(settings, tmp_path):
         read_settings(tmp_path)
 
 
+def test_a_start_that_was_killed_at_once_does_not_block_the_next(settings, tmp_path):
+    (tmp_path / ".settings.json.1a2b3c4d.part").write_text("{")
+    claim(tmp_path, settings)
+    assert read_settings(tmp_path) == settings
+
+
 def test_a_run_without_a_checkpoint_has_no_weights(settings, tmp_path):
     claim(tmp_path, settings)
     with pytest.raises(InputError, match="train first"):
