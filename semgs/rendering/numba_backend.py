@@ -3,24 +3,18 @@
 Annotations are evaluated here, since torch reads the operators' schemas from them.
 """
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
+from semgs.geometry.compiled import numba_threads
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
 from semgs.rendering.splats import Layer, Splats
 from semgs.rendering.tile_kernels import PARTS, TILE, count_pairs, draw, draw_backward, fill_pairs
-
-_ONE_AT_A_TIME = threading.RLock()
-"""Numba's own threading layer, the only one on some systems, ends the process when two Python threads use it at once."""
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
@@ -73,7 +67,7 @@ def _splat(
     picture = features.new_empty(features.shape[1], height, width)
     transmittance = torch.empty(height, width, dtype=torch.float64)
     last = torch.empty(height, width, dtype=torch.int32)
-    with _threads():
+    with numba_threads():
         tiles = into_tiles(means, quaternions, scales, opacities, order, camera, height, width)
         draw(
             tiles.ellipses, _array(features), tiles.first_in_tile, tiles.gaussians,
@@ -100,7 +94,7 @@ def _splat_backward(
     grad_means, grad_quaternions = means.new_zeros(means.shape), quaternions.new_zeros(quaternions.shape)
     grad_scales, grad_opacities = scales.new_zeros(scales.shape), opacities.new_zeros(opacities.shape)
     grad_features = features.new_zeros(features.shape)
-    with _threads():
+    with numba_threads():
         tiles = into_tiles(means, quaternions, scales, opacities, order, camera, height, width)
         geometry = np.zeros((len(tiles.pairs), 6))
         blended = np.zeros((len(tiles.pairs), features.shape[1]), _array(features).dtype)
@@ -181,15 +175,3 @@ def into_tiles(
 
 def _array(tensor: Tensor) -> np.ndarray:
     return tensor.detach().contiguous().numpy()
-
-
-@contextmanager
-def _threads() -> Iterator[None]:
-    """Numba with as many threads as torch uses here (or fewer, where its own setting is lower), one call at a time."""
-    with _ONE_AT_A_TIME:
-        before = numba.get_num_threads()
-        numba.set_num_threads(min(torch.get_num_threads(), before))
-        try:
-            yield
-        finally:
-            numba.set_num_threads(before)

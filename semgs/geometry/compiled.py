@@ -1,0 +1,33 @@
+"""The one way into compiled kernels: Numba with torch's number of threads, and torch's number left as it was.
+
+Numba and torch share one OpenMP runtime, and Numba's pool sets that runtime's number of threads when it starts, which
+would silently undo `OMP_NUM_THREADS` or `torch.set_num_threads`.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import torch
+
+_ONE_AT_A_TIME = threading.RLock()
+"""Numba's own threading layer, the only one on some systems, ends the process when two Python threads use it at once."""
+
+
+@contextmanager
+def numba_threads() -> Iterator[None]:
+    """Numba with as many threads as torch uses here (or fewer, where its own limit is lower), one call at a time."""
+    import numba
+
+    with _ONE_AT_A_TIME:
+        wanted = torch.get_num_threads()
+        before = numba.get_num_threads()
+        numba.set_num_threads(min(wanted, numba.config.NUMBA_NUM_THREADS))
+        try:
+            yield
+        finally:
+            numba.set_num_threads(before)
+            if torch.get_num_threads() != wanted:
+                torch.set_num_threads(wanted)
