@@ -9,14 +9,14 @@ from semgs.cli.main import main
 
 
 @pytest.fixture
-def small_demo(scene: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def small_demo(room: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The demo with a small scene in place of the embedded one, and untrained weights in place of those that ship."""
     from semgs.weights import load as weights
 
     load = weights.load
-    monkeypatch.setattr("semgs.rooms.demo.demo_scene", lambda: scene)
+    monkeypatch.setattr("semgs.rooms.demo.demo_scene", lambda: room)
     monkeypatch.setattr(weights, "load", lambda name, _: load(name, "random"))
-    return scene
+    return room
 
 
 def test_the_demo_can_be_run_again_and_again(
