@@ -145,11 +145,20 @@ class RoomSamples(Dataset):
         Raises:
             IndexError: k is not in 0 .. length - 1.
         """
+        contexts, targets = self.counts(k)
+        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets)
+
+    def counts(self, k: int) -> tuple[int, int]:
+        """How many context and target views sample k has.
+
+        Raises:
+            IndexError: k is not in 0 .. length - 1.
+        """
         if not 0 <= k < self.length:
             raise IndexError(f"sample {k} of {self.length}")
         draws = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k // self.group, 1))))
         contexts, targets = (int(draws.integers(low, high + 1)) for low, high in (self.contexts, self.targets))
-        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets)
+        return contexts, targets
 
 
 def _range(count: Count) -> tuple[int, int]:

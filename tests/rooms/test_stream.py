@@ -111,13 +111,15 @@ def test_no_targets_are_no_views():
 
 
 def test_items_of_a_group_have_equal_counts_and_groups_differ():
-    rooms = RoomSamples(seed=6, size=(12, 16), contexts=(2, 4), targets=(1, 2), length=15, group=3)
-    counts = [tuple(len(views) for views in rooms[k]) for k in range(15)]
-    assert all(len(set(counts[start : start + 3])) == 1 for start in range(0, 15, 3))
+    rooms = RoomSamples(seed=6, size=(12, 16), contexts=(2, 4), targets=(1, 2), length=30, group=3)
+    counts = [rooms.counts(k) for k in range(30)]
+    assert all(len(set(counts[start : start + 3])) == 1 for start in range(0, 30, 3))
     assert {context for context, _ in counts} == {2, 3, 4}
-    assert len(rooms) == 15
+    assert {target for _, target in counts} == {1, 2}
+    assert tuple(len(views) for views in rooms[29]) == counts[29]
+    assert len(rooms) == 30
     with pytest.raises(IndexError):
-        rooms[15]
+        rooms[30]
 
 
 @pytest.mark.parametrize(
