@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -163,11 +164,17 @@ def test_a_log_that_ran_ahead_of_the_checkpoint_loses_what_is_computed_again(sit
 
 
 def test_a_console_that_is_no_terminal_gets_plain_lines(sitting, tmp_path):
-    import io
-
     console = Console(file=io.StringIO(), width=200)
     sitting(tmp_path / "run", console=console)
     told = console.file.getvalue()
     assert "step 12 of 12: loss" in told
     assert "min left" in told
     assert "validation PSNR" in told
+
+
+def test_a_terminal_gets_a_bar_with_the_time_left(sitting, tmp_path):
+    console = Console(file=io.StringIO(), width=160, force_terminal=True)
+    sitting(tmp_path / "run", console=console)
+    told = console.file.getvalue()
+    assert "12/12" in told
+    assert "PSNR" in told

@@ -42,7 +42,7 @@ def test_without_scenes_there_is_nothing_to_say(network):
     assert (result.miou, result.accuracy, result.pictures) == (None, None, None)
 
 
-def test_the_strip_shows_classes_in_their_colours_and_what_is_unseen_or_unknown_in_black(batch):
+def test_the_strip_shows_image_classes_and_depth_each_beside_its_truth(batch):
     target = batch(0).target
     height, width = target.size
     labels = torch.full((2, 2, height, width), 3)
@@ -51,18 +51,16 @@ def test_the_strip_shows_classes_in_their_colours_and_what_is_unseen_or_unknown_
     rendering = Rendering(
         images=target.images,
         semantics=torch.nn.functional.one_hot(labels, 20).movedim(-1, -3).float(),
-        depths=torch.full_like(alphas, 0.5),
+        depths=target.depths,
         alphas=alphas,
     )
-    panels = np.split(strip(rendering, target), 6, axis=1)
-    assert np.array_equal(panels[0], panels[1])
-    assert (panels[2][:, :5] == 0).all()
-    assert (panels[2][:, 5:] == SCANNET20.colours[3]).all()
+    image, true_image, classes, true_classes, depth, true_depth = np.split(strip(rendering, target), 6, axis=1)
+    assert np.array_equal(image, true_image)
+    assert np.array_equal(depth, true_depth)
+    assert (classes[:, 5:] == SCANNET20.colours[3]).all()
+    assert not (classes[:, :5] == SCANNET20.colours[3]).all(-1).any()
     # The first row of the batch's labels is ignored; elsewhere each pixel has the colour of its label.
-    assert (panels[3][0] == 0).all()
-    assert tuple(panels[3][7, 9]) == SCANNET20.colours[int(target.labels[0, 0, 7, 9])]
-    # 0.5 m is the near bound: white. The truth is farther: darker, but not black.
-    assert (panels[4][:, :5] == 0).all()
-    assert (panels[4][:, 5:] == 255).all()
-    assert (panels[5] < 255).all()
-    assert (panels[5] > 0).all()
+    assert (true_classes[0] == 0).all()
+    assert tuple(true_classes[7, 9]) == SCANNET20.colours[int(target.labels[0, 0, 7, 9])]
+    colour_only = Rendering(rendering.images, None, rendering.depths, rendering.alphas)
+    assert strip(colour_only, target).shape == (height, 5 * width, 3)
