@@ -24,7 +24,7 @@ def numba_threads() -> Iterator[None]:
     with _ONE_AT_A_TIME:
         wanted = torch.get_num_threads()
         before = numba.get_num_threads()
-        numba.set_num_threads(min(wanted, numba.config.NUMBA_NUM_THREADS))
+        numba.set_num_threads(min(wanted, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
         try:
             yield
         finally:
