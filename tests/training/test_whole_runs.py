@@ -37,7 +37,7 @@ SETTINGS = TrainingSettings(
 
 
 @pytest.mark.usefixtures("real_rendering")
-def test_two_real_steps_leave_weights_that_load_and_tell_their_origin(tmp_path: Path):
+def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting_or_two(tmp_path: Path):
     pytest.importorskip("embreex")
     outcome = train(SETTINGS, tmp_path / "run", workers=0)
     assert (outcome.step, outcome.finished, outcome.skipped) == (2, True, 0)
@@ -48,6 +48,11 @@ def test_two_real_steps_leave_weights_that_load_and_tell_their_origin(tmp_path: 
     metadata = read_header(path).metadata
     assert (metadata["seed"], metadata["step"]) == ("4", "2")
     assert path.stat().st_size < 8 * 2**20
+    # The same run in two sittings, with the real network, rooms and splatting, ends with the same bits.
+    cut = [train(SETTINGS, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]
+    assert cut == [1, 2]
+    whole, parts = (newest_checkpoint(tmp_path / name / "checkpoints").tensors for name in ("run", "cut"))
+    assert all(torch.equal(whole[name], parts[name]) for name in whole)
 
 
 def test_step_k_sees_the_same_batch_wherever_the_run_began():
