@@ -67,9 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if error.errno not in _DISK_FULL:
             raise
         where = f" ({error.filename})" if error.filename else ""
-        return _refuse(f"the disk is full{where}; nothing was changed, free some space or write elsewhere")
+        return _refuse(f"the disk is full{where}; free some space or write elsewhere")
     except KeyboardInterrupt:
-        print("semgs: interrupted, nothing was changed", file=sys.stderr)
+        print("semgs: interrupted", file=sys.stderr)
         return INTERRUPTED
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0
