@@ -55,7 +55,7 @@ class Train:
 
         Raises:
             InputError: the folder or the weights to start from cannot be used.
-            UsageError: the settings cannot be, or training broke down.
+            UsageError: the settings cannot be, training broke down, or an extra that rooms need is not installed.
         """
         if self.workers < 0 or self.save_minutes < 0 or (self.minutes is not None and self.minutes <= 0):
             raise UsageError("--workers and --save-minutes must not be negative, and --minutes must be positive")
@@ -66,16 +66,17 @@ class Train:
         for name, (value, default) in differences(self.settings, reference).items():
             console.print(f"{name}: {value} (preset {self.settings.model}: {default})", markup=False)
         from semgs.training.loop import train
-        from semgs.training.run import export_weights
+        from semgs.training.run import claim, export_weights
 
         with what_the_user_gave():
-            try:
-                outcome = train(
-                    self.settings, self.out, minutes=self.minutes, workers=self.workers,
-                    save_minutes=self.save_minutes, console=console,
-                )  # fmt: skip
-            except FloatingPointError as error:
-                raise UsageError(str(error)) from error
+            claim(self.out, self.settings)
+        try:
+            outcome = train(
+                self.settings, self.out, minutes=self.minutes, workers=self.workers,
+                save_minutes=self.save_minutes, console=console,
+            )  # fmt: skip
+        except (FloatingPointError, ImportError) as error:
+            raise UsageError(str(error)) from error
         weights = export_weights(self.out, self.out / WEIGHTS)
         console.print(f"step {outcome.step} of {self.settings.steps}, {outcome.skipped} skipped; weights: {weights}")
         if not outcome.finished:

@@ -13,10 +13,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Batch, stack
 from semgs.rooms.stream import RoomSamples
-from semgs.training.settings import TrainingSettings
-
-VALIDATION_SEED = 2**31 - 1
-"""Seed of the validation rooms, the same for every run; a training may not use it."""
+from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 
 
 class RoomBatches(Dataset):
@@ -48,13 +45,7 @@ class RoomBatches(Dataset):
 
 
 def training_batches(settings: TrainingSettings, start: int, workers: int) -> Iterable[Batch]:
-    """The batches of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
-
-    Raises:
-        ValueError: the seed is that of the validation rooms.
-    """
-    if settings.seed == VALIDATION_SEED:
-        raise ValueError(f"seed is {settings.seed}, which is kept for the validation rooms; take another")
+    """The batches of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one)."""
     rooms = RoomBatches(
         settings.seed, settings.size, settings.contexts, settings.targets, settings.batch, settings.steps
     )

@@ -23,6 +23,9 @@ def _size(given: list[str]) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
+VALIDATION_SEED = 2**31 - 1
+"""Seed of the validation rooms, the same for every run; no training may use it."""
+
 HEIGHT_BY_WIDTH = tyro.constructors.PrimitiveConstructorSpec(
     nargs=1,
     metavar="HxW",
@@ -90,6 +93,10 @@ class TrainingSettings:
             "clip": (self.clip > 0, "a positive number"),
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "depth_weight": (self.depth_weight >= 0, "0 or more"),
+            "seed": (
+                0 <= self.seed != VALIDATION_SEED,
+                f"0 or more, and not {VALIDATION_SEED}: the validation rooms' own",
+            ),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }

@@ -9,7 +9,7 @@ import pytest
 from semgs.files.errors import InputError
 from semgs.training.presets import PRESETS
 from semgs.training.run import claim, export_weights, read_settings
-from semgs.training.settings import TrainingSettings, differences
+from semgs.training.settings import VALIDATION_SEED, TrainingSettings, differences
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -52,7 +52,16 @@ def test_unknown_fields_of_a_newer_version_are_named(settings):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("steps", 0), ("contexts", (1, 2)), ("contexts", (4, 2)), ("warmup", 0.0), ("size", (8, 320))]
+    ("field", "value"),
+    [
+        ("seed", VALIDATION_SEED),
+        ("seed", -1),
+        ("steps", 0),
+        ("contexts", (1, 2)),
+        ("contexts", (4, 2)),
+        ("warmup", 0.0),
+        ("size", (8, 320)),
+    ],
 )
 def test_settings_that_cannot_be_are_refused_by_name(settings, field: str, value: object):
     with pytest.raises(ValueError, match=f"{field} is"):

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from semgs.objectives.weights import LossWeights
-from semgs.training.batches import VALIDATION_SEED, training_batches, validation_batches
+from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
 from semgs.training.run import export_weights
@@ -65,8 +65,6 @@ def test_step_k_sees_the_same_batch_wherever_the_run_began():
         assert torch.equal(a.context.images, b.context.images)
         assert torch.equal(a.target.labels, b.target.labels)
         assert len(a.context) in (2, 3, 4)
-    with pytest.raises(ValueError, match="kept for the validation rooms"):
-        training_batches(TrainingSettings(model="small", steps=1, seed=VALIDATION_SEED), 0, workers=0)
 
 
 def test_validation_rooms_do_not_depend_on_the_seed_of_the_run():
