@@ -51,12 +51,21 @@ class CostRegressor(nn.Module):
         width: of the U-Net.
         hidden: width between the two last convolutions.
         levels, decoder_blocks: of the U-Net.
+        cost_prior: the logits are a correction of the cost itself, from normalised features.
     """
 
     def __init__(
-        self, channels: int, candidates: int, width: int, hidden: int, levels: int = 3, decoder_blocks: int = 2
+        self,
+        channels: int,
+        candidates: int,
+        width: int,
+        hidden: int,
+        levels: int = 3,
+        decoder_blocks: int = 2,
+        cost_prior: bool = False,
     ) -> None:
         super().__init__()
+        self.norm = nn.GroupNorm(GROUPS, candidates) if cost_prior else None
         inputs = channels + candidates
         self.refine = nn.ModuleList(
             [
@@ -79,7 +88,9 @@ class CostRegressor(nn.Module):
         x = torch.cat((cost, features), dim=1)
         conv, norm, activation, unet, last = self.refine
         refined = last(unet(activation(norm(conv(x))), views)) + self.residual(x)
-        return self.head(refined)
+        if self.norm is None:
+            return self.head(refined)
+        return cost + self.head(self.norm(refined))
 
 
 class DepthRefinement(nn.Module):

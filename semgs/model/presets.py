@@ -39,6 +39,7 @@ def small(classes: ClassTable = SCANNET20) -> SemGS:
         colour_from_image=True,
         gaussian_stride=2,
         cosine_cost=True,
+        cost_prior=True,
         initial_sigma=0.5,
         initial_depth_scale=0.1,
         name="small",

@@ -68,6 +68,8 @@ class SemGS(nn.Module):
         gaussian_stride: 1 places a Gaussian per pixel, 2 one per 2x2 pixels.
         cosine_cost: correlate features that are centred in each picture and of equal length, so that costs are
             cosines times the root of d; a network that starts from nothing learns depth far sooner with it.
+        cost_prior: depth's logits are a correction of the cost itself, from normalised features; else they are free, and
+            at a high learning rate they saturate into one candidate before the features have learned to match.
         initial_sigma: size at which Gaussians start, in pixels of their own grid; None leaves it to the draw.
         initial_depth_scale: factor on the drawn weights of depth's last layers; below 1 all candidates start alike.
         conventions: of geometry.
@@ -110,6 +112,7 @@ class SemGS(nn.Module):
         colour_from_image: bool = False,
         gaussian_stride: int = 1,
         cosine_cost: bool = False,
+        cost_prior: bool = False,
         initial_sigma: float | None = None,
         initial_depth_scale: float = 1.0,
         conventions: Conventions = OURS,
@@ -136,7 +139,9 @@ class SemGS(nn.Module):
 
         self.cnn = FeatureCNN(cnn_widths, channels)
         self.colour_transformer = MultiViewSwin(channels, colour_blocks, windows, expansion, reduction)
-        self.cost_regressor = CostRegressor(channels, candidates, cost_width, cost_hidden, cost_levels, decoder_blocks)
+        self.cost_regressor = CostRegressor(
+            channels, candidates, cost_width, cost_hidden, cost_levels, decoder_blocks, cost_prior
+        )
         self.colour_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
         self.depth_refinement = DepthRefinement(
             upsampled_channels, projected_channels, refine_width, refine_levels, decoder_blocks

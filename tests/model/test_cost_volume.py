@@ -7,7 +7,8 @@ from posed import posed_cameras
 from semgs.geometry.cameras import Cameras, back_project, pixel_centres, project
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.model.conventions import MVSPLAT, OURS
-from semgs.model.cost_volume import cost_volume
+from semgs.model.cost_volume import cost_volume, unit_features
+from semgs.model.heads import CostRegressor
 
 
 def batched(cameras: Cameras) -> Cameras:
@@ -130,3 +131,17 @@ def test_the_custom_operation_follows_torchs_rules():
         torch.tensor([[1.0, 2.0]] * 2, dtype=torch.float64), torch.full((2,), 1e-3, dtype=torch.float64), True,
     )  # fmt: skip
     torch.library.opcheck(_correlate, arguments)
+
+
+def test_unit_features_have_one_length_and_no_mean():
+    unit = unit_features(torch.randn(2, 12, 5, 7, dtype=torch.float64) * 3 + 5)
+    assert torch.allclose(unit.norm(dim=1), torch.tensor(math.sqrt(12), dtype=torch.float64))
+    assert unit.mean((-2, -1)).abs().max() < 0.5
+
+
+def test_with_the_cost_prior_depth_starts_from_the_cost_alone():
+    regressor = CostRegressor(8, 16, 8, 8, cost_prior=True)
+    torch.nn.init.zeros_(regressor.head[-1].weight)
+    torch.nn.init.zeros_(regressor.head[-1].bias)
+    cost = torch.randn(2, 16, 8, 12)
+    assert torch.allclose(regressor(cost, torch.randn(2, 8, 8, 12), 2), cost)
