@@ -14,25 +14,34 @@ NOTHING = (40, 42, 46)
 def depth_limits(maps: Iterable[np.ndarray]) -> tuple[float, float]:
     """The depths that the colours of several maps should span: the 1st to the 99th percentile of what has depth (> 0).
 
-    Maps without any depth give (0, 1).
+    Maps without any depth give (1, 10).
     """
     drawn = np.concatenate([np.zeros(0), *(depths[depths > 0].ravel() for depths in maps)])
     if not drawn.size:
-        return 0.0, 1.0
+        return 1.0, 10.0
     low, high = (float(limit) for limit in np.percentile(drawn, (1, 99)))
     return (low, high) if high > low else (low * 0.95, low * 1.05)
 
 
 def depth_picture(depths: Float[np.ndarray, "h w"], limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
-    """Depths in colours (turbo, near is red), linear between the limits and clamped there; grey where there is none."""
+    """Depths in colours (turbo, near is red), even in their logarithm between the limits; grey where there is none.
+
+    Even in the logarithm, because a room's far end would otherwise leave no colours for what stands in front of it.
+    """
     low, high = limits
-    coloured = _palette()[np.rint(255 * np.clip((depths - low) / (high - low), 0, 1)).astype(np.uint8)]
+    steps = np.log(np.clip(depths, low, high) / low) / np.log(high / low)
+    coloured = _palette()[np.rint(255 * steps).astype(np.uint8)]
     return np.where((depths > 0)[..., None], coloured, np.array(NOTHING, np.uint8))
+
+
+def depth_ticks(limits: tuple[float, float], count: int) -> tuple[float, ...]:
+    """The depths at evenly spaced places along `depth_bar`, its ends among them."""
+    return tuple(float(depth) for depth in np.geomspace(*limits, count))
 
 
 def depth_bar(width: int = 256, height: int = 1) -> UInt8[np.ndarray, "h w 3"]:
     """The colours of `depth_picture` from the near limit at the left to the far one at the right."""
-    row = _palette()[np.linspace(0, 255, width).astype(np.uint8)]
+    row = _palette()[np.rint(np.linspace(0, 255, width)).astype(np.uint8)]
     return np.repeat(row[None], height, axis=0)
 
 

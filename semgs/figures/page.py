@@ -56,7 +56,7 @@ class Picture:
     def uri(self) -> str:
         """The picture as a PNG inside a URI."""
         buffer = io.BytesIO()
-        Image.fromarray(np.ascontiguousarray(self.pixels)).save(buffer, "PNG", optimize=True)
+        Image.fromarray(np.ascontiguousarray(self.pixels)).save(buffer, "PNG")
         return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
@@ -136,5 +136,10 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(
-        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH
+        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent
     )
+
+
+def percent(share: float) -> str:
+    """A share above 0 as text: "12.3 %", or "under 0.1 %"."""
+    return f"{100 * share:.1f} %" if share >= 0.0005 else "under 0.1 %"

@@ -8,7 +8,7 @@ import numpy as np
 
 from semgs.data.classes import IGNORE
 from semgs.figures.classes import class_picture, label_maps, legend, overlay, true_class_picture
-from semgs.figures.depth import depth_bar, depth_limits, depth_picture
+from semgs.figures.depth import depth_bar, depth_limits, depth_picture, depth_ticks
 from semgs.figures.page import Block, Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import as_bytes
@@ -95,7 +95,7 @@ def _own_lead(result: Reconstruction) -> str:
 
 def _scores_lead(result: Reconstruction) -> str:
     """How to read the table of scores."""
-    texts = ["PSNR over all pixels, unseen ones included.", "Seen: pixels with alpha of at least 0.5."]
+    texts = ["PSNR over all pixels, and over the seen ones alone: those with alpha of at least 0.5."]
     shown = [one for part in _all_shown(result) for one in part.scores]
     if any(one.depth_error is not None for one in shown):
         texts.append("Depth error: mean of |z − truth| / truth where the pixel is seen and the truth known.")
@@ -108,10 +108,9 @@ def _keys(
     result: Reconstruction, maps: Sequence[np.ndarray], limits: tuple[float, float]
 ) -> tuple[Legend | Scale, ...]:
     """The legend of the classes and the scale of the depths."""
-    ticks = np.linspace(*limits, _TICKS)
     scale = Scale(
         Picture(depth_bar(), "colours of depth, near to far"),
-        tuple(length(tick, result.metric) for tick in ticks),
+        tuple(length(tick, result.metric) for tick in depth_ticks(limits, _TICKS)),
         "depth along the optical axis" + ("" if result.metric else ", in the scene's own unit"),
     )
     if result.classes is None:
@@ -153,7 +152,7 @@ def _score_table(result: Reconstruction) -> Table:
     """All scores of all views, and their means."""
     parts = [("input", result.context)] + ([("held out", result.target)] if result.target else [])
     every = [one for _, shown in parts for one in shown.scores]
-    columns = ["PSNR", "seen"]
+    columns = ["PSNR", "seen", "PSNR of it"]
     columns += ["depth error"] if any(one.depth_error is not None for one in every) else []
     columns += ["pixel accuracy", "mIoU"] if any(one.miou is not None for one in every) else []
 
@@ -161,6 +160,7 @@ def _score_table(result: Reconstruction) -> Table:
         texts = {
             "PSNR": decibels(score.psnr),
             "seen": f"{100 * score.coverage:.1f} %",
+            "PSNR of it": decibels(score.psnr_seen),
             "depth error": "–" if score.depth_error is None else f"{100 * score.depth_error:.1f} %",
             "pixel accuracy": "–" if score.accuracy is None else f"{100 * score.accuracy:.1f} %",
             "mIoU": "–" if score.miou is None else f"{score.miou:.3f}",

@@ -9,7 +9,19 @@ import numpy as np
 from PIL import Image
 
 from semgs.figures.classes import LegendEntry
-from semgs.figures.page import Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
+from semgs.figures.page import (
+    Facts,
+    Gallery,
+    Headline,
+    Legend,
+    Notes,
+    Picture,
+    Scale,
+    Section,
+    Table,
+    html_page,
+    percent,
+)
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
@@ -89,3 +101,8 @@ def test_pictures_are_inside_the_page_to_the_last_bit() -> None:
 def test_unseen_is_in_the_legend_only_where_something_is_unseen() -> None:
     seen = html_page("t", "l", [], [Section("s", "", (Legend(()),))], "f")
     assert "unseen" not in seen
+
+
+def test_small_shares_are_not_called_nothing() -> None:
+    assert percent(0.1234) == "12.3 %"
+    assert percent(0.0004) == "under 0.1 %"
