@@ -57,5 +57,5 @@ def test_what_is_not_known_is_none() -> None:
 
 
 def test_means_are_over_the_views_that_have_the_score() -> None:
-    mean = mean_scores([ViewScores(20, 1.0, 20, 0.1, 0.5, None), ViewScores(30, 0.5, 40, None, 0.7, None)])
-    assert mean == ViewScores(25, 0.75, 30, 0.1, 0.6, None)
+    mean = mean_scores([ViewScores(20.0, 1.0, 20.0, 0.1, 0.5, None), ViewScores(30.0, 0.5, 40.0, None, 0.7, None)])
+    assert mean == ViewScores(25.0, 0.75, 30.0, 0.1, 0.6, None)
