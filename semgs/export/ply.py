@@ -74,7 +74,7 @@ def write_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTab
 
 
 def read_ply(path: str | Path) -> Gaussians:
-    """Read a PLY of the layout above, as activated float32 quantities, without classes.
+    """Read a PLY of the layout above, as activated float32 quantities (reckoned in float64), without classes.
 
     Files of lower degree with fewer f_rest (0, 9 or 24) are read as well.
 
@@ -100,21 +100,18 @@ def read_ply(path: str | Path) -> Gaussians:
             f"{4 * len(names) * int(count)} bytes for its {count} Gaussians",
             f"{len(body)} bytes behind the header",
         )
-    rows = torch.from_numpy(np.frombuffer(body, "<f4").reshape(int(count), len(names)).astype(np.float32))
+    rows = torch.from_numpy(np.frombuffer(body, "<f4").reshape(int(count), len(names)).astype(np.float64))
     if not torch.isfinite(rows).all():
         row, column = (~torch.isfinite(rows)).nonzero()[0].tolist()
         raise InputError(path, "finite numbers", f"{rows[row, column]:g}", key=f"{names[column]} of Gaussian {row}")
     means, _, constant, rest, opacity, scales, quaternions = rows.split([3, 3, 3, 3 * degree, 1, 3, 4], dim=-1)
     higher = rest.unflatten(-1, (3, degree)).mT if degree else rest[:, None, :].expand(-1, 0, -1)
-    return Gaussians(
-        means=means.contiguous(),
-        opacities=opacity[:, 0].sigmoid(),
-        colour=Appearance(
-            quaternions=torch.nn.functional.normalize(quaternions, dim=-1),
-            scales=scales.exp(),
-            features=torch.cat((constant[:, None], higher.reshape(-1, degree, 3)), dim=1),
-        ),
+    colour = Appearance(
+        quaternions=torch.nn.functional.normalize(quaternions, dim=-1),
+        scales=scales.exp(),
+        features=torch.cat((constant[:, None], higher.reshape(-1, degree, 3)), dim=1),
     )
+    return Gaussians(means, opacity[:, 0].sigmoid(), colour).map(lambda tensor: tensor.float().contiguous())
 
 
 _SIZES = {3 * higher: higher for higher in (0, 3, 8, _FULL)}

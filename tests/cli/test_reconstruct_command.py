@@ -57,8 +57,11 @@ def test_what_the_ply_holds_looks_like_the_scene(done: tuple[Path, str]) -> None
     with torch.no_grad():
         expected = render(scene.gaussians, scene.cameras, near=scene.near)
         read = render(read_ply(out / "gaussians.ply"), scene.cameras, near=scene.near)
-    assert (expected.images - read.images).abs().max() < 1e-3
-    assert (expected.alphas - read.alphas).abs().max() < 1e-3
+    # A Gaussian whose alpha is within a rounding error of 1/255 may be drawn from one file and skipped from the other.
+    for one, other in ((expected.images, read.images), (expected.alphas, read.alphas)):
+        difference = (one - other).abs()
+        assert difference.max() < 1 / 255
+        assert (difference > 1e-3).double().mean() < 1e-4
     assert ((expected.depths - read.depths).abs() / expected.depths.clamp(min=0.1)).max() < 1e-3
     assert len(read_ply(out / "semantics.ply")) == len(scene.gaussians)
 
