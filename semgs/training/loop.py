@@ -25,6 +25,7 @@ from torch import Tensor
 
 from semgs.data.views import Batch
 from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
 from semgs.files.pictures import write_png
 from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
@@ -75,7 +76,8 @@ def train(
         console: where progress is shown; None shows nothing.
 
     Raises:
-        ValueError: the folder holds a run of other settings, or the weights to start from do not fit.
+        ValueError: the folder holds a run of other settings.
+        InputError: it holds something else, or the state of another network, or the weights to start from do not fit.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
     claim(out, settings)
@@ -90,11 +92,19 @@ def train(
 
 
 def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:
-    """Take the state to where the run's newest intact checkpoint left it, if there is one."""
+    """Take the state to where the run's newest intact checkpoint left it, if there is one.
+
+    Raises:
+        InputError: it is the state of another network.
+    """
     checkpoint = newest_checkpoint(out / "checkpoints")
     if checkpoint is None:
         return
-    state.restore(checkpoint.tensors, checkpoint.numbers)
+    try:
+        state.restore(checkpoint.tensors, checkpoint.numbers)
+    except ValueError as error:
+        advice = "another version of semgs wrote it; go on with that one or name a new folder"
+        raise InputError(out / "checkpoints", "states of this network", str(error), advice=advice) from error
     if console is not None:
         for record in checkpoint.damaged:
             console.print(f"{record}: damaged, passed over", markup=False, highlight=False)

@@ -67,7 +67,7 @@ class TrainingState:
             self.model.load_state_dict(_under("model.", tensors))
             self.average.load_state_dict(_under("average.", tensors))
         except RuntimeError as error:
-            raise ValueError(f"the checkpoint is of another network: {error}") from error
+            raise ValueError(f"those of another one: {error}") from error
         moments: dict[str, dict[str, Tensor]] = {}
         for name, tensor in _under("optimizer.", tensors).items():
             parameter, key = name.rsplit("/", 1)

@@ -17,6 +17,7 @@ from PIL import Image
 from rich.console import Console
 
 from semgs.data.views import Batch
+from semgs.files.errors import InputError
 from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
 from semgs.training.loop import fit, resume
 from semgs.training.state import TrainingState
@@ -128,6 +129,13 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, s
     with pytest.raises(OSError, match="No space left"):
         save_checkpoint(tmp_path, state)
     assert newest_checkpoint(tmp_path).numbers["step"] == 4
+
+
+def test_the_state_of_another_network_is_refused_by_name(sitting, settings, tmp_path):
+    sitting(tmp_path, minutes=0.0)
+    other = torch.nn.Conv2d(3, 5, 1)
+    with pytest.raises(InputError, match="expected states of this network, found those of another one"):
+        resume(TrainingState.begin(other, settings.learning_rate, settings.average_decay), tmp_path)
 
 
 def test_ten_broken_steps_in_a_row_end_the_run_and_keep_the_batch(network, batch, settings, tmp_path):
