@@ -10,7 +10,7 @@ from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import write_renders
 from semgs.reconstruction.report import Origin, outputs, report_numbers
-from semgs.reconstruction.report_page import decibels, length, report_page
+from semgs.reconstruction.report_page import MOSTLY_SEEN, decibels, length, report_page
 from semgs.reconstruction.scores import mean_scores
 from semgs.reconstruction.stages import Stages
 
@@ -66,13 +66,10 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
-        ("PSNR", f"input views {decibels(mean_scores(result.context.scores).psnr)}"),
+        *(("PSNR", text) for text in _ratios(result)),
         ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
         *(("note", sentence) for sentence in result.notes),
     ]
-    if result.target is not None:
-        held_out = decibels(mean_scores(result.target.scores).psnr)
-        rows = [(name, f"held-out views {held_out}, {text}" if name == "PSNR" else text) for name, text in rows]
     written = [(str(out / output.name), output.text) for output in outputs(result)]
     width = max(len(path) for path, _ in written)
     return "\n".join(
@@ -84,6 +81,19 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
             f"Open {out / 'report.html'} in a browser.",
         ]
     )
+
+
+def _ratios(result: Reconstruction) -> list[str]:
+    """The mean PSNR of the held-out and of the input views, and how much of them it tells about."""
+    parts = [("held-out", result.target)] if result.target else []
+    texts = []
+    for role, shown in [*parts, ("input", result.context)]:
+        means = mean_scores(shown.scores)
+        text = f"{role} views {decibels(means.psnr)}"
+        if means.coverage < MOSTLY_SEEN:
+            text += f", {decibels(means.psnr_seen)} over the {100 * means.coverage:.0f} % that is seen"
+        texts.append(text)
+    return texts
 
 
 def _frames(shown: Shown) -> str:

@@ -17,6 +17,9 @@ from semgs.reconstruction.scores import ViewScores, mean_scores
 
 _TICKS = 5
 
+MOSTLY_SEEN = 0.95
+"""Where less of the held-out views than this was seen, their PSNR tells mostly of what was not."""
+
 HELD_OUT = "Frames that the model was not given: the test of the reconstruction. What no input view sees stays empty."
 
 
@@ -75,6 +78,8 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
     if result.target is not None:
         held_out = mean_scores(result.target.scores)
         found.append(Headline(decibels(held_out.psnr), "PSNR of held-out views"))
+        if held_out.coverage < MOSTLY_SEEN:
+            found.append(Headline(decibels(held_out.psnr_seen), f"over the {100 * held_out.coverage:.0f} % seen"))
         if held_out.miou is not None:
             found.append(Headline(f"{held_out.miou:.2f}", "mIoU of held-out views"))
     found.append(Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
