@@ -219,8 +219,14 @@ def test_a_fault_of_ours_keeps_its_traceback_and_leaves_nothing(
 def test_an_interrupt_leaves_nothing_behind(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sent: signal.Signals, code: int
 ) -> None:
+    # What a shell starts in the background is deaf to Ctrl-C, and these tests may be among it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     monkeypatch.setattr("semgs.cli.results.write_ply", lambda *_: os.kill(os.getpid(), sent))
-    assert main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"]) == code
+    try:
+        ended = main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended == code
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]
 
 
