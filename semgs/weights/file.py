@@ -113,7 +113,7 @@ def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> No
     """Put tensors into a network, strictly.
 
     Raises:
-        InputError: a tensor is missing, unknown or of another shape; it is named.
+        InputError: a tensor is missing, unknown, of another shape or not finite; it is named.
     """
     wanted = model.state_dict()
     for name, tensor in wanted.items():
@@ -121,6 +121,8 @@ def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> No
             raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}", "none", key=name)
         if tensors[name].shape != tensor.shape:
             raise InputError(path, f"shape {tuple(tensor.shape)}", f"{tuple(tensors[name].shape)}", key=name)
+        if not torch.isfinite(tensors[name]).all():
+            raise InputError(path, "finite numbers", "one that is not", key=name)
     if extra := sorted(tensors.keys() - wanted.keys()):
         raise InputError(path, f"the {len(wanted)} tensors of {model.name}", "one more", key=extra[0])
     model.load_state_dict(tensors)

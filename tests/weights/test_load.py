@@ -104,3 +104,13 @@ def test_a_missing_file_is_told(tmp_path):
 def test_metadata_may_not_take_the_formats_keys(small, tmp_path):
     with pytest.raises(ValueError, match="'settings'"):
         save(tmp_path / "x.safetensors", small, {"settings": "mine"})
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path):
+    model = load("small", weights="random", seed=1)
+    with torch.no_grad():
+        model.cnn.conv2.bias[3] = float("nan")
+    path = tmp_path / "nan.safetensors"
+    save(path, model, {})
+    with pytest.raises(InputError, match=r"cnn\.conv2\.bias: expected finite numbers"):
+        load("small", weights=path)
