@@ -64,7 +64,7 @@ class Train:
         console = Console(stderr=True, highlight=False)
         reference = presets.PRESETS[self.settings.model]()
         for name, (value, default) in differences(self.settings, reference).items():
-            console.print(f"{name}: {value} (preset {self.settings.model}: {default})", markup=False)
+            console.print(f"{name}: {value} (preset {self.settings.model}: {default})", markup=False, soft_wrap=True)
         from semgs.training.loop import train
         from semgs.training.run import claim, export_weights
 
@@ -78,6 +78,9 @@ class Train:
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error
         weights = export_weights(self.out, self.out / WEIGHTS)
-        console.print(f"step {outcome.step} of {self.settings.steps}, {outcome.skipped} skipped; weights: {weights}")
+        console.print(
+            f"step {outcome.step} of {self.settings.steps}, {outcome.skipped} skipped; weights: {weights}",
+            soft_wrap=True,
+        )
         if not outcome.finished:
             console.print("the same command goes on from here")
