@@ -14,7 +14,7 @@ from semgs.geometry.compiled import numba_threads
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
 from semgs.rendering.splats import Layer, Splats
-from semgs.rendering.tile_kernels import PARTS, TILE, count_pairs, draw, draw_backward, fill_pairs
+from semgs.rendering.tile_kernels import PARTS, TILE_HEIGHT, TILE_WIDTH, count_pairs, draw, draw_backward, fill_pairs
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
@@ -159,7 +159,7 @@ def into_tiles(
     ellipses = np.empty((count, 8))
     project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
 
-    tiles = -(-height // TILE) * -(-width // TILE)
+    tiles = -(-height // TILE_HEIGHT) * -(-width // TILE_WIDTH)
     counts = np.zeros((PARTS, tiles), np.int64)
     first_pair = np.zeros(count + 1, np.int64)
     rectangles = np.empty((count, 4), np.int32)

@@ -47,7 +47,7 @@ def render(
         Rendering in the dtype of the means (half precision is computed in float32).
 
     Raises:
-        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, devices differ,
+        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is not in 0..1, devices differ,
             intrinsics have skew, near is not positive, or the back-end is unknown.
     """
     drawing = _backend(backend)
@@ -124,7 +124,7 @@ def _backend(name: str) -> ModuleType:
 
 
 def _check(gaussians: Gaussians) -> None:
-    """Refuse geometry that is not finite, which would vanish from the picture unseen, and tensors on several devices."""
+    """Refuse geometry that is not finite, which would vanish from the picture unseen, opacities that are none, several devices."""
     tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
     for name, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
         if appearance is not None:
@@ -138,6 +138,10 @@ def _check(gaussians: Gaussians) -> None:
             )
         if not name.endswith("features") and not torch.isfinite(tensor).all():
             raise ValueError(f"{name} holds a number that is not finite; expected finite numbers only")
+    opacities = gaussians.opacities
+    if opacities.numel() and not (opacities.amin() >= 0 and opacities.amax() <= 1):
+        low, high = float(opacities.amin()), float(opacities.amax())
+        raise ValueError(f"opacities go from {low:g} to {high:g}; expected 0 to 1")
 
 
 def _near_bounds(near: float | int | Tensor | None, batch: tuple[int, ...]) -> list[float | None]:

@@ -13,6 +13,7 @@ from semgs.rendering import numba_backend
 from semgs.rendering.numba_backend import _stable_order
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
+from semgs.rendering.tile_kernels import TILE_HEIGHT, TILE_WIDTH
 
 FIELDS = ("images", "semantics", "depths", "alphas")
 
@@ -174,12 +175,13 @@ def _pairs(inside: list, scales: list, size: tuple[int, int] = (64, 96), copies:
 
 def test_pairs_are_as_many_as_the_tiles_that_each_gaussian_meets() -> None:
     small = [0.001] * 3
-    assert _pairs([[24, 24, 1]], [small]) == 1
+    assert (TILE_HEIGHT, TILE_WIDTH) == (16, 8)
+    assert _pairs([[28, 24, 1]], [small]) == 1
     assert _pairs([[32, 24, 1]], [small]) == 2
     assert _pairs([[32, 32, 1]], [small]) == 4
     assert _pairs([[-50, 24, 1]], [small]) == 0
-    assert _pairs([[24, 24, 1]], [[9.0, 9.0, 0.01]]) == 24  # all tiles of 64 x 96 pixels
-    assert _pairs([[24, 24, 1], [32, 32, 1]], [small, small], copies=50) == 50 * 5
+    assert _pairs([[28, 24, 1]], [[9.0, 9.0, 0.01]]) == 4 * 12  # all tiles of 64 x 96 pixels
+    assert _pairs([[28, 24, 1], [32, 32, 1]], [small, small], copies=50) == 50 * 5
 
 
 def test_pairs_do_not_grow_with_the_picture() -> None:
@@ -187,8 +189,8 @@ def test_pairs_do_not_grow_with_the_picture() -> None:
 
 
 def test_a_thin_diagonal_gaussian_meets_the_tiles_along_it_not_those_of_its_bounding_box() -> None:
-    # 21 pixels of a diagonal to each side: columns 11..53 and rows 3..45 are 4 x 3 tiles, of which it crosses half.
-    assert 5 <= _pairs([[32.5, 24, 1]], [[0.09, 0.0005, 0.001]]) <= 7
+    # 21 pixels of a diagonal to each side: columns 11..53 and rows 3..45 are 6 x 3 tiles, of which it crosses half.
+    assert 8 <= _pairs([[32.5, 24, 1]], [[0.09, 0.0005, 0.001]]) <= 10
 
 
 def test_the_fast_order_is_the_stable_one() -> None:
