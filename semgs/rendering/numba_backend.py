@@ -14,7 +14,16 @@ from semgs.geometry.compiled import numba_threads
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
 from semgs.rendering.splats import Layer, Splats
-from semgs.rendering.tile_kernels import PARTS, TILE_HEIGHT, TILE_WIDTH, count_pairs, draw, draw_backward, fill_pairs
+from semgs.rendering.tile_kernels import (
+    PARTS,
+    TILE_HEIGHT,
+    TILE_WIDTH,
+    count_pairs,
+    draw,
+    draw_backward,
+    fill_pairs,
+    sort_pairs,
+)
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
@@ -155,9 +164,11 @@ def into_tiles(
     height: int, width: int,
 ) -> Tiles:  # fmt: skip
     """Project Gaussians and sort them into tiles, front to back."""
-    count, ranks = len(means), order.numpy()
+    count = len(means)
     ellipses = np.empty((count, 8))
     project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
+    ranks = np.full(count, -1, np.int32)
+    ranks[order.numpy()] = np.arange(len(order), dtype=np.int32)
 
     tiles = -(-height // TILE_HEIGHT) * -(-width // TILE_WIDTH)
     counts = np.zeros((PARTS, tiles), np.int64)
@@ -166,11 +177,12 @@ def into_tiles(
     count_pairs(ellipses, ranks, height, width, rectangles, first_pair[1:], counts)
     np.cumsum(first_pair, out=first_pair)
     ends = np.cumsum(counts.T).reshape(tiles, PARTS)
-    starts = np.ascontiguousarray(ends.T) - counts
-    gaussians = np.empty(first_pair[-1], np.int32)
+    first_in_tile = np.concatenate(([0], ends[:, -1]))
     pairs = np.empty(first_pair[-1], np.int64)
-    fill_pairs(ellipses, ranks, width, rectangles, first_pair, starts, gaussians, pairs)
-    return Tiles(ellipses, np.concatenate(([0], ends[:, -1])), gaussians, pairs, first_pair)
+    fill_pairs(ellipses, ranks, width, rectangles, first_pair, np.ascontiguousarray(ends.T) - counts, pairs)
+    gaussians = np.empty(len(pairs), np.int32)
+    sort_pairs(first_in_tile, order.numpy(), pairs, gaussians)
+    return Tiles(ellipses, first_in_tile, gaussians, pairs, first_pair)
 
 
 def _array(tensor: Tensor) -> np.ndarray:

@@ -136,12 +136,17 @@ def _check(gaussians: Gaussians) -> None:
             raise ValueError(
                 f"{name} is on {tensor.device} but means is on {gaussians.means.device}; bring all to one with Gaussians.to"
             )
-        if not name.endswith("features") and not torch.isfinite(tensor).all():
+        if not name.endswith("features") and not _finite(tensor):
             raise ValueError(f"{name} holds a number that is not finite; expected finite numbers only")
     opacities = gaussians.opacities
     if opacities.numel() and not (opacities.amin() >= 0 and opacities.amax() <= 1):
         low, high = float(opacities.amin()), float(opacities.amax())
         raise ValueError(f"opacities go from {low:g} to {high:g}; expected 0 to 1")
+
+
+def _finite(tensor: Tensor) -> bool:
+    """Whether all numbers are finite, in one pass."""
+    return not tensor.numel() or bool(torch.linalg.vector_norm(tensor.detach(), torch.inf).isfinite())
 
 
 def _near_bounds(near: float | int | Tensor | None, batch: tuple[int, ...]) -> list[float | None]:

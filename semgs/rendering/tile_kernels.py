@@ -52,57 +52,94 @@ BLOCK = 64
 by one would wait for each. Between two blocks comes the look at whether the tile is finished."""
 
 PARTS = 16
-"""Parts that the depth order is cut into for counting, a number of its own so that the result is the same on any machine."""
+"""Parts that the Gaussians are cut into for counting, so that threads need not wait for each other."""
+
+DIGIT = 9
+"""Bits of a rank that are sorted by at a time: two digits for a quarter of a million Gaussians."""
 
 STRIDE = 16
 """Tiles are visited this many apart, so that every thread's share is spread over the picture."""
 
 
 @njit(cache=True, parallel=True)
-def count_pairs(ellipses, order, height, width, rectangles, per_gaussian, counts):
+def count_pairs(ellipses, ranks, height, width, rectangles, per_gaussian, counts):
     """Find the tiles of every ellipse that is drawn and count the pairs.
 
     Args:
+        ranks: [g], place in the depth order, negative where not drawn.
         rectangles: [g 4], filled with the first and end row and column of tiles.
-        per_gaussian: [g], zeros, filled with the number of pairs.
+        per_gaussian: [g], filled with the number of pairs.
         counts: [PARTS tiles], zeros, filled with each part's number of pairs in each tile.
     """
     tiles_x = -(-width // TILE_WIDTH)
-    for i in prange(len(ellipses)):
-        top, bottom, left, right = _rectangle(ellipses, i, height, width)
-        rectangles[i, 0], rectangles[i, 1], rectangles[i, 2], rectangles[i, 3] = top, bottom, left, right
     for part in prange(PARTS):
-        for rank in range(part * len(order) // PARTS, (part + 1) * len(order) // PARTS):
-            i = order[rank]
+        for i in range(part * len(ranks) // PARTS, (part + 1) * len(ranks) // PARTS):
             pairs = 0
-            for row in range(rectangles[i, 0], rectangles[i, 1]):
-                left, right = _tile_columns(ellipses, i, rectangles, row, width)
-                for column in range(left, right):
-                    counts[part, row * tiles_x + column] += 1
-                pairs += right - left
+            if ranks[i] >= 0:
+                rectangles[i] = _rectangle(ellipses, i, height, width)
+                for row in range(rectangles[i, 0], rectangles[i, 1]):
+                    left, right = _tile_columns(ellipses, i, rectangles, row, width)
+                    for column in range(left, right):
+                        counts[part, row * tiles_x + column] += 1
+                    pairs += right - left
             per_gaussian[i] = pairs
 
 
 @njit(cache=True, parallel=True)
-def fill_pairs(ellipses, order, width, rectangles, first_pair, starts, gaussians, pairs):
-    """Fill each tile's list, front to back: the Gaussians [pairs] and their pairs' numbers Gaussian by Gaussian [pairs].
+def fill_pairs(ellipses, ranks, width, rectangles, first_pair, starts, keys):
+    """Fill each tile's list of keys [pairs]: rank in the high half, number of the pair Gaussian by Gaussian in the low one.
 
     `starts` [PARTS tiles] is where each part begins in each tile's list; it is used up.
     """
     tiles_x = -(-width // TILE_WIDTH)
     for part in prange(PARTS):
-        for rank in range(part * len(order) // PARTS, (part + 1) * len(order) // PARTS):
-            i = order[rank]
+        for i in range(part * len(ranks) // PARTS, (part + 1) * len(ranks) // PARTS):
             pair = first_pair[i]
+            if pair == first_pair[i + 1]:
+                continue
             for row in range(rectangles[i, 0], rectangles[i, 1]):
                 left, right = _tile_columns(ellipses, i, rectangles, row, width)
                 for column in range(left, right):
                     tile = row * tiles_x + column
-                    at = starts[part, tile]
-                    starts[part, tile] = at + 1
-                    gaussians[at] = i
-                    pairs[at] = pair
+                    keys[starts[part, tile]] = np.int64(ranks[i]) << 32 | pair
+                    starts[part, tile] += 1
                     pair += 1
+
+
+@njit(cache=True, parallel=True)
+def sort_pairs(first_in_tile, order, keys, gaussians):
+    """Sort each tile's list front to back: fill the Gaussians [pairs] and leave the pairs' numbers in `keys` [pairs]."""
+    digits = 1
+    while len(order) >> (DIGIT * digits):
+        digits += 1
+    for tile in prange(len(first_in_tile) - 1):
+        begin, end = first_in_tile[tile], first_in_tile[tile + 1]
+        ranked = _by_rank(keys[begin:end], digits)
+        for at in range(end - begin):
+            gaussians[begin + at] = order[ranked[at] >> 32]
+            keys[begin + at] = ranked[at] & 0xFFFFFFFF
+
+
+@njit(cache=True)
+def _by_rank(keys, digits):
+    """The keys in ascending order of their high half, by counting one digit after the other (radix sort)."""
+    source, sorted_keys = keys.copy(), np.empty_like(keys)
+    ends = np.empty(1 << DIGIT, np.int64)
+    for digit in range(digits):
+        shift = 32 + DIGIT * digit
+        ends[:] = 0
+        for key in source:
+            ends[(key >> shift) & ((1 << DIGIT) - 1)] += 1
+        total = 0
+        for value in range(1 << DIGIT):
+            total += ends[value]
+            ends[value] = total - ends[value]
+        for key in source:
+            value = (key >> shift) & ((1 << DIGIT) - 1)
+            sorted_keys[ends[value]] = key
+            ends[value] += 1
+        source, sorted_keys = sorted_keys, source
+    return source
 
 
 @njit(cache=True, parallel=True)
@@ -227,7 +264,7 @@ def _draw_tile_backward(
     alphas, falloffs, added = np.empty(PIXELS), np.empty(PIXELS), np.empty(PIXELS + 1, np.int64)
     near_ellipses, near_features = _block(ellipses, lanes, features.dtype)
     blended = np.empty(lanes, features.dtype)
-    final = np.int64(latest.max())
+    final = int(latest.max())
     for begin in range(final // BLOCK * BLOCK, -1, -BLOCK):
         count = min(BLOCK, final + 1 - begin)
         _fetch(ellipses, features, gaussians[begin : begin + count], near_ellipses, near_features)
@@ -236,10 +273,15 @@ def _draw_tile_backward(
             if first >= end:
                 continue
             ellipse = near_ellipses[j]
-            _unweigh(
-                ellipse, xs[first:end], ys[first:end], float(begin + j), latest[first:end], light[first:end],
-                alphas[first:end], falloffs[first:end],
-            )  # fmt: skip
+            _alphas(
+                ellipse,
+                xs[first:end],
+                ys[first:end],
+                float(begin + j),
+                latest[first:end],
+                alphas[first:end],
+                falloffs[first:end],
+            )
             n = 0
             for k in range(first, end):
                 added[n] = k
@@ -252,10 +294,12 @@ def _draw_tile_backward(
             blended[:] = 0
             for k in added[:n]:
                 alpha, falloff = alphas[k], falloffs[k]
+                passed = 1 / (1 - alpha)
+                light[k] *= passed
                 weight = alpha * light[k]
                 _add(blended, features.dtype.type(weight), grad[k])
                 shade = _dot(near_features[j], grad[k])
-                v_alpha = light[k] * shade - behind[k] / (1 - alpha)
+                v_alpha = light[k] * shade - behind[k] * passed
                 behind[k] += weight * shade
                 if opacity * falloff <= MAX_ALPHA:
                     dx, dy = xs[k] - x, ys[k] - y
@@ -274,8 +318,8 @@ def _draw_tile_backward(
 
 
 @njit(cache=True, fastmath={"contract"})
-def _unweigh(ellipse, xs, ys, place, latest, light, alphas, falloffs):
-    """Take one Gaussian away again: fill its alpha (0 where it was not added), falloff and weights, bring the light back."""
+def _alphas(ellipse, xs, ys, place, latest, alphas, falloffs):
+    """Fill alpha, 0 where the Gaussian was not added, and falloff."""
     x, y, opacity = ellipse[CENTRE_X], ellipse[CENTRE_Y], ellipse[OPACITY]
     xx, xy, yy = 0.5 * ellipse[CONIC_XX], ellipse[CONIC_XY], 0.5 * ellipse[CONIC_YY]
     for k in range(len(alphas)):
@@ -284,9 +328,7 @@ def _unweigh(ellipse, xs, ys, place, latest, light, alphas, falloffs):
         falloff = _exponential(sigma)
         alpha = opacity * falloff
         alpha = alpha if alpha < MAX_ALPHA else MAX_ALPHA
-        alpha = alpha if (sigma >= 0) & (alpha >= MIN_ALPHA) & (place <= latest[k]) else 0.0
-        light[k] = light[k] / (1 - alpha)
-        alphas[k] = alpha
+        alphas[k] = alpha if (sigma >= 0) & (alpha >= MIN_ALPHA) & (place <= latest[k]) else 0.0
         falloffs[k] = falloff
 
 
