@@ -5,8 +5,6 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from semgs.rooms.scenes import write_scene
-
 SEED = 2026
 """The stream that the scene is from; nothing is trained or validated in it."""
 INDEX = 157
@@ -34,4 +32,8 @@ def write_demo(folder: str | Path, overwrite: bool = False) -> None:
         InputError: as `write_scene`.
         ImportError: embreex is not installed; names the extra that brings it.
     """
+    from semgs.rooms.scenes import (
+        write_scene,
+    )  # needs torch, which those that only ask for the folder or the seed do not
+
     write_scene(folder, SEED, index=INDEX, size=SIZE, frames=FRAMES, quality=90, overwrite=overwrite)

@@ -74,6 +74,7 @@ def export_weights(run: Path, path: Path) -> Path:
         path,
         model,
         {
+            "description": f"{settings.model}, {state.step} of {settings.steps} steps of a training in generated rooms",
             "training": json.dumps(settings.as_json()),
             "data": f"rooms of seed {settings.seed}, drawn live",
             "seed": str(settings.seed),

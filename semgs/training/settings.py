@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import tyro
 
 from semgs.objectives.weights import LossWeights
+from semgs.rooms import demo
 
 
 def _size(given: list[str]) -> tuple[int, int]:
@@ -94,8 +95,8 @@ class TrainingSettings:
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "depth_weight": (self.depth_weight >= 0, "0 or more"),
             "seed": (
-                0 <= self.seed != VALIDATION_SEED,
-                f"0 or more, and not {VALIDATION_SEED}: the validation rooms' own",
+                self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo.SEED),
+                f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",
             ),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),

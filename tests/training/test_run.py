@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from semgs.files.errors import InputError
+from semgs.rooms import demo
 from semgs.training.presets import PRESETS
 from semgs.training.run import claim, export_weights, read_settings
 from semgs.training.settings import VALIDATION_SEED, TrainingSettings, differences
@@ -55,6 +56,7 @@ def test_unknown_fields_of_a_newer_version_are_named(settings):
     ("field", "value"),
     [
         ("seed", VALIDATION_SEED),
+        ("seed", demo.SEED),
         ("seed", -1),
         ("steps", 0),
         ("contexts", (1, 2)),

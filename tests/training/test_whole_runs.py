@@ -47,6 +47,7 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert any((a != b).any() for a, b in zip(model.parameters(), start.parameters(), strict=True))
     metadata = read_header(path).metadata
     assert (metadata["seed"], metadata["step"]) == ("4", "2")
+    assert metadata["description"] == "small, 2 of 2 steps of a training in generated rooms"
     assert path.stat().st_size < 8 * 2**20
     # The same run in two sittings, with the real network, rooms and splatting, ends with the same bits.
     cut = [train(SETTINGS, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]
