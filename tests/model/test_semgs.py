@@ -169,3 +169,10 @@ def test_base_has_the_papers_sizes():
     assert base.cnn.conv2.out_channels == 128
     assert len([*base.cnn.layer1, *base.cnn.layer2, *base.cnn.layer3]) == 6
     assert len(base.semantic_refinement) == 2
+    for two_layers in (base.cost_regressor.head, base.colour_head, base.semantic_head):
+        assert [type(layer).__name__ for layer in two_layers] == ["Conv2d", "GELU", "Conv2d"]
+    assert len(base.classes) == 20
+    assert base.cnn(torch.zeros(1, 3, 32, 48)).shape == (1, 128, 8, 12)
+    for transformer in (base.colour_transformer, base.semantic_transformer):
+        assert transformer.windows == 2
+        assert all(hasattr(block, "self_attn") and hasattr(block, "cross_attn_ffn") for block in transformer.layers)
