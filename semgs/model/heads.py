@@ -24,6 +24,9 @@ SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
 SIGMA_UNIT = 0.1
 """Share of (1 / fx + 1 / fy) that a size of 1 means: sizes are 0.1 to 3 pixels where fx = fy."""
 
+RENDERED_HARMONICS = 16
+"""Coefficients a colour that are ever drawn: degrees 0 to 3."""
+
 HARMONICS_DC = 0.28209479177387814
 """The constant basis function of degree 0."""
 
@@ -143,6 +146,20 @@ class Head(nn.Sequential):
         )
 
 
+def drawn_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
+    """The output of a head whose last channels are `harmonics` coefficients a colour, without those never drawn."""
+    if harmonics <= RENDERED_HARMONICS:
+        return head(x)
+    first, activation, last = head
+    assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
+    start = last.out_channels - 3 * harmonics
+    live = [*range(start), *(start + harmonics * c + k for c in range(3) for k in range(RENDERED_HARMONICS))]
+    return nn.functional.conv2d(
+        activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
+    )
+
+
 def start_at(head: Head, channels: slice, sigma: float) -> None:
     """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels."""
     share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)
@@ -151,6 +168,23 @@ def start_at(head: Head, channels: slice, sigma: float) -> None:
     assert last.bias is not None
     with torch.no_grad():
         last.bias[channels] = torch.logit(torch.tensor(share))
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What both forms of the heads predict for each Gaussian of n views.
+
+    Attributes:
+        depths: [m].
+        opacities: 0..1.
+        attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
+        offsets: raw (x, y) shifts from the pixel's centre; None for none.
+    """
+
+    depths: Float[Tensor, "n h w"]
+    opacities: Float[Tensor, "n h w"]
+    attributes: Float[Tensor, "n d h w"]
+    offsets: Float[Tensor, "n 2 h w"] | None = None
 
 
 @dataclass(frozen=True)
@@ -186,18 +220,21 @@ class Rays:
 
 
 def points(
-    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"], rays: Rays, conventions: Conventions
+    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
 ) -> Float[Tensor, "n h w 3"]:
     """Means: pixel centres, moved by up to half a pixel, back-projected to their depth (section III-C of the paper).
 
     Args:
         depths: z-depth, or distance along the ray by convention [m].
-        offsets: raw (x, y) shifts; a sigmoid keeps them within half a pixel.
+        offsets: raw (x, y) shifts; a sigmoid keeps them within half a pixel. None leaves the points on the centres.
         rays: of the cameras.
         conventions: of geometry.
     """
     centres = pixel_centres((depths.shape[-2], depths.shape[-1]), depths.dtype).to(depths.device)
-    shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
+    if offsets is None:
+        shifted = centres.expand(len(depths), -1, -1, -1)
+    else:
+        shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
     homogeneous = torch.cat((shifted, torch.ones_like(shifted[..., :1])), dim=-1)
     directions = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
     if not conventions.z_depth:

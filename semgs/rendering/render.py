@@ -59,7 +59,7 @@ def render(
     _check(gaussians)
     dtype, device = gaussians.means.dtype, gaussians.means.device
     working = dtype if dtype in (torch.float32, torch.float64) else torch.float32
-    backdrop = torch.as_tensor(background).to("cpu", working)
+    backdrop = torch.as_tensor(background, dtype=working, device="cpu")
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")
     bounds = _near_bounds(near, cameras.batch)

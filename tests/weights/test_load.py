@@ -8,6 +8,8 @@ from semgs import load
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model import presets
+from semgs.model.conventions import Conventions
+from semgs.model.semgs import SemGS
 from semgs.weights.file import is_ours, read_header, save
 
 
@@ -29,6 +31,19 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
         assert torch.equal(again.state_dict()[name], tensor.bfloat16().float())
     assert again.origin == "mine.safetensors: a test"
     assert read_header(written).metadata["seed"] == "1"
+
+
+def test_weights_of_an_ablation_bring_its_switches_back(tmp_path):
+    plain = presets.small().settings
+    settings = plain | {
+        "conventions": Conventions(candidates="linear"), "cnn_widths": tuple(plain["cnn_widths"]), "paper_heads": True,
+        "windows": 1, "shared_layers": False, "camera_aware_semantic": False,
+    }  # fmt: skip
+    model = SemGS(**settings)
+    save(tmp_path / "ablation.safetensors", model, {})
+    again = load("small", weights=tmp_path / "ablation.safetensors")
+    assert again.settings == model.settings
+    assert again.state_dict().keys() == model.state_dict().keys()
 
 
 def test_drawing_is_a_function_of_the_seed_and_leaves_the_callers_state(small):
