@@ -24,8 +24,8 @@ SAME_SURFACE = 0.05
 
 NAMES = {
     "copy": "nearest context copied (its picture, its true labels)",
-    "warp": "contexts warped with the true depth",
-    "majority": "most frequent class everywhere",
+    "warp": "contexts warped with true depth (their pictures, their true labels)",
+    "majority": "most frequent class of all true pixels, everywhere",
 }
 
 

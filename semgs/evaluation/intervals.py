@@ -71,7 +71,7 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
 
 
 def _intervals(part: Part, over: Over, values: Callable[..., np.ndarray]) -> dict[str, Interval]:
-    """The intervals of the metrics of a part, none for a single scene or frame."""
+    """The intervals of the metrics of a part; none for a single scene or frame, or where a metric is infinite."""
     scenes = int(part.scene_of.max()) + 1
     count = scenes if over == "scenes" else len(part.scene_of)
     if count < 2:
@@ -89,6 +89,8 @@ def _intervals(part: Part, over: Over, values: Callable[..., np.ndarray]) -> dic
         return found.reshape(-1, *drawn.shape[:-1])
 
     once = statistic(np.arange(count))
+    if not np.isfinite(once).all():
+        return {}
     drawn = bootstrap(
         (np.arange(count),), statistic, vectorized=True, axis=-1, n_resamples=RESAMPLES, batch=_BATCH,
         confidence_level=LEVEL, method="percentile", rng=np.random.default_rng(SEED),

@@ -106,6 +106,10 @@ def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
     """The numbers of one number of views."""
     numbers = _numbers(rows.method)
     trivial = {name: _numbers(frames) for name, frames in rows.trivial.items()}
+    if classes is not None:
+        for name, frames in rows.trivial.items():
+            scored = zip(classes.names, class_scores(frames), strict=False)
+            trivial[name]["per_class_iou"] = {label: one.iou for label, one in scored if one.iou is not None}
     scenes = dict.fromkeys(frame.scene for frame in rows.method)
     entry = {
         "views": rows.views,

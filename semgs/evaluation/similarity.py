@@ -27,6 +27,7 @@ class PerceptualDistance:
 
     Raises:
         ImportError: it is not installed.
+        OSError: its weights cannot be fetched.
     """
 
     def __init__(self) -> None:
@@ -41,8 +42,8 @@ class PerceptualDistance:
 
 
 def perceptual_distance() -> PerceptualDistance | None:
-    """LPIPS where it is installed, else None."""
+    """LPIPS where it is installed and has its weights, else None."""
     try:
         return PerceptualDistance()
-    except ImportError:
+    except (ImportError, OSError):
         return None
