@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from time import perf_counter
 
 import torch
@@ -46,6 +47,19 @@ class NetworkMethod:
             seconds_encode=encoded - start,
             seconds_render=rendered - encoded,
         )
+
+    def __getstate__(self) -> dict[str, object]:
+        """How it travels to a worker process: the network as bytes.
+
+        As tensors, each of its hundreds would travel as an open file, of which a new process accepts 256.
+        """
+        return vars(self) | {"_network": pickle.dumps(self._network)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        vars(self).update(state)
+        held = state["_network"]
+        assert isinstance(held, bytes)
+        self._network = pickle.loads(held)
 
     def _now(self) -> float:
         """The time at which all that was asked of the device is done."""

@@ -152,7 +152,7 @@ def timing(frames: Sequence[FrameScores]) -> dict[str, float | None]:
     }
 
 
-def below(numbers: Mapping[str, float | None], copy: Mapping[str, float | None]) -> list[str]:
+def below(numbers: Mapping[str, Any], copy: Mapping[str, Any]) -> list[str]:
     """The metrics that are worse than those of the nearest context copied."""
     worse = []
     for name in COMPARED:

@@ -10,8 +10,8 @@ from torch import Tensor
 def ssim(image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"]) -> float:
     """Structural similarity (Wang et al. 2004) by torchmetrics, the picture clamped to 0..1.
 
-    Gaussian window of 11 pixels and standard deviation 1.5, K1 = 0.01, K2 = 0.03; mean over the windows that lie inside the
-    picture, and over the three channels.
+    Gaussian window of 11x11 pixels and standard deviation 1.5, K1 = 0.01, K2 = 0.03; mean over the windows about all pixels,
+    mirrored beyond the border, and over the three channels.
     """
     from torchmetrics.functional.image import structural_similarity_index_measure  # takes seconds to import
 

@@ -49,7 +49,7 @@ def write_scene(
         pose[:3, :3] = turn
         along = 0.1 * index if positions is None else positions[index]
         pose[:3, 3] = turn @ [along, 0.01 * index, 0.0] + [1.0, 2.0, -0.5]
-        shifted = columns + 0.3 * index
+        shifted = columns + 0.3 * index + seed % 7
         picture = 0.5 + 0.4 * np.stack((np.sin(shifted), np.cos(rows + shifted), np.sin(2 * rows)), axis=-1)
         write_png(folder / f"images/{index:03d}.png", np.rint(255 * picture).astype(np.uint8))
         entry = {"file_path": f"images/{index:03d}.png", "transform_matrix": (pose @ np.diag([1, -1, -1, 1])).tolist()}
