@@ -24,7 +24,7 @@ class Compare:
     - semgs compare eval/before/report.json eval/after/report.json --layout difference
     """
 
-    reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json")]
+    reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...")]
     """The reports, or the folders that they are in; differences are to the first."""
     layout: Literal["paper", "difference"] = "paper"
     """paper has the columns of the paper's tables; difference subtracts the first report from each other one, with

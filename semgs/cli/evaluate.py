@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 KNOWN = ("neighbours", "peers", "pinned FILE")
 """The protocols, as they are typed."""
 
+NETWORKS = ("small", "base", "mvsplat")
+"""Names that weights may ship under."""
+
 VIEWS = (2, 3, 4)
 """Numbers of contexts that are taken where none are asked for: the paper's."""
 
@@ -55,23 +58,23 @@ class Evaluate:
     - semgs evaluate --predictions theirs --data scenes --protocol pinned eval/small/frames.json --out eval/theirs
     """
 
-    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="WEIGHTS")] = ""
-    """"small" for those inside the package, or a file of weights."""
-    predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """In place of WEIGHTS, somebody's label maps: DIR/N2/SCENE/STEM.png, a class per pixel, 255 = none given."""
-    data: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """A scene or a folder of scenes."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
+    """"small" for those inside the package, or a file of weights."""
+    predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    """In place of WEIGHTS, somebody's label maps: DIR/N2/SCENE/STEM.png, a class per pixel, 255 = none given."""
     protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
-    views: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N ...]")] = ()
+    views: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N ...]", help_behavior_hint="")] = ()
     """How many frames go in. By default 2, 3 and 4; those in the file, or those that predictions are there for."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
     """Height x width to compare at. By default 240x320, 320x240 for portrait scenes, or what the pinned file says."""
     gsnerf_distance: bool = False
     """With peers: rank source frames as GSNeRF's code does, by world-to-camera translations."""
-    name: str = ""
+    name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
     """What tables call it; by default the name of the network or of the folder of predictions."""
     workers: int = 0
     """Processes that evaluate side by side, each on one thread; 0 uses this process with all its threads."""
@@ -87,7 +90,7 @@ class Evaluate:
             InputError: data, weights, predictions or the output folder cannot be used.
             UsageError: an option asks for what cannot be.
         """
-        data, out = self._check()
+        self._check()
         with show_stage("Starting"):
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
             from semgs.evaluation.environment import hardware, versions
@@ -95,19 +98,19 @@ class Evaluate:
             from semgs.evaluation.notes import notes
             from semgs.evaluation.report import Evaluation
 
-            scenes, classes = _scenes(data)
+            scenes, classes = _scenes(self.data)
         plan = self._plan(scenes)
         device = chosen_device(self.device)
         with show_stage("Loading"):
             method, subject = self._method(plan, classes, device)
-        with own_folder(out, self.overwrite) as folder:
+        with own_folder(self.out, self.overwrite) as folder:
             with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as advance:
                 rows = evaluate(
                     plan, method, folder, save=self.predictions is None, workers=self.workers, advance=advance
                 )
             evaluation = Evaluation(
                 subject=subject,
-                data=str(data),
+                data=str(self.data),
                 plan=plan,
                 rows=tuple(rows),
                 classes=classes,
@@ -119,16 +122,17 @@ class Evaluate:
                 from semgs.cli.evaluation_results import summary, write_results
 
                 write_results(folder, evaluation, self.predictions)
-                told = summary(folder, evaluation, out)
+                told = summary(folder, evaluation, self.out)
         print(told)
 
-    def _check(self) -> tuple[Path, Path]:
-        """Refuse what can be refused before torch is imported; the folders of data and results."""
+    def _check(self) -> None:
+        """Refuse what can be refused before torch is imported."""
         if bool(self.weights) == (self.predictions is not None):
             raise UsageError("expected WEIGHTS or --predictions DIR, and not both; see semgs evaluate --help")
-        if self.data is None or self.out is None:
-            raise UsageError(f"{'--data' if self.data is None else '--out'} DIR is missing; see semgs evaluate --help")
         existing_folder(self.data)
+        if self.weights and self.weights not in NETWORKS and not Path(self.weights).is_file():
+            found = "a folder" if Path(self.weights).is_dir() else "nothing there"
+            raise InputError(self.weights, "a file of weights, or small for those inside the package", found)
         if self.predictions is not None and not self.predictions.is_dir():
             found = "a file" if self.predictions.exists() else "nothing there"
             raise InputError(self.predictions, "a folder of predictions", found)
@@ -149,7 +153,6 @@ class Evaluate:
             raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
         if self.workers < 0:
             raise UsageError(f"--workers is {self.workers}; expected 0 or more")
-        return self.data, self.out
 
     def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
         """What is compared."""

@@ -178,10 +178,13 @@ def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
 def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
     """The reports' names; where two are the same, with the folder or, if need be, the number of the report."""
     names = [report.name for report in reports]
-    for tell in (lambda number: f" ({reports[number].path.absolute().parent.name})", lambda number: f" #{number + 1}"):
-        twice = {name for name in names if names.count(name) > 1}
-        names = [name + tell(number) if name in twice else name for number, name in enumerate(names)]
-    return names
+    with_folder = [
+        f"{name} ({report.path.absolute().parent.name})" if names.count(name) > 1 else name
+        for name, report in zip(names, reports, strict=True)
+    ]
+    if len(set(with_folder)) == len(names):
+        return with_folder
+    return [f"{name} #{number}" if names.count(name) > 1 else name for number, name in enumerate(names, 1)]
 
 
 def shown_number(metric: str, value: float | None) -> str:
