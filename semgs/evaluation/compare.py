@@ -21,11 +21,8 @@ TITLES = {
 }  # fmt: skip
 """Headings of the metrics."""
 
-PAPER = {
-    "miou_per_image": "mIoU", "accuracy_per_image": "acc.", "class_accuracy_per_image": "class acc.",
-    "fps_encoding_each": "FPS",
-}  # fmt: skip
-"""The columns of the paper's tables, which are means over images by the code of the peers whom it follows."""
+PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
+"""The columns of the paper's tables: by the code of the peers, whom it follows, all but the last are means over images."""
 
 BRIEF = (
     "miou",
@@ -103,12 +100,11 @@ def paper_grid(reports: Sequence[SavedReport]) -> Grid:
     return Grid(
         title=f"{targets} targets, protocol {reports[0].protocol}",
         groups=tuple((f"{count} input views", len(PAPER)) for count in views),
-        head=("method", *[heading for _ in views for heading in PAPER.values()]),
+        head=("method", *[TITLES[metric] for _ in views for metric in PAPER]),
         rows=(*_best(rows), *below_rows),
         rule=len(rows),
         notes=(
-            "mIoU, accuracy and class accuracy are means over images, then over scenes, as S-Ray and GSNeRF compute them.",
-            "FPS encodes anew for each target.",
+            "/image: means over images, then over scenes, as S-Ray and GSNeRF compute them. FPS: encoding anew for each target.",
             *([MARKED] if marked else []),
         ),
     )
@@ -146,7 +142,7 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
                 mark=" *",
                 notes=(
                     f"* the interval leaves out 0. Intervals: paired bootstrap over {over}"
-                    + (", which are fewer than five scenes: too narrow for other scenes." if over == "frames" else "."),
+                    + (" (fewer than five scenes): too narrow for other scenes." if over == "frames" else "."),
                 ),
             )
         )

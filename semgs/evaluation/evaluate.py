@@ -68,6 +68,7 @@ def evaluate(
 
     Raises:
         InputError: a frame or prediction cannot be used.
+        OSError: the disk is full.
     """
     targets = DataLoader(
         _Targets(plan.tasks, method, folder, save),
@@ -79,7 +80,7 @@ def evaluate(
     )
     judged = []
     for one in targets:
-        if isinstance(one, InputError):
+        if isinstance(one, Exception):
             raise one
         judged.append(one)
         advance()
@@ -108,7 +109,7 @@ class _Judged:
 class _Targets(Dataset):
     """The targets of a plan, judged when they are asked for.
 
-    What makes a target unusable is returned, since exceptions do not travel whole between a loader's processes.
+    A file that cannot be used, or a full disk, is returned and not raised: a loader hands on no more than an error's text.
     """
 
     def __init__(self, tasks: Sequence[Task], method: Method, folder: Path, save: bool) -> None:
@@ -118,11 +119,11 @@ class _Targets(Dataset):
     def __len__(self) -> int:
         return len(self._tasks)
 
-    def __getitem__(self, index: int) -> _Judged | InputError:
+    def __getitem__(self, index: int) -> _Judged | InputError | OSError:
         """Judge a target."""
         try:
             return self._judge(self._tasks[index])
-        except InputError as error:
+        except (InputError, OSError) as error:
             return error
 
     def _judge(self, task: Task) -> _Judged:

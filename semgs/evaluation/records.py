@@ -73,20 +73,22 @@ def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
         truth=_dense(entry["truth"], (classes,)) if "truth" in entry else None,
         depth=depth,
         **{
-            name: _number(entry[name])
+            name: number(entry[name])
             for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render")
         },
     )
 
 
-def _number(value: object) -> float | None:
+def number(value: object) -> float | None:
     """A number or None.
 
     Raises:
         TypeError: it is neither.
     """
-    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
-        return None if value is None else float(value)
+    if value is None:
+        return None
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
     raise TypeError(f"{value!r:.40} is no number")
 
 

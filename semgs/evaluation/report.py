@@ -14,7 +14,7 @@ from semgs.evaluation.baselines import NAMES
 from semgs.evaluation.evaluate import Rows
 from semgs.evaluation.intervals import Interval, intervals, units
 from semgs.evaluation.plan import Plan, frame_list
-from semgs.evaluation.records import finite, frame_of, record, seconds
+from semgs.evaluation.records import finite, frame_of, number, record, seconds
 from semgs.evaluation.scores import FrameScores
 from semgs.evaluation.summary import LOWER_IS_BETTER, METRICS, class_scores, summary
 from semgs.files.errors import InputError
@@ -250,6 +250,13 @@ def _saved(path: Path, content: dict[str, Any]) -> SavedReport:
     """The report in a JSON object."""
     classes = content["classes"]
     count = len(classes["names"]) if classes else 0
+    for entry in content["results"]:
+        for row in (entry, *entry["trivial"].values()):
+            for name in METRICS:
+                number(row[name])
+        number(entry["fps_encoding_each"])
+        if entry["intervals_over"] not in ("scenes", "frames"):
+            raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
     results = {
         int(entry["views"]): SavedResult(
             views=int(entry["views"]),

@@ -18,7 +18,7 @@ from semgs.evaluation.report import Evaluation, SavedReport, SavedResult
 from semgs.evaluation.saved import SavedPredictions
 from semgs.evaluation.scores import FrameScores
 from semgs.evaluation.summary import METRICS, summary, total_confusion
-from semgs.figures.classes import class_picture, true_class_picture
+from semgs.figures.classes import LegendEntry, class_picture, true_class_picture
 from semgs.figures.depth import (
     WORST_ERROR,
     depth_error_bar,
@@ -33,6 +33,7 @@ from semgs.figures.page import (
     Facts,
     Gallery,
     Headline,
+    Legend,
     Matrix,
     Notes,
     Picture,
@@ -250,18 +251,36 @@ def _galleries(
     best = judged[: min(SHOWN, (len(judged) + 1) // 2)]
     worst = judged[len(best) :][::-1][:SHOWN]
     rows: list[Gallery] = []
-    for which, entries in (("best", best), ("worst", worst)):
+    for which, entries in (("Best", best), ("Worst", worst)):
         for rank, (_, (task, frame)) in enumerate(entries, 1):
             rows.append(
                 _gallery(f"{which} {rank}: {task.scene.name}, {task.target}", task, frame, evaluation, pictures)
             )
+    keys: list[Block] = []
+    if rows and evaluation.classes is not None and metric == "miou_per_image":
+        keys.append(_legend(result, evaluation.classes))
     scale = Scale(
         Picture(depth_error_bar(), "colours of the depth error"),
         ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more"),
         "depth error, |z − truth| / truth; grey without truth",
     )
     has_depth = any(frame.depth is not None for _, (_, frame) in judged)
-    return (*([scale] if rows and has_depth else []), *rows)
+    if rows and has_depth:
+        keys.append(scale)
+    return (*keys, *rows)
+
+
+def _legend(result: SavedResult, classes: ClassTable) -> Legend:
+    """The colours of the classes that are true or given, with their share of the true pixels."""
+    confusion, truth = total_confusion(result.frames)
+    shown = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
+    order = sorted(shown.tolist(), key=lambda label: -truth[label])
+    return Legend(
+        tuple(
+            LegendEntry(classes.names[label], classes.colours[label], float(truth[label] / truth.sum()))
+            for label in order
+        )
+    )
 
 
 def _gallery(heading: str, task: Task, frame: FrameScores, evaluation: Evaluation, saved: SavedPredictions) -> Gallery:

@@ -46,35 +46,31 @@ def printed(grid: Grid, form: Format) -> str:
 
 
 def _text(grid: Grid) -> str:
-    """For a terminal: columns aligned, numbers at the right."""
-    rows = [[cell.text + (grid.mark if cell.marked else "") for cell in row] for row in grid.rows]
-    widths = [max(map(len, column)) for column in zip(grid.head, *rows, strict=True)]
-    start = 1
-    for heading, span in grid.groups:  # a heading may be wider than what it spans
-        missing = len(heading) - sum(widths[start : start + span]) - 2 * (span - 1)
-        widths[start + span - 1] += max(0, missing)
+    """For a terminal: columns aligned, numbers at the right; groups below each other, as a terminal is narrow."""
+    blocks, start = [], 1
+    for heading, span in grid.groups or (("", len(grid.head) - 1),):
+        columns = [0, *range(start, start + span)]
+        blocks.append(_block(grid, heading, columns))
         start += span
+    return "\n".join([grid.title, "\n\n".join(blocks), *grid.notes])
 
-    def line(cells: list[str] | tuple[str, ...]) -> str:
-        padded = [
-            cells[0].ljust(widths[0]),
-            *(text.rjust(width) for text, width in zip(cells[1:], widths[1:], strict=True)),
-        ]
-        return "  ".join(padded).rstrip()
+
+def _block(grid: Grid, heading: str, columns: list[int]) -> str:
+    """Some columns of a table, with rules around them."""
+    head = [heading or grid.head[0], *[grid.head[column] for column in columns[1:]]]
+    rows = [[row[column].text + (grid.mark if row[column].marked else "") for column in columns] for row in grid.rows]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+
+    def line(cells: list[str]) -> str:
+        numbers = [text.rjust(width) for text, width in zip(cells[1:], widths[1:], strict=True)]
+        return "  ".join([cells[0].ljust(widths[0]), *numbers]).rstrip()
 
     rule = "─" * (sum(widths) + 2 * (len(widths) - 1))
-    lines = [grid.title, rule]
-    if grid.groups:
-        start, parts = 1, [" " * widths[0]]
-        for heading, span in grid.groups:
-            parts.append(heading.center(sum(widths[start : start + span]) + 2 * (span - 1)))
-            start += span
-        lines.append("  ".join(parts).rstrip())
-    lines += [line(grid.head), rule]
+    lines = [rule, line(head), rule]
     for number, row in enumerate(rows):
         lines += [rule] if number == grid.rule else []
         lines.append(line(row))
-    return "\n".join([*lines, rule, *grid.notes])
+    return "\n".join([*lines, rule])
 
 
 def _markdown(grid: Grid) -> str:

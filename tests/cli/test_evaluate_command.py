@@ -154,7 +154,7 @@ def test_compare_prints_differences(done: tuple[Path, str]):
     code, told, _ = run("compare", report, report / "report.json", "--layout", "difference")
     assert code == 0
     assert "noise #2 minus noise #1" in told
-    assert "paired bootstrap over frames, which are fewer than five scenes" in told
+    assert "paired bootstrap over frames (fewer than five scenes)" in told
     assert "0.000 to 0.000" in told
 
 
@@ -262,6 +262,9 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
     broken = numbers(done[0] / "out")
     del broken["results"][0]["per_frame"][0]["target"]
     (tmp_path / "broken.json").write_text(json.dumps(broken))
+    worded = numbers(done[0] / "out")
+    worded["results"][1]["trivial"]["copy"]["miou"] = "good"
+    (tmp_path / "worded.json").write_text(json.dumps(worded))
     moved = numbers(done[0] / "out")
     moved["results"][0]["per_frame"][0]["contexts"].reverse()
     (tmp_path / "moved.json").write_text(json.dumps(moved))
@@ -270,6 +273,7 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
         ((tmp_path / "nowhere.json",), "nothing there"),
         ((tmp_path / "other.json",), "expected a report of format semgs.report.evaluate"),
         ((tmp_path / "broken.json",), "KeyError: 'target'"),
+        ((tmp_path / "worded.json",), "'good' is no number"),
         ((report, tmp_path / "moved.json"), "contexts images/002.png, images/000.png of room/images/001.png"),
         ((report, "--layout", "difference"), "needs two reports"),
         ((report, "--layout", "sideways"), "sideways"),

@@ -307,7 +307,7 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
     assert page.count('class="bars"') == page.count('class="matrix"') == 2
     assert page.count('class="gallery"') == 10
     for text in (
-        "oracle on scenes", "best 1: ", "worst 1: ", "nearest context copied", "known by heart", "0" * 64, "attic",
+        "oracle on scenes", "Best 1: ", "Worst 1: ", "nearest context copied", "known by heart", "0" * 64, "attic",
         "mIoU from 2 views", "bootstrap over frames", "depth error", "PSNR",
     ):  # fmt: skip
         assert text in page, text

@@ -15,17 +15,24 @@ GRID = Grid(
 )
 
 
-def test_text_is_aligned_with_numbers_at_the_right():
+def test_text_is_aligned_with_numbers_at_the_right_and_a_block_for_each_group():
     assert printed(GRID, "text").splitlines() == [
         "Two targets_of 50 %",
-        "──────────────────────────────────",
-        "                2 views    3 views",
-        "method        mIoU   acc.     mIoU",
-        "──────────────────────────────────",
-        "a|b            0.5  0.25†        –",
-        "──────────────────────────────────",
-        "copy & paste  0.75      1   12.125",
-        "──────────────────────────────────",
+        "─────────────────────────",
+        "2 views       mIoU   acc.",
+        "─────────────────────────",
+        "a|b            0.5  0.25†",
+        "─────────────────────────",
+        "copy & paste  0.75      1",
+        "─────────────────────────",
+        "",
+        "────────────────────",
+        "3 views         mIoU",
+        "────────────────────",
+        "a|b                –",
+        "────────────────────",
+        "copy & paste  12.125",
+        "────────────────────",
         "† worse.",
     ]
 
