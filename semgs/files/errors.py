@@ -29,3 +29,7 @@ class InputError(ValueError):
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"
         super().__init__(" ".join((f"{message}; {advice}" if advice else message).split()))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[Path, str, str, str | None, str | None]]:
+        """How it travels between processes: by its parts, not by its message."""
+        return type(self), (self.path, self.expected, self.found, self.key, self.advice)

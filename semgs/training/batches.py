@@ -57,7 +57,7 @@ def training_batches(settings: TrainingSettings, start: int, workers: int) -> It
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
         prefetch_factor=4 if workers else None,
-        worker_init_fn=_settle_worker,
+        worker_init_fn=settle_worker,
     )
 
 
@@ -71,7 +71,7 @@ def validation_batches(settings: TrainingSettings) -> list[Batch]:
     return [rooms[index] for index in range(count)]
 
 
-def _settle_worker(index: int) -> None:
+def settle_worker(index: int) -> None:
     """Settle a worker process: one thread, no signals that are meant for the run, and no life after it."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
