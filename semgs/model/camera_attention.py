@@ -57,13 +57,16 @@ class TokenTransforms:
         """Row vectors of four times `right` in the first half of the channels; rotation by -sign * angle in the others.
 
         For the rotations G^T = G^-1, so queries, keys and values are all turned by -angle and outputs by +angle.
+        Computed in the dtype of G, outside autocast, and returned in that of x.
         """
         b, v, h, w, d = x.shape
-        projective = (x[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
-        halves = x[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
-        swapped = halves.flip(-2).flatten(-3)
-        turned = x[..., d // 2 :] * self.cosines + sign * (swapped * self.sines)
-        return torch.cat((projective, turned), dim=-1)
+        with torch.autocast(x.device.type, enabled=False):
+            tokens = x.to(right.dtype)
+            projective = (tokens[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
+            halves = tokens[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
+            swapped = halves.flip(-2).flatten(-3)
+            turned = tokens[..., d // 2 :] * self.cosines + sign * (swapped * self.sines)
+            return torch.cat((projective, turned), dim=-1).to(x.dtype)
 
 
 def normalised_projections(

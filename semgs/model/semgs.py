@@ -187,17 +187,21 @@ class SemGS(nn.Module):
         depth_range: Float[Tensor, "b v 2"],
         size: tuple[int, int],
     ) -> Encoding:
-        """As `forward`, for padded pictures of a batch, cropped back to `size`."""
+        """As `forward`, for padded pictures of a batch, cropped back to `size`.
+
+        Within autocast the layers compute in its half precision; depth, cameras and Gaussians stay in float32 or better.
+        """
         b, v = images.shape[:2]
         pictures = images.flatten(0, 1)
         shallow = self.cnn(pictures)
         colour = self._transformed(shallow, self.colour_transformer, "colour", cameras, depth_range)
 
-        bounds = depth_range.to(colour)
-        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(colour)
+        precise = torch.promote_types(colour.dtype, torch.float32)
+        bounds = depth_range.to(colour.device, precise)
+        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(bounds)
         matched = unit_features(colour) if self.cosine_cost else colour
         cost = cost_volume(matched.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
-        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).softmax(1)
+        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).to(precise).softmax(1)
         coarse = 1 / expected_depth(probabilities, candidates.flatten(0, 1), self.conventions.candidates)
 
         factor = SHRINK // self.stride
@@ -208,16 +212,18 @@ class SemGS(nn.Module):
         near, far = bounds.flatten(0, 1)[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
         refined, raw = self.depth_refinement(small, features, disparities * unit, confidences, v)
+        raw = raw.to(precise)
         disparities = (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
         depths = 1 / disparities
 
         grid = _shrunk(cameras, self.stride)
         rays = Rays.of(grid.flatten(), depths)
-        attributes = self._colour_attributes(torch.cat((refined, small, features), dim=1))
+        attributes = self._colour_attributes(torch.cat((refined, small, features), dim=1)).to(precise)
         kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
-        means = points(depths, attributes[:, :2], rays, self.conventions)
         shown = small if self.colour_from_image else None
-        appearance = colour_appearance(attributes[:, 2:], shown, depths, rays, self.conventions)
+        with torch.autocast(depths.device.type, enabled=False):
+            means = points(depths, attributes[:, :2], rays, self.conventions)
+            appearance = colour_appearance(attributes[:, 2:], shown, depths, rays, self.conventions)
         semantic = None
         if self.classes is not None:
             semantic = self._semantic(pictures, small, shallow, depths, cameras, depth_range, rays)
@@ -270,7 +276,9 @@ class SemGS(nn.Module):
         refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
         features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
         wide = self.semantic_upsampler(torch.cat((features, refined), dim=1))
-        return semantic_appearance(self.semantic_head(torch.cat((small, wide), dim=1)), depths, rays)
+        raw = self.semantic_head(torch.cat((small, wide), dim=1)).to(depths.dtype)
+        with torch.autocast(depths.device.type, enabled=False):
+            return semantic_appearance(raw, depths, rays)
 
     def _colour_attributes(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
         """The colour head's output without the harmonics that are never drawn."""

@@ -1,8 +1,9 @@
-"""Splatting on CUDA: gsplat's rasteriser under the rules of `reference`, whose numbers are its own.
+"""Splatting on CUDA by gsplat 1.5.3, whose rules `reference` writes out; equal to it but for float32.
 
-It draws in float32 and sorts by float32 depth. What it would do otherwise than `reference` is kept from it: positions come
-relative to the optical centre, which costs no precision far from the world's origin; the near plane has been applied; and
-Gaussians come in order of depth, so that those it cannot tell apart keep it (its sort is stable).
+Three things are done before gsplat sees the Gaussians, so that it decides as `reference` does. Positions are taken relative
+to the optical centre in float64, since its float32 would lose digits far from the world's origin. The near plane is applied
+(gsplat keeps what lies on it). And Gaussians come in order of depth: gsplat sorts by float32 depth with a stable sort, so
+those that it cannot tell apart keep that order.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
     """Features blended at every pixel, and the light that is left there.
 
     Raises:
-        ImportError: gsplat is not installed.
-        RuntimeError: gsplat has no CUDA extension here.
+        ImportError: gsplat is not installed, or could not be compiled.
     """
     height, width = camera.size
     features = splats.features[order]
@@ -43,7 +43,7 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
     view = torch.eye(4, dtype=torch.float64)
     view[:3, :3] = camera.axes
     (fx, fy), (cx, cy) = camera.focal_px, camera.principal_px
-    pictures, alphas, _ = _rasterization()(
+    pictures, alphas, _ = rasterizer()(
         means=camera.offsets(splats.means[order]),
         quats=None,
         scales=None,
@@ -62,16 +62,20 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
     return Layer(pictures[0].permute(2, 0, 1), 1 - alphas[0, ..., 0])
 
 
-def _rasterization() -> Callable:
-    """gsplat's function; the first call compiles its extension (minutes, once a machine)."""
+def rasterizer() -> Callable:
+    """gsplat's function; the first call on a machine compiles its extension, which takes minutes.
+
+    Raises:
+        ImportError: as `splat`.
+    """
     try:
         from gsplat import rasterization
         from gsplat.cuda._backend import _C
     except ImportError as error:
         raise ImportError('splatting on CUDA needs gsplat; pip install "semgs[cuda]"', name="gsplat") from error
     if _C is None:
-        raise RuntimeError(
-            "gsplat has no CUDA extension: it found no CUDA toolkit (nvcc) to compile it with; install one, or draw on the "
-            "CPU with render(..., backend='numba')"
+        raise ImportError(
+            "gsplat found no CUDA toolkit (nvcc) to compile itself with; install one, or uninstall gsplat to draw on the CPU",
+            name="gsplat",
         )
     return rasterization
