@@ -11,6 +11,7 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.plane_sweep import sweep
 from semgs.model.conventions import OURS, Conventions
+from semgs.model.precision import outside_autocast
 
 BEHIND = 1e-3
 """What is nearer to a source camera than this share of the near bound counts as behind it (MVSplat: this many metres)."""
@@ -74,16 +75,15 @@ def cost_volume(
             conventions.mask_unseen,
         )
     else:
-        with torch.autocast(features.device.type, enabled=False):
-            sums, seen = correlate(
-                features[:, reference].flatten(0, 1).to(precise),
-                features[:, source].flatten(0, 1).to(precise),
-                matrices,
-                offsets,
-                depths,
-                limits,
-                conventions.mask_unseen,
-            )
+        sums, seen = correlate(
+            features[:, reference].flatten(0, 1).to(precise),
+            features[:, source].flatten(0, 1).to(precise),
+            matrices,
+            offsets,
+            depths,
+            limits,
+            conventions.mask_unseen,
+        )
     sums = sums.reshape(b, v, v - 1, -1, h, w).sum(2) / math.sqrt(c)
     if not conventions.mask_unseen:
         return (sums / (v - 1)).to(features.dtype)
@@ -98,6 +98,7 @@ def unit_features(features: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"
     return centred * (math.sqrt(features.shape[1]) / length)
 
 
+@outside_autocast
 def correlate(
     reference: Float[Tensor, "n c h w"],
     source: Float[Tensor, "n c h w"],

@@ -212,18 +212,16 @@ class SemGS(nn.Module):
         near, far = bounds.flatten(0, 1)[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
         refined, raw = self.depth_refinement(small, features, disparities * unit, confidences, v)
-        raw = raw.to(precise)
         disparities = (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
         depths = 1 / disparities
 
         grid = _shrunk(cameras, self.stride)
         rays = Rays.of(grid.flatten(), depths)
-        attributes = self._colour_attributes(torch.cat((refined, small, features), dim=1)).to(precise)
+        attributes = self._colour_attributes(torch.cat((refined, small, features), dim=1))
         kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
+        means = points(depths, attributes[:, :2], rays, self.conventions)
         shown = small if self.colour_from_image else None
-        with torch.autocast(depths.device.type, enabled=False):
-            means = points(depths, attributes[:, :2], rays, self.conventions)
-            appearance = colour_appearance(attributes[:, 2:], shown, depths, rays, self.conventions)
+        appearance = colour_appearance(attributes[:, 2:], shown, depths, rays, self.conventions)
         semantic = None
         if self.classes is not None:
             semantic = self._semantic(pictures, small, shallow, depths, cameras, depth_range, rays)
@@ -276,9 +274,7 @@ class SemGS(nn.Module):
         refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
         features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
         wide = self.semantic_upsampler(torch.cat((features, refined), dim=1))
-        raw = self.semantic_head(torch.cat((small, wide), dim=1)).to(depths.dtype)
-        with torch.autocast(depths.device.type, enabled=False):
-            return semantic_appearance(raw, depths, rays)
+        return semantic_appearance(self.semantic_head(torch.cat((small, wide), dim=1)), depths, rays)
 
     def _colour_attributes(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
         """The colour head's output without the harmonics that are never drawn."""
