@@ -16,6 +16,7 @@ from semgs.geometry.gaussians import Appearance
 from semgs.geometry.harmonics_rotation import rotated_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.conventions import Conventions
+from semgs.model.precision import outside_autocast
 from semgs.model.unet import GROUPS, UNet
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
@@ -128,11 +129,11 @@ class DepthRefinement(nn.Module):
         confidences: Float[Tensor, "n h w"],
         views: int,
     ) -> tuple[Float[Tensor, "n d h w"], Float[Tensor, "n 2 h w"]]:
-        """Features of the refinement, and (correction of disparity, logit of opacity)."""
+        """Features of the refinement, and (correction of disparity, logit of opacity) in the dtype of the disparities."""
         x = torch.cat((images, self.project(features), disparities[:, None], confidences[:, None]), dim=1)
         conv, norm, activation, unet = self.refine
         refined = unet(activation(norm(conv(x))), views)
-        return refined, self.to_disparity(refined)
+        return refined, self.to_disparity(refined).to(disparities.dtype)
 
 
 class Head(nn.Sequential):
@@ -219,6 +220,7 @@ class Rays:
         return Rays(*(number.to(like) for number in numbers))
 
 
+@outside_autocast
 def points(
     depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
 ) -> Float[Tensor, "n h w 3"]:
@@ -254,6 +256,7 @@ def shapes(
     return size.permute(0, 2, 3, 1) * unit[..., None], quaternion_product(rays.quaternion[:, None, None], own)
 
 
+@outside_autocast
 def colour_appearance(
     raw: Float[Tensor, "n c h w"],
     images: Float[Tensor, "n 3 h w"] | None,
@@ -270,6 +273,7 @@ def colour_appearance(
         rays: of the cameras.
         conventions: of geometry; says in which basis the harmonics are.
     """
+    raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
     harmonics = raw[:, 7:].unflatten(1, (3, -1)).permute(0, 3, 4, 2, 1)
     terms = harmonics.shape[-2]
@@ -284,8 +288,10 @@ def colour_appearance(
     return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), harmonics)
 
 
+@outside_autocast
 def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n h w"], rays: Rays) -> Appearance:
     """Semantic Gaussians of n views, [n (h w) ...]: channels (3 sizes, 4 quaternion, logits of the classes)."""
+    raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
     classes = raw[:, 7:].softmax(1).permute(0, 2, 3, 1)
     return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), classes.flatten(1, 2))

@@ -201,17 +201,21 @@ class SemGS(nn.Module):
         depth_range: Float[Tensor, "b v 2"],
         size: tuple[int, int],
     ) -> Encoding:
-        """As `forward`, for padded pictures of a batch, cropped back to `size`."""
+        """As `forward`, for padded pictures of a batch, cropped back to `size`.
+
+        Within autocast the layers compute in its half precision; depth, cameras and Gaussians stay in float32 or better.
+        """
         b, v = images.shape[:2]
         pictures = images.flatten(0, 1)
         shallow = self.cnn(pictures)
         colour = self._transformed(shallow, self.colour_transformer, "colour", cameras, depth_range)
 
-        bounds = depth_range.to(colour)
-        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(colour)
+        precise = torch.promote_types(colour.dtype, torch.float32)
+        bounds = depth_range.to(colour.device, precise)
+        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(bounds)
         matched = unit_features(colour) if self.cosine_cost else colour
         cost = cost_volume(matched.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
-        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).softmax(1)
+        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).to(precise).softmax(1)
         confidences = probabilities.amax(1).repeat_interleave(self.factor, -1).repeat_interleave(self.factor, -2)
         small = nn.functional.avg_pool2d(pictures, self.stride) if self.stride > 1 else pictures
         planes = candidates.flatten(0, 1)
@@ -279,7 +283,7 @@ class SemGS(nn.Module):
         wide = upsampled(features, self.factor, corners)
         return Decoded(
             expected_depth(distribution, candidates, sampling),
-            self.opacity_head(distribution)[:, 0].sigmoid(),
+            self.opacity_head(distribution)[:, 0].to(distribution.dtype).sigmoid(),
             drawn_attributes(self.colour_head, self.harmonics, torch.cat((small, wide), dim=1)),
         )
 

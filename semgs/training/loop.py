@@ -6,7 +6,8 @@
     RUN/checkpoints/*          the last three whole states
 
 A run is started, resumed and extended in time by the same call. Step k sees batch k of its seed, and batches are pure
-functions of (seed, k): on one process of one machine an interrupted run gives the same bits as one that never was.
+functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
+gradients are summed in no fixed order.
 """
 
 from __future__ import annotations
@@ -60,6 +61,7 @@ def train(
     settings: TrainingSettings,
     out: Path,
     *,
+    device: str = "cpu",
     minutes: float | None = None,
     workers: int = 1,
     save_minutes: float = 5.0,
@@ -70,6 +72,7 @@ def train(
     Args:
         settings: what to compute; a folder that holds a run of others is refused.
         out: the run folder.
+        device: where to compute, "cpu" or "cuda"; a run may go on on another, but not to the same bits.
         minutes: end after this time, cleanly; None is at the last step.
         workers: processes that prepare batches; 0 prepares them in this one.
         save_minutes: time between checkpoints.
@@ -81,7 +84,7 @@ def train(
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
     claim(out, settings)
-    model = load(settings.model, settings.weights, seed=settings.seed)
+    model = load(settings.model, settings.weights, seed=settings.seed).to(device)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     resume(state, out, console)
     batches = training_batches(settings, state.step, workers)
