@@ -51,17 +51,16 @@ OF_CAMERAS = ("tests/geometry/test_cameras.py",)
 OF_HARMONICS = ("tests/geometry/test_harmonics.py",)
 OF_ATTENTION = ("tests/model/test_camera_attention.py",)
 OF_SWIN = ("tests/model/test_swin.py",)
-OF_COST = ("tests/model/test_cost_volume.py",)
-OF_CANDIDATES = (
-    "tests/model/test_cost_volume.py::test_candidates_run_from_far_to_near_and_each_sampling_has_its_own_expectation",
-)
+OF_SWEEP = ("tests/geometry/test_sweep_grid.py",)
+OF_COST = ("tests/model/test_cost_volume.py::test_the_cost_equals_a_loop_over_pixels_and_planes",)
 OF_UNSEEN = ("tests/model/test_unseen.py",)
 OF_PROJECTIONS = ("tests/model/test_projections.py",)
 OF_PLACEMENT = ("tests/model/test_placement.py",)
-OF_NETWORK = ("tests/model/test_semgs.py",)
+OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_its_ray",)
 OF_PRECISION = ("tests/model/test_precision.py",)
 OF_PINHOLE = ("tests/rendering/test_pinhole.py",)
 OF_REFERENCE = ("tests/rendering/test_reference.py",)
+OF_ASIDE = ("tests/rendering/test_aside.py",)
 OF_RENDER = ("tests/rendering/test_render.py",)
 OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
 OF_LOSSES = ("tests/objectives/test_losses.py",)
@@ -123,11 +122,15 @@ MUTANTS = (
     # Plane sweep and cost volume
     Mutant(
         "depth candidates run from near to far", SWEEP,
-        "1 / (1 / far + steps * (1 / near - 1 / far))", "1 / (1 / near + steps * (1 / far - 1 / near))", OF_CANDIDATES,
+        "1 / (1 / far + steps * (1 / near - 1 / far))", "1 / (1 / near + steps * (1 / far - 1 / near))", OF_SWEEP,
     ),
     Mutant(
         "the expectation of depth is linear where candidates are inverse", SWEEP,
-        "return 1 / (probabilities / d).sum(-3)", "return (probabilities * d).sum(-3)", OF_CANDIDATES,
+        "return 1 / (probabilities / d).sum(-3)", "return (probabilities * d).sum(-3)", OF_SWEEP,
+    ),
+    Mutant(
+        "the expectation of depth is inverse where candidates are linear", SWEEP,
+        "return (probabilities * d).sum(-3)", "return 1 / (probabilities / d).sum(-3)", OF_SWEEP,
     ),
     Mutant(
         "the other view is projected with the reference's K", SWEEP,
@@ -136,7 +139,7 @@ MUTANTS = (
     ),
     Mutant(
         "feature maps are scaled by height for width", SWEEP,
-        "grid[1] / width, grid[0] / height, 1.0", "grid[0] / height, grid[1] / width, 1.0", ("tests/geometry/test_sweep_grid.py",),
+        "grid[1] / width, grid[0] / height, 1.0", "grid[0] / height, grid[1] / width, 1.0", OF_SWEEP,
     ),
     Mutant(
         "texel centres are half a texel off in the sweep", SWEEP,
@@ -282,7 +285,7 @@ MUTANTS = (
     ),
     Mutant(
         "the refinement reads disparity in 1/m", NETWORK,
-        "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", OF_NETWORK,
+        "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", ("tests/model/test_near_bounds.py",),
     ),
     Mutant(
         "the near bound is that of the first view alone", NETWORK,
@@ -309,7 +312,7 @@ MUTANTS = (
     ),
     Mutant(
         "the back Gaussian is drawn before the front one", REFERENCE,
-        "drawn[torch.argsort(depths[drawn], stable=True)]", "drawn[torch.argsort(-depths[drawn], stable=True)]", OF_REFERENCE,
+        "drawn[torch.argsort(depths[drawn], stable=True)]", "drawn[torch.argsort(-depths[drawn], stable=True)]", ("tests/rendering/test_reference.py::test_the_front_gaussian_hides_the_back_one_whatever_their_order",),
     ),
     Mutant(
         "light falls before a Gaussian is added", REFERENCE,
@@ -357,19 +360,19 @@ MUTANTS = (
     ),
     Mutant(
         "the light of the colour pass is spread over the classes", RENDER,
-        "(classes.transmittance / len(classes.picture))", "(colour.transmittance / len(classes.picture))", OF_RENDER,
+        "(classes.transmittance / len(classes.picture))", "(colour.transmittance / len(classes.picture))", ("tests/rendering/test_render.py::test_the_class_map_sums_to_one_at_every_pixel_empty_ones_too",),
     ),
     Mutant(
         "rendered depth is not divided by the weights", RENDER,
-        "colour.picture[3] / torch.where(seen, alphas, 1)", "colour.picture[3]", OF_RENDER,
+        "colour.picture[3] / torch.where(seen, alphas, 1)", "colour.picture[3]", OF_ASIDE,
     ),
     Mutant(
         "rendered depth is a distance", RENDER,
-        "depths = offsets @ camera.axes[2].to(offsets)", "depths = offsets.norm(dim=-1)", OF_RENDER,
+        "depths = offsets @ camera.axes[2].to(offsets)", "depths = offsets.norm(dim=-1)", OF_ASIDE,
     ),
     Mutant(
         "colour is seen from the other side", RENDER,
-        "torch.nn.functional.normalize(offsets, dim=-1)", "torch.nn.functional.normalize(-offsets, dim=-1)", OF_RENDER,
+        "torch.nn.functional.normalize(offsets, dim=-1)", "torch.nn.functional.normalize(-offsets, dim=-1)", OF_ASIDE,
     ),
     Mutant(
         "autocast reaches into rendering", RENDER,

@@ -121,9 +121,9 @@ def tried_all(mutants: Sequence[Mutant], seconds: float, jobs: int) -> int:
 
     with ThreadPoolExecutor(jobs) as pool:
         made = list(pool.map(copied, range(jobs)))
-        files = sorted({test.partition("::")[0] for one in mutants for test in one.tests})
-        print(f"{len(files)} files of tests without an error ...", flush=True)
-        for result in pool.map(lambda copy: outcome(copy, files, left()), made):
+        tests = sorted({test for one in mutants for test in one.tests})
+        print("their tests without an error ...", flush=True)
+        for result in pool.map(lambda copy: outcome(copy, tests, left()), made):
             if result.failed or result.late:
                 print(f"must pass first, but: {result}", file=sys.stderr)
                 return 2

@@ -1,12 +1,13 @@
-"""The sweep's map on feature maps whose texels are no squares: columns scale by width, rows by height."""
+"""The sweep by hand: candidates, what is expected of them, and the map between texels that are no squares."""
 
 from __future__ import annotations
 
+import pytest
 import torch
 from posed import posed_cameras
 
 from semgs.geometry.cameras import project
-from semgs.geometry.plane_sweep import sweep
+from semgs.geometry.plane_sweep import depth_candidates, expected_depth, sweep
 
 SIZE, GRID = (32, 48), (8, 24)
 
@@ -23,3 +24,19 @@ def test_a_texel_goes_to_the_texel_that_its_point_is_seen_in() -> None:
         found = plan.matrix @ torch.tensor([column, row, 1.0], dtype=torch.float64) * depth + plan.offset
         expected = torch.stack((x * GRID[1] / width - 0.5, y * GRID[0] / height - 0.5, torch.ones_like(z))) * z
         torch.testing.assert_close(found, expected)
+
+
+@pytest.mark.parametrize(
+    ("sampling", "candidates", "expected"),
+    [
+        ("inverse", [8.0, 1 / 0.75, 1 / 1.375, 0.5], 1 / (0.1 / 8 + 0.2 * 0.75 + 0.3 * 1.375 + 0.4 / 0.5)),
+        ("linear", [8.0, 5.5, 3.0, 0.5], 0.1 * 8 + 0.2 * 5.5 + 0.3 * 3 + 0.4 * 0.5),
+    ],
+)
+def test_candidates_run_from_far_to_near_and_depth_is_expected_as_they_are_spaced(
+    sampling, candidates: list[float], expected: float
+) -> None:
+    found = depth_candidates(torch.tensor([0.5, 8.0], dtype=torch.float64), 4, sampling)
+    assert found.tolist() == pytest.approx(candidates, rel=1e-12)
+    probabilities = torch.tensor([0.1, 0.2, 0.3, 0.4], dtype=torch.float64)[:, None, None]
+    assert expected_depth(probabilities, found, sampling).item() == pytest.approx(expected, rel=1e-12)
