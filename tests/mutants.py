@@ -16,13 +16,15 @@ import argparse
 import multiprocessing
 import os
 import re
+import resource
 import shutil
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -31,10 +33,15 @@ from mutant_table import MUTANTS, Mutant
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "mutants"
-COPIED = ("semgs", "tests", "docs", "scripts", "pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE", "Makefile")
+NOT_COPIED = {".git", ".venv", "build", "dist", "runs", "out", "demo", ".mypy_cache", ".ruff_cache", ".pytest_cache"}
+"""What lies in the root beside the source."""
 
 SECONDS = 30.0
-"""The longest that the tests of one error may take, where --seconds says nothing else."""
+"""The longest that the tests of one error may take, where --seconds says nothing else: of a processor's time, so that a
+busy machine does not fail them."""
+
+PATIENCE = 5
+"""How much longer by the clock than by the processor."""
 
 MINUTES = 20
 """The longest that all may take."""
@@ -115,18 +122,23 @@ def tried_all(mutants: Sequence[Mutant], seconds: float, jobs: int) -> int:
         copy = copies.get()
         try:
             with error_in(copy, mutant):
-                return outcome(copy, tests, min(limit, left()), compiled=not COMPILED.search(mutant.file))
+                return outcome(copy, tests, limit, min(PATIENCE * limit, left()), compiled=runs_compiled(mutant))
         finally:
             copies.put(copy)
 
     with ThreadPoolExecutor(jobs) as pool:
         made = list(pool.map(copied, range(jobs)))
-        tests = sorted({test for one in mutants for test in one.tests})
         print("their tests without an error ...", flush=True)
-        for result in pool.map(lambda copy: outcome(copy, tests, left()), made):
-            if result.failed or result.late:
-                print(f"must pass first, but: {result}", file=sys.stderr)
-                return 2
+        for compiled in (True, False):
+            tests = sorted({test for one in mutants if runs_compiled(one) == compiled for test in one.tests})
+
+            def without_an_error(copy: Path, tests: Sequence[str] = tests, compiled: bool = compiled) -> Outcome:
+                return outcome(copy, tests, left(), left(), compiled=compiled)
+
+            for result in pool.map(without_an_error, made if tests else ()):
+                if result.failed or result.late:
+                    print(f"must pass first, but: {result}", file=sys.stderr)
+                    return 2
         print(f"pass in {time.monotonic() - began:.0f} s\n", flush=True)
         for copy in made:
             copies.put(copy)
@@ -140,6 +152,11 @@ def tried_all(mutants: Sequence[Mutant], seconds: float, jobs: int) -> int:
     for mutant in missed:
         print(f"missed by its own tests: {mutant.name} ({mutant.file})")
     return int(len(survivors) > SURVIVORS)
+
+
+def runs_compiled(mutant: Mutant) -> bool:
+    """Whether kernels are compiled in the tests of an error."""
+    return not COMPILED.search(mutant.file)
 
 
 def shown(mutants: Sequence[Mutant], results: Iterator[Outcome], what: str) -> list[Mutant]:
@@ -172,20 +189,22 @@ def error_in(copy: Path, mutant: Mutant) -> Iterator[None]:
         forget()
 
 
-def outcome(copy: Path, tests: Sequence[str], seconds: float, *, compiled: bool = True) -> Outcome:
+def outcome(copy: Path, tests: Sequence[str], seconds: float, clock: float, *, compiled: bool) -> Outcome:
     """Run tests in a copy up to the first that fails.
 
     Raises:
         RuntimeError: they could not even be collected: the planted text is no program.
     """
     began = time.monotonic()
-    run = forked.Process(target=run_tests, args=(copy, tests, compiled))
+    run = forked.Process(target=run_tests, args=(copy, tests, compiled, max(1, round(seconds))))
     run.start()
-    run.join(max(1.0, seconds))
-    late = run.is_alive()
-    if late:
-        os.killpg(run.pid or 0, signal.SIGKILL)
+    run.join(max(1.0, clock))
+    if run.is_alive():
+        run.kill()
+        with suppress(ProcessLookupError):  # it had not come so far as to lead a group
+            os.killpg(run.pid, signal.SIGKILL)  # type: ignore[arg-type]
         run.join()
+    if run.exitcode in (-signal.SIGKILL, -signal.SIGXCPU):
         return Outcome("", time.monotonic() - began, late=True)
     said = (copy.parent / "said").read_text(encoding="utf-8", errors="replace")
     failed = re.search(r"^(?:FAILED|ERROR) (\S.*?)(?: - .*)?$", said, re.MULTILINE)
@@ -194,9 +213,11 @@ def outcome(copy: Path, tests: Sequence[str], seconds: float, *, compiled: bool 
     return Outcome(failed[1] if failed else "", time.monotonic() - began)
 
 
-def run_tests(copy: Path, tests: Sequence[str], compiled: bool) -> None:
+def run_tests(copy: Path, tests: Sequence[str], compiled: bool, seconds: int) -> None:
     """Be pytest in a copy: its output goes to a file beside the copy, its verdict is the exit code."""
     os.setpgid(0, 0)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    threading.Thread(target=end_with_the_run, daemon=True).start()
     os.chdir(copy)
     with (copy.parent / "said").open("w", encoding="utf-8") as said:
         os.dup2(said.fileno(), 1)
@@ -214,18 +235,24 @@ def run_tests(copy: Path, tests: Sequence[str], compiled: bool) -> None:
     sys.exit(int(pytest.main([*options, "-m", "not long and not gpu", *tests])))
 
 
+def end_with_the_run() -> None:
+    """Wait until what started these tests is gone, then be gone with all that they started."""
+    run = multiprocessing.parent_process()
+    if run is not None:
+        run.join()
+        os.killpg(0, signal.SIGKILL)
+
+
 def copied(number: int) -> Path:
     """A copy made anew, with the times of its files, by which compiled kernels are known; `shared` is beside it."""
     copy = BUILD / str(number) / "semgs"
     if copy.exists():
         shutil.rmtree(copy)
-    copy.mkdir(parents=True)
-    for name in COPIED:
-        source = ROOT / name
-        if source.is_dir():
-            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy2(source, copy / name)
+
+    def left_out(folder: str, names: list[str]) -> set[str]:
+        return {"__pycache__"} | (NOT_COPIED if Path(folder) == ROOT else set())
+
+    shutil.copytree(ROOT, copy, ignore=left_out)
     beside, shared = copy.parent / "shared", ROOT.parent / "shared"
     if shared.is_dir() and not beside.exists():
         beside.symlink_to(shared)
