@@ -10,7 +10,7 @@ STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
 UNFINISHED := .venv/unfinished
 
-.PHONY: help setup demo test long gpu check format anew
+.PHONY: help setup demo test long gpu mutants check format anew
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo 'make test    set up, then run the tests (minutes)'
 	@echo 'make long    set up, then run the tests that take longer'
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
+	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
 
@@ -51,6 +52,9 @@ long: setup
 
 gpu: setup
 	PYTHON='$(CURDIR)/$(BIN)/python' scripts/gpu.sh test
+
+mutants: setup
+	$(BIN)/python tests/mutants.py
 
 check: setup
 	$(BIN)/ruff format --check .
