@@ -1,12 +1,13 @@
-"""Progress of long work: on a terminal's stderr a spinner, and a line for each stage that is done; elsewhere silence."""
+"""Progress of long work on a terminal's stderr, elsewhere silence: a spinner and a line for each stage, or a bar with the time left."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 
 @contextmanager
@@ -23,3 +24,33 @@ def show_stage(title: str) -> Iterator[None]:
     with console.status(title, spinner="dots"):
         yield
     console.print(f"{title}  {perf_counter() - start:.1f} s", style="dim", soft_wrap=True)
+
+
+@contextmanager
+def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show how much of a long work is done and how long the rest will take; the yielded function is told how much is done.
+
+    Where stderr is no terminal it is kept for what went wrong.
+    """
+    console = Console(stderr=True, highlight=False, markup=False)
+    if not console.is_terminal:
+        yield lambda count: None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("time left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(title, total=total)
+        start: list[int] = []
+
+        def done(count: int) -> None:
+            if not start:  # what an earlier run left says nothing about speed
+                start.append(count)
+                progress.reset(task, completed=count)
+            progress.update(task, completed=count)
+
+        yield done

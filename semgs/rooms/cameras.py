@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
-from semgs.rooms.plain import Room
+from semgs.rooms.room import Room
 from semgs.rooms.shading import centres, look, pixel_directions
 
 PROBE = (12, 16)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Iterable
 
-import torch
 from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Batch, stack
 from semgs.rooms.stream import RoomSamples
+from semgs.rooms.style import Style
+from semgs.rooms.workers import settle_worker
 from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 
 
@@ -26,13 +23,21 @@ class RoomBatches(Dataset):
         targets: views to render per scene.
         scenes: per batch.
         length: number of batches.
+        style: the world that the rooms are of.
     """
 
     def __init__(
-        self, seed: int, size: tuple[int, int], contexts: tuple[int, int], targets: int, scenes: int, length: int
+        self,
+        seed: int,
+        size: tuple[int, int],
+        contexts: tuple[int, int],
+        targets: int,
+        scenes: int,
+        length: int,
+        style: Style = "home",
     ) -> None:
         self._seed, self._scenes, self._length = seed, scenes, length
-        self._samples = RoomSamples(seed, size, contexts, targets, length=length * scenes, group=scenes)
+        self._samples = RoomSamples(seed, size, contexts, targets, length=length * scenes, group=scenes, style=style)
 
     def __len__(self) -> int:
         return self._length
@@ -47,7 +52,13 @@ class RoomBatches(Dataset):
 def training_batches(settings: TrainingSettings, start: int, workers: int) -> Iterable[Batch]:
     """The batches of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one)."""
     rooms = RoomBatches(
-        settings.seed, settings.size, settings.contexts, settings.targets, settings.batch, settings.steps
+        settings.seed,
+        settings.size,
+        settings.contexts,
+        settings.targets,
+        settings.batch,
+        settings.steps,
+        settings.style,
     )
     return DataLoader(
         rooms,
@@ -57,7 +68,7 @@ def training_batches(settings: TrainingSettings, start: int, workers: int) -> It
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
         prefetch_factor=4 if workers else None,
-        worker_init_fn=_settle_worker,
+        worker_init_fn=settle_worker,
     )
 
 
@@ -69,23 +80,3 @@ def validation_batches(settings: TrainingSettings) -> list[Batch]:
         return []
     rooms = RoomBatches(VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, scenes=1, length=count)
     return [rooms[index] for index in range(count)]
-
-
-def _settle_worker(index: int) -> None:
-    """Settle a worker process: one thread, no signals that are meant for the run, and no life after it."""
-    torch.set_num_threads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_run, daemon=True).start()
-
-
-def _end_with_the_run() -> None:
-    """Wait until the process that trains is gone, then be gone.
-
-    The loader's own watch is for the parent, which is the fork server; that stays for as long as it has a child, so that
-    after a `kill -9` of the run both would wait for each other for ever.
-    """
-    run = multiprocessing.parent_process()
-    if run is not None:
-        run.join()
-        os._exit(0)

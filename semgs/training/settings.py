@@ -10,6 +10,7 @@ import tyro
 
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
+from semgs.rooms.style import Style
 
 
 def _size(given: list[str]) -> tuple[int, int]:
@@ -76,6 +77,8 @@ class TrainingSettings:
     """Where to start: random, or a file of weights."""
     seed: int = 0
     """Of the weights and of every sample."""
+    style: Style = "home"
+    """The world that the rooms of the training are of; validation rooms are always homes."""
     validate_every: int = 1000
     """Steps between validations."""
     validation_scenes: int = 16

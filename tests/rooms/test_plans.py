@@ -6,8 +6,8 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.rooms.footprints import overlap, rectangle
-from semgs.rooms.plain import build_room
-from semgs.rooms.plans import SHARES, draw_plan
+from semgs.rooms.home import SHARES, draw_home
+from semgs.rooms.room import build_room
 from semgs.rooms.solids import BALL, BOX, CUSHION, CYLINDER, Part, gather, triangulate
 from semgs.rooms.stream import generator, sample
 
@@ -15,7 +15,7 @@ from semgs.rooms.stream import generator, sample
 def test_furniture_neither_intersects_nor_leaves_the_room():
     kinds = set()
     for seed in range(30):
-        plan = draw_plan(np.random.default_rng(seed))
+        plan = draw_home(np.random.default_rng(seed))
         kinds.add(plan.kind)
         for one, other in itertools.combinations(plan.footprints, 2):
             assert not overlap(one, other)

@@ -6,7 +6,7 @@ pytest.importorskip("embreex")
 
 from semgs.data.classes import IGNORE
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.plain import build_room
+from semgs.rooms.room import build_room
 from semgs.rooms.shading import look, pixel_directions
 from semgs.rooms.stream import RoomSamples, generator, sample
 
