@@ -1,361 +1,333 @@
-"""Plans: which room, which furniture, and where it stands, without two things in one place."""
+"""The style `home`: rooms furnished by the rules that people follow."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64
 
-from semgs.data.classes import IGNORE
-from semgs.rooms import fittings, furniture, openings
-from semgs.rooms import materials as m
-from semgs.rooms.footprints import Wall, overlap, rectangle
-from semgs.rooms.furniture import LABEL, Maker
-from semgs.rooms.plans import WALL, Opening, Plan
-from semgs.rooms.solids import CYLINDER, Part, Piece, block, moved
+from semgs.rooms import dressing, fittings, furniture, openings
+from semgs.rooms.builder import Builder, snug
+from semgs.rooms.footprints import Wall, rectangle
+from semgs.rooms.furniture import Maker
+from semgs.rooms.outlines import PARTITION, Outline, Zone, rectangular, two_rooms, with_breast, with_corner_built_in
+from semgs.rooms.plans import Opening, Plan
+from semgs.rooms.solids import Piece, moved
 
 BIG: dict[str, tuple[Maker, ...]] = {
     "bedroom": (furniture.bed, fittings.cabinet, furniture.desk, fittings.bookshelf, furniture.armchair, fittings.other),
-    "living": (furniture.sofa, fittings.bookshelf, fittings.cabinet, furniture.armchair, furniture.dining_table, fittings.other, furniture.sofa),
-    "kitchen": (fittings.counter, fittings.refrigerator, furniture.dining_table, fittings.island, fittings.cabinet, fittings.other),
+    "living": (furniture.sofa, fittings.sideboard, fittings.bookshelf, furniture.armchair, furniture.sofa, fittings.other, furniture.dining_table),
+    "kitchen": (fittings.counter, fittings.refrigerator, fittings.stove, furniture.dining_table, fittings.counter, fittings.island, fittings.cabinet),
+    "dining": (furniture.dining_table, fittings.sideboard, fittings.cabinet, fittings.bookshelf, furniture.armchair, fittings.other),
     "bathroom": (fittings.bathtub, fittings.toilet, fittings.washbasin, fittings.cabinet, fittings.other),
-    "office": (furniture.desk, furniture.desk, fittings.bookshelf, fittings.cabinet, furniture.sofa, fittings.island, fittings.other),
+    "office": (furniture.desk, furniture.desk, fittings.bookshelf, fittings.cabinet, fittings.island, furniture.desk, furniture.sofa, fittings.other),
+    "study": (furniture.desk, fittings.bookshelf, furniture.armchair, fittings.bookshelf, furniture.sofa, fittings.other),
+    "hallway": (fittings.cabinet, fittings.other, furniture.side_table, fittings.bookshelf, furniture.chair),
     "mixed": (
         furniture.bed, furniture.sofa, furniture.desk, furniture.dining_table, fittings.bookshelf, fittings.cabinet, fittings.counter,
         fittings.island, fittings.refrigerator, fittings.toilet, fittings.washbasin, fittings.bathtub, fittings.other, furniture.armchair,
     ),
 }  # fmt: skip
-"""What each kind of room is furnished with, most important first; of `mixed`, a random choice."""
+"""What each kind of room is furnished with, most important first; of `mixed` (a studio, a show room), a random choice."""
 
-SHARES = {"bedroom": 0.17, "living": 0.19, "kitchen": 0.19, "bathroom": 0.2, "office": 0.13, "mixed": 0.12}
-"""How often each kind of room is drawn."""
+SHARES = {
+    "bedroom": 0.14, "living": 0.15, "kitchen": 0.17, "dining": 0.06, "bathroom": 0.18, "office": 0.08, "study": 0.06,
+    "hallway": 0.03, "mixed": 0.13,
+}  # fmt: skip
+"""How often each kind of room is drawn; classes that fill few pixels decide it."""
 
-FREE_STANDING = ("table", "island", "coffee table")
+PAIRS = (("living", "dining"), ("living", "kitchen"), ("dining", "kitchen"), ("bedroom", "study"), ("bedroom", "bathroom"), ("living", "bedroom"))  # fmt: skip
+TWO_ROOMS = 0.16
+"""Share of plans that are two rooms with an opening between them."""
+
+FREE_STANDING = ("table", "island")
+WET = ("bathroom", "kitchen")
 
 
 def draw_home(rng: np.random.Generator) -> Plan:
-    """A random room with its furniture."""
+    """A random home: one room, or two joined by an opening, with furniture, light and clutter."""
+    outline = _outline(rng)
+    builder = Builder(rng, outline)
+    evening = builder.chance(0.3)
+    light = rng.uniform(0.01, 0.08) if evening else float(np.exp(rng.uniform(np.log(0.2), np.log(1.8))))
+    if outline.passage is not None:
+        _open_door(builder, outline)
+    for zone in outline.zones:
+        _doors(builder, zone)
+        _windows(builder, zone, light)
+    for zone in outline.zones:
+        builder.shell(zone, zone.kind in WET)
+    for zone in outline.zones:
+        _furnish(builder, zone)
+        dressing.pictures(builder, zone)
+        dressing.lamps(builder, zone, lit=evening or builder.chance(0.45))
+        dressing.clutter(builder, zone)
+    kind = " + ".join(zone.kind for zone in outline.zones)
+    return Plan(kind, outline.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints),
+                tuple(builder.pieces), tuple(builder.lamps))  # fmt: skip
+
+
+def _outline(rng: np.random.Generator) -> Outline:
+    """The shape of the rooms and what they are used for."""
+    height = rng.uniform(2.3, 3.2) if rng.random() < 0.5 else rng.uniform(2.4, 2.65)
+    if rng.random() < TWO_ROOMS:
+        kinds = PAIRS[int(rng.integers(len(PAIRS)))]
+        return two_rooms(rng, kinds, (rng.uniform(6.0, 9.0), rng.uniform(2.8, 4.4), height))
     kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
-    small = kind == "bathroom"
-    length = rng.uniform(2.5, 4.2) if small else rng.uniform(3.0, 7.0)
-    width = rng.uniform(2.5, 3.6) if small else rng.uniform(2.8, min(6.0, 34 / length))
-    height = rng.uniform(2.3, 3.2)
-    builder = _Builder(rng, (length, width, height))
-    builder.shell(wet=kind in ("bathroom", "kitchen"))
-    builder.doors_and_windows(kind)
-    builder.furnish(kind)
-    builder.curtains()
-    builder.pictures()
-    builder.clutter()
-    return Plan(kind, builder.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints))
+    if kind == "bathroom":
+        length, width = rng.uniform(2.5, 4.2), rng.uniform(2.4, 3.4)
+    elif kind == "hallway":
+        length, width = rng.uniform(3.5, 7.0), rng.uniform(1.7, 2.4)
+    else:
+        length = rng.uniform(3.0, 7.0)
+        width = rng.uniform(2.8, min(6.0, 34 / length))
+    size = (float(length), float(width), float(height))
+    look = rng.random()
+    if look < 0.12 and min(length, width) > 2.9:
+        return with_corner_built_in(rng, kind, size)
+    if look < 0.27 and min(length, width) > 2.7:
+        return with_breast(rng, kind, size)
+    return rectangular(kind, size)
 
 
-class _Builder:
-    """A room that is being furnished."""
+def _open_door(builder: Builder, outline: Outline) -> None:
+    """The opening between two rooms, with its lining and most often a leaf that stands open in one of them."""
+    rng = builder.rng
+    assert outline.passage is not None
+    wide = rng.uniform(0.8, 1.0) if builder.chance(0.6) else rng.uniform(1.2, 1.8)
+    high = min(rng.uniform(2.0, 2.15), builder.size[2] - 0.15)
+    lining, leaf = openings.passage(rng, wide, high, PARTITION)
+    for wall, middle in outline.passage:
+        hole = (middle - wide / 2, middle + wide / 2, 0.0, high)
+        wall.holes.append(hole)
+        wall.taken.append((hole[0] - 0.1, hole[1] + 0.1, 0.0, high + 0.1))
+        builder.kept_free.append(rectangle(*wall.at(hole[0]), wide, 0.85, wall.yaw))
+    wall, middle = outline.passage[0]
+    builder.add(moved(lining.parts, (*wall.at(middle - wide / 2), 0.0), wall.yaw))
+    if leaf is not None and wide < 1.1:
+        wall, middle = outline.passage[int(rng.integers(2))]
+        yaw = wall.yaw + rng.uniform(1.3, 1.75)
+        x, y = wall.at(middle - wide / 2 + 0.04, 0.04)
+        builder.add(moved(leaf.parts, (x, y, 0.0), yaw))
+        builder.footprints.append(rectangle(x + 0.06 * np.sin(yaw), y - 0.06 * np.cos(yaw), leaf.size[0], 0.16, yaw))
 
-    def __init__(self, rng: np.random.Generator, size: tuple[float, float, float]) -> None:
-        self.rng = rng
-        self.size = size
-        self.parts: list[Part] = []
-        self.footprints: list[Float64[np.ndarray, "4 2"]] = []
-        self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
-        self.windows: list[Opening] = []
-        self.draped: list[tuple[Wall, float, float, float, float]] = []
-        self.surfaces: list[tuple[float, float, float, float, float, float]] = []
-        half_x, half_y = size[0] / 2, size[1] / 2
-        self.walls = [
-            Wall((-half_x, -half_y), 0.0, size[0]),
-            Wall((half_x, -half_y), np.pi / 2, size[1]),
-            Wall((half_x, half_y), np.pi, size[0]),
-            Wall((-half_x, half_y), -np.pi / 2, size[1]),
+
+def _doors(builder: Builder, zone: Zone) -> None:
+    """Closed doors, whose swing stays free: one or two, in a hallway up to four."""
+    rng, height = builder.rng, builder.size[2]
+    count = int(rng.integers(2, 5)) if zone.kind == "hallway" else 1 + int(builder.chance(0.35))
+    for _ in range(count):
+        piece = openings.door(rng, height)
+        wall = zone.walls[int(rng.integers(len(zone.walls)))]
+        slack = wall.length - piece.size[0] - 0.3
+        if not wall.outer or slack < 0:
+            continue
+        left = 0.15 + slack * rng.random()
+        if wall.free(left - 0.1, left + piece.size[0] + 0.1, 0.0, height):
+            bar, leaf = openings.door_hole(piece)
+            builder.hang(wall, piece, left, 0.0)
+            wall.holes.append((left + bar, left + piece.size[0] - bar, 0.0, leaf))
+            builder.kept_free.append(rectangle(*wall.at(left), piece.size[0], 0.75, wall.yaw))
+
+
+def _windows(builder: Builder, zone: Zone, light: float) -> None:
+    """Up to three windows in outer walls, set into them; blinds, curtains beside or over them, a radiator below."""
+    rng, height, bath = builder.rng, builder.size[2], zone.kind == "bathroom"
+    count = {"bathroom": (0, 1, 1), "hallway": (0, 0, 1)}.get(zone.kind, (0, 1, 1, 2, 2, 3))
+    sill = float(rng.choice([0.1, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.1)])) if not bath else rng.uniform(1.1, 1.4)
+    top = min(rng.uniform(1.9, 2.4), height - 0.15)
+    shaded, draped = builder.chance(0.3), not bath and builder.chance(0.75)
+    for _ in range(int(rng.choice(count))):
+        low = sill if builder.chance(0.8) or bath else rng.uniform(0.8, 1.1)
+        tall = top - low if not bath else min(rng.uniform(0.5, 0.9), height - low - 0.15)
+        wall = zone.walls[int(rng.integers(len(zone.walls)))]
+        width = rng.uniform(0.5, 1.0) if bath else rng.uniform(0.7, max(0.75, min(2.4, wall.length - 0.9)))
+        left = 0.3 + (wall.length - width - 0.6) * rng.random()
+        if not wall.outer or left < 0.3 or tall < 0.45 or not wall.free(left - 0.3, left + width + 0.3, 0.0, height):
+            continue
+        blind = rng.choice([0.2, 0.5, 1.0, rng.uniform(0.3, 1.0)]) if shaded else 0.0
+        recess = rng.uniform(0.06, 0.1)
+        builder.hang(wall, openings.window(rng, width, tall, light, blind), left, low, recess)
+        wall.holes.append((left, left + width, low, low + tall))
+        closed = draped and dressing.curtains(builder, wall, (left, left + width, low, low + tall))
+        x, y = wall.at(left + width / 2, 0.06 - recess)
+        turn = np.array([np.cos(wall.yaw), np.sin(wall.yaw)])
+        builder.windows.append(
+            Opening(
+                middle=(x, y, low + tall / 2),
+                facing=(-float(turn[1]), float(turn[0]), 0.0),
+                half_width=(float(turn[0]) * width / 2, float(turn[1]) * width / 2, 0.0),
+                half_height=tall / 2,
+                light=light * (1 - 0.8 * float(blind)) * (0.15 if closed else 1.0),
+            )
+        )
+        if low > 0.6 and not bath and builder.chance(0.5):
+            piece = openings.radiator(rng, min(width, 1.4) * rng.uniform(0.7, 1.0), low - rng.uniform(0.08, 0.2))
+            builder.beside_wall(wall, piece, left + (width - piece.size[0]) / 2, 0.005)
+
+
+def _furnish(builder: Builder, zone: Zone) -> None:
+    """The furniture of a kind of room, each piece with what goes with it, up to 45 % of the floor."""
+    rng = builder.rng
+    makers: Sequence[Maker] = BIG[zone.kind]
+    if zone.kind == "mixed":
+        makers = [makers[i] for i in rng.permutation(len(makers))[: int(rng.integers(5, 10))]]
+    budget = 0.45 * zone.free_area
+    for place, maker in enumerate(makers):
+        if zone.kind != "mixed" and place >= 3 and builder.chance(0.3):
+            continue
+        piece = snug(maker(rng))
+        if builder.covered(zone) + piece.size[0] * piece.size[1] <= budget:
+            _place(builder, zone, piece)
+    if builder.chance(0.4):
+        builder.against_wall(zone, snug(furniture.chair(rng)))
+    if zone.kind in ("bathroom", "hallway", "dining", "mixed") and builder.chance(0.4):
+        dressing.rug(builder, zone, (np.array(zone.low) + zone.high) / 2, 0.0)
+
+
+def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
+    """Put a piece where its kind belongs, with its companions."""
+    if piece.name in FREE_STANDING and builder.chance(0.85):
+        found = builder.in_the_open(zone, piece)
+        if found and piece.name != "island":
+            _chairs_around(builder, piece, *found)
+        return
+    if piece.name in ("refrigerator", "stove", "counter") and _continue_the_row(builder, zone, piece):
+        return
+    where = builder.against_wall(zone, piece, corner=0.15 if piece.name in ("bed", "sofa", "desk") else 0.55)
+    if where is None:
+        return
+    wall, left = where
+    if piece.name == "bed":
+        _beside_the_bed(builder, zone, wall, left, piece)
+    elif piece.name == "desk":
+        _chair_at_the_desk(builder, wall, left, piece)
+    elif piece.name == "sofa":
+        _before_the_sofa(builder, zone, wall, left, piece)
+    elif piece.name == "bathtub":
+        _round_the_bathtub(builder, wall, piece)
+    elif piece.name == "washbasin" or (piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)):
+        wide, low = piece.size[0] * builder.rng.uniform(0.7, 1.1), max(1.15, piece.size[2] + 0.2)
+        glass = openings.mirror(builder.rng, wide, builder.rng.uniform(0.5, 0.8))
+        start = left + (piece.size[0] - wide) / 2
+        if (
+            start > 0.02
+            and wall.free(start, start + wide, low, low + glass.size[2])
+            and low + glass.size[2] < builder.size[2] - 0.1
+        ):
+            builder.hang(wall, glass, start, low)
+
+
+def _continue_the_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
+    """Put a kitchen piece right beside one that stands at a wall already; False if there is none or no room."""
+    for wall in zone.walls:
+        for left, right, low, high in list(wall.taken):
+            if (
+                low > 0.0
+                or not 0.8 < high < 2.4
+                or right - left < 0.5
+                or any(left < b and a < right for a, b, _, _ in wall.holes)
+            ):
+                continue
+            for start in (right + 0.03, left - piece.size[0] - 0.03):
+                if builder.beside_wall(wall, piece, start):
+                    return True
+    return False
+
+
+def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: Piece) -> None:
+    """Nightstands at one or both sides, often a rug that looks out from under the bed."""
+    rng = builder.rng
+    if builder.chance(0.8):
+        stand = snug(fittings.nightstand(rng) if builder.chance(0.7) else furniture.side_table(rng))
+        for side in (left - stand.size[0] - 0.1, left + bed.size[0] + 0.1):
+            if builder.chance(0.85):
+                builder.beside_wall(wall, stand, side)
+    if builder.chance(0.45):
+        dressing.rug(
+            builder,
+            zone,
+            np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75)),
+            wall.yaw,
+            bed.size[0] + rng.uniform(0.6, 1.2),
+        )
+
+
+def _chair_at_the_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
+    """A chair that faces the desk, pushed back or a little turned."""
+    rng = builder.rng
+    seat = snug(furniture.chair(rng))
+    x, y = wall.at(
+        left + desk.size[0] / 2 + seat.size[0] / 2 + rng.uniform(-0.15, 0.15),
+        desk.size[1] + 0.14 + seat.size[1] + rng.uniform(0, 0.25),
+    )
+    if not builder.stand(seat, x, y, wall.yaw + np.pi + rng.uniform(-0.4, 0.4)):
+        builder.stand(seat, x, y, wall.yaw + np.pi)
+
+
+def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa: Piece) -> None:
+    """A low table on a rug, and where the other wall is free a sideboard with a television."""
+    rng = builder.rng
+    middle = left + sofa.size[0] / 2
+    if builder.chance(0.6):
+        dressing.rug(
+            builder, zone, np.array(wall.at(middle, sofa.size[1] + 0.5)), wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3)
+        )
+    if builder.chance(0.8):
+        low = snug(furniture.coffee_table(rng))
+        x, y = wall.at(middle - low.size[0] / 2, sofa.size[1] + rng.uniform(0.35, 0.55))
+        builder.stand(low, x, y, wall.yaw)
+    if builder.chance(0.35):
+        opposite = [
+            other for other in zone.walls if abs(np.cos(other.yaw - wall.yaw) + 1) < 1e-6 and other.length > 1.6
         ]
+        if opposite:
+            other = opposite[int(rng.integers(len(opposite)))]
+            bench = snug(fittings.sideboard(rng))
+            start = (other.length - bench.size[0]) * rng.uniform(0.2, 0.8)
+            screen = openings.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
+            if bench.surface is not None and builder.beside_wall(other, bench, start):
+                builder.surfaces.pop()
+                x, y = other.at(start + (bench.size[0] - screen.size[0]) / 2, 0.1)
+                builder.add(moved(screen.parts, (x, y, bench.surface), other.yaw))
+                other.taken.append((start, start + bench.size[0], bench.surface, bench.surface + screen.size[2]))
 
-    def chance(self, share: float) -> bool:
-        """True in that share of the calls."""
-        return bool(self.rng.random() < share)
 
-    def shell(self, wet: bool) -> None:
-        """Floor, ceiling (ignored), walls with skirting, at times an accent wall, a tiled or painted lower half, a ceiling lamp."""
-        rng, (x, y, z) = self.rng, self.size
-        a, b = x / 2 + WALL, y / 2 + WALL
-        self.parts.append(block(LABEL["floor"], m.flooring(rng, wet), (-a, -b, -WALL), (a, b, 0)))
-        white = m.row(
-            rng, a=m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), fine=rng.uniform(0.01, 0.05), fine_scale=0.02
+def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
+    """A shower curtain along the open side of a tub that was just put down."""
+    rng = builder.rng
+    if not builder.chance(0.8):
+        return
+    drape = openings.shower_curtain(rng, tub.size[0] * rng.uniform(0.35, 1.0), builder.size[2])
+    along = 0.0 if builder.chance(0.5) else tub.size[0] - drape.size[0]
+    start, end, _, front = builder.footprints[-1]
+    x, y = front + along * (end - start) / tub.size[0] + 0.01 * (front - start) / tub.size[1]
+    shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
+    if builder.fits(shape, ignore_free=True):
+        builder.add(moved(drape.parts, (float(x), float(y), 0.0), wall.yaw))
+        builder.footprints.append(shape)
+
+
+def _chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: float) -> None:
+    """Chairs of one make at the sides of a table, facing it, some pulled out or a little turned."""
+    rng = builder.rng
+    seat = snug(furniture.chair(rng))
+    width, depth, _ = table.size
+    count = max(1, int(width / 0.65))
+    sides = [(width * (i + 0.5) / count, end, turn) for i in range(count) for end, turn in ((depth, np.pi), (0.0, 0.0))]
+    sides += [(0.0, depth / 2, -np.pi / 2), (width, depth / 2, np.pi / 2)]
+    for along, across, turn in sides:
+        if builder.chance(0.2):
+            continue
+        own = turn + rng.uniform(-0.12, 0.12)
+        gap = rng.uniform(0.03, 0.12) if builder.chance(0.7) else rng.uniform(0.12, 0.4)
+        out = np.array([np.sin(turn), -np.cos(turn)])
+        back = np.array([along, across]) + out * (seat.size[1] + gap)
+        corner = back - np.array([np.cos(own), np.sin(own)]) * seat.size[0] / 2
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        builder.stand(
+            seat,
+            float(x + cosine * corner[0] - sine * corner[1]),
+            float(y + sine * corner[0] + cosine * corner[1]),
+            yaw + own,
         )
-        self.parts.append(block(IGNORE, white, (-a, -b, z), (a, b, z + WALL)))
-        paint = m.wall_paint(rng)
-        skirting, tall = m.lacquer(rng) if self.chance(0.6) else m.wood(rng), rng.uniform(0.05, 0.13)
-        has_skirting, accent = self.chance(0.75), int(rng.integers(4)) if self.chance(0.3) else -1
-        lower, split = None, rng.uniform(0.8, 1.3)
-        if wet and self.chance(0.65):
-            lower, split = m.tiles(rng, small=self.chance(0.6)), rng.choice([split, z])
-        elif self.chance(0.1):
-            lower = m.boards(rng, m.colour(rng))
-        own = LABEL["wall"]
-        for number, wall in enumerate(self.walls):
-            own_paint = m.wall_paint(rng) if number == accent else paint
-            slab = block(own, own_paint, (-WALL, -WALL, 0), (wall.length + WALL, 0, z))
-            parts = [slab]
-            if lower is not None:
-                parts.append(block(own, lower, (0, 0, 0), (wall.length, 0.006, split)))
-            if has_skirting:
-                parts.append(block(own, skirting, (0, 0, 0), (wall.length, 0.014, tall)))
-            self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
-        if self.chance(0.6):
-            shade = m.row(rng, a=(0.9, 0.85, 0.75), emission=1.3)
-            reach, drop = rng.uniform(0.15, 0.3), rng.uniform(0.05, 0.5)
-            self.parts.append(
-                block(IGNORE, shade, (-reach, -reach, z - drop), (reach, reach, z - drop + 0.12), CYLINDER)
-            )
-            self.parts.append(block(IGNORE, m.metal(rng), (-0.01, -0.01, z - drop), (0.01, 0.01, z)))
-
-    def doors_and_windows(self, kind: str) -> None:
-        """One or two doors, whose swing stays free, and up to three windows."""
-        rng, height = self.rng, self.size[2]
-        for _ in range(1 + int(self.chance(0.35))):
-            piece = openings.door(rng, height)
-            wall = self.walls[int(rng.integers(4))]
-            left = rng.uniform(0.15, wall.length - piece.size[0] - 0.15)
-            if wall.free(left - 0.1, left + piece.size[0] + 0.1, 0.0, height):
-                self.hang(wall, piece, left, 0.0)
-                x, y = wall.at(left)
-                self.kept_free.append(rectangle(x, y, piece.size[0], 0.75, wall.yaw))
-        light = rng.uniform(0.15, 1.6)
-        count = int(rng.choice([0, 1, 1]) if kind == "bathroom" else rng.choice([0, 1, 1, 2, 2, 3]))
-        for _ in range(count):
-            low = (
-                rng.choice([0.12, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.1)])
-                if kind != "bathroom"
-                else rng.uniform(1.1, 1.4)
-            )
-            tall = rng.uniform(0.7, max(0.75, height - low - 0.25))
-            tall = min(tall, height - low - 0.12)
-            wall = self.walls[int(rng.integers(4))]
-            width = rng.uniform(0.5, 1.0) if kind == "bathroom" else rng.uniform(0.7, min(2.4, wall.length - 0.9))
-            left = rng.uniform(0.3, wall.length - width - 0.3)
-            if tall < 0.45 or not wall.free(left - 0.3, left + width + 0.3, low, low + tall):
-                continue
-            self.hang(wall, openings.window(rng, width, tall, light), left, low)
-            middle = wall.at(left + width / 2)
-            facing = (-float(np.sin(wall.yaw)), float(np.cos(wall.yaw)), 0.0)
-            half = (float(np.cos(wall.yaw)) * width / 2, float(np.sin(wall.yaw)) * width / 2, 0.0)
-            self.windows.append(Opening((*middle, low + tall / 2), facing, half, tall / 2))
-            if kind != "bathroom" and self.chance(0.75):
-                self.draped.append((wall, left, left + width, low, low + tall))
-
-    def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
-        """Fix a piece to a wall with its lower left corner there."""
-        x, y = wall.at(left)
-        self.parts += moved(piece.parts, (x, y, low), wall.yaw)
-        wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
-
-    def stand(self, piece: Piece, x: float, y: float, yaw: float, margin: float = 0.02) -> bool:
-        """Put a piece on the floor with its own (0, 0) at (x, y), if there is room for it."""
-        width, depth, _ = piece.size
-        shift_x, shift_y = margin * np.cos(yaw) - margin * np.sin(yaw), margin * np.sin(yaw) + margin * np.cos(yaw)
-        wide = rectangle(x - shift_x, y - shift_y, width + 2 * margin, depth + 2 * margin, yaw)
-        half_x, half_y = self.size[0] / 2 - 0.015, self.size[1] / 2 - 0.015
-        inner = rectangle(x, y, width, depth, yaw)
-        if (np.abs(inner) > (half_x, half_y)).any():
-            return False
-        if any(overlap(wide, other) for other in (*self.footprints, *self.kept_free)):
-            return False
-        self.footprints.append(inner)
-        self.parts += moved(piece.parts, (x, y, 0.0), yaw)
-        if piece.surface is not None:
-            self.surfaces.append((x, y, yaw, width, depth, piece.surface))
-        return True
-
-    def against_wall(self, piece: Piece, tries: int = 30) -> tuple[Wall, float] | None:
-        """Put a piece with its back to some wall; returns the wall and where on it, None if it found no room."""
-        rng = self.rng
-        for _ in range(tries):
-            wall = self.walls[int(rng.integers(4))]
-            slack = wall.length - piece.size[0] - 0.06
-            if slack < 0:
-                continue
-            left = 0.03 + slack * float(rng.choice([0.0, 1.0, rng.random(), rng.random()]))
-            off = 0.025 + rng.choice([0.0, rng.uniform(0, 0.06)]) + (0.07 if piece.name == "bed" else 0.0)
-            if piece.name == "sofa":
-                off += 0.05
-            if not wall.free(left, left + piece.size[0], 0.0, piece.size[2]):
-                continue
-            turn = rng.uniform(-0.05, 0.05) if piece.name in ("armchair", "other", "chair") else 0.0
-            x, y = wall.at(left, off + abs(turn) * piece.size[0])
-            if self.stand(piece, x, y, wall.yaw + turn):
-                wall.taken.append((left, left + piece.size[0], 0.0, piece.size[2]))
-                return wall, left
-        return None
-
-    def in_the_open(self, piece: Piece, tries: int = 10) -> tuple[float, float, float] | None:
-        """Put a piece somewhere on the floor; returns its place and yaw, None if it found no room."""
-        rng = self.rng
-        for _ in range(tries):
-            yaw = float(rng.choice([0.0, np.pi / 2, np.pi, -np.pi / 2])) + (
-                rng.uniform(-0.3, 0.3) if self.chance(0.3) else 0.0
-            )
-            middle_x, middle_y = (rng.uniform(-0.5, 0.5) * (side - 1.2) for side in self.size[:2])
-            x = middle_x - (piece.size[0] * np.cos(yaw) - piece.size[1] * np.sin(yaw)) / 2
-            y = middle_y - (piece.size[0] * np.sin(yaw) + piece.size[1] * np.cos(yaw)) / 2
-            if self.stand(piece, x, y, yaw, margin=0.3):
-                return x, y, yaw
-        return None
-
-    def furnish(self, kind: str) -> None:
-        """The furniture of a kind of room, each piece with what goes with it, up to two fifths of the floor."""
-        rng = self.rng
-        makers: Sequence[Maker] = BIG[kind]
-        if kind == "mixed":
-            makers = [makers[i] for i in rng.permutation(len(makers))[: int(rng.integers(5, 10))]]
-        budget = 0.42 * self.size[0] * self.size[1]
-        for place, maker in enumerate(makers):
-            if kind != "mixed" and place >= 3 and self.chance(0.35):
-                continue
-            piece = maker(rng)
-            area = sum(float(np.linalg.norm(f[1] - f[0]) * np.linalg.norm(f[2] - f[1])) for f in self.footprints)
-            if area + piece.size[0] * piece.size[1] > budget:
-                continue
-            self.place(piece)
-        if self.chance(0.5):
-            self.against_wall(furniture.chair(rng))
-        if kind in ("bedroom", "living", "office", "mixed") and self.chance(0.55):
-            self.rug()
-
-    def place(self, piece: Piece) -> None:
-        """Put a piece where its kind belongs, with its companions."""
-        rng = self.rng
-        if piece.name in FREE_STANDING and self.chance(0.75):
-            found = self.in_the_open(piece)
-            if found and piece.name != "island":
-                self.chairs_around(piece, *found)
-            return
-        where = self.against_wall(piece)
-        if where is None:
-            return
-        wall, left = where
-        if piece.name == "bed" and self.chance(0.7):
-            stand = fittings.nightstand(rng) if self.chance(0.6) else furniture.side_table(rng)
-            for side in (left - stand.size[0] - 0.12, left + piece.size[0] + 0.12):
-                if (
-                    side > 0
-                    and side + stand.size[0] < wall.length
-                    and wall.free(side, side + stand.size[0], 0.0, stand.size[2])
-                ):
-                    x, y = wall.at(side, 0.03)
-                    if self.stand(stand, x, y, wall.yaw):
-                        wall.taken.append((side, side + stand.size[0], 0.0, stand.size[2]))
-        elif piece.name == "desk":
-            seat = furniture.chair(rng)
-            x, y = wall.at(
-                left + piece.size[0] / 2 + seat.size[0] / 2, piece.size[1] + 0.12 + seat.size[1] + rng.uniform(0, 0.25)
-            )
-            self.stand(seat, x, y, wall.yaw + np.pi)
-        elif piece.name == "sofa" and self.chance(0.75):
-            low = furniture.coffee_table(rng)
-            x, y = wall.at(left + (piece.size[0] - low.size[0]) / 2, piece.size[1] + rng.uniform(0.35, 0.55))
-            self.stand(low, x, y, wall.yaw)
-        elif piece.name == "bathtub" and self.chance(0.8):
-            drape = openings.shower_curtain(rng, piece.size[0] * rng.uniform(0.35, 1.0), self.size[2])
-            along = 0.0 if self.chance(0.5) else piece.size[0] - drape.size[0]
-            start, end, _, front = self.footprints[-1]
-            x, y = front + along * (end - start) / piece.size[0] + 0.01 * (front - start) / piece.size[1]
-            shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
-            if not any(overlap(shape, other) for other in self.footprints):
-                self.parts += moved(drape.parts, (x, y, 0.0), wall.yaw)
-                self.footprints.append(shape)
-
-    def chairs_around(self, table: Piece, x: float, y: float, yaw: float) -> None:
-        """Chairs of one make at the sides of a table, facing it, some a little turned."""
-        rng = self.rng
-        if table.name == "coffee table":
-            return
-        seat = furniture.chair(rng)
-        width, depth, _ = table.size
-        sides = [
-            (width * (i + 0.5) / n, end, turn)
-            for n in (max(1, int(width / 0.7)),)
-            for i in range(n)
-            for end, turn in ((depth, np.pi), (0.0, 0.0))
-        ]
-        sides += [(0.0, depth / 2, -np.pi / 2), (width, depth / 2, np.pi / 2)]
-        for along, across, turn in sides:
-            if self.chance(0.25):
-                continue
-            own = turn + rng.uniform(-0.12, 0.12)
-            gap = rng.uniform(0.06, 0.3)
-            out = np.array([np.sin(turn), -np.cos(turn)])
-            back = np.array([along, across]) + out * (seat.size[1] + gap)
-            corner = back - np.array([np.cos(own), np.sin(own)]) * seat.size[0] / 2
-            cosine, sine = np.cos(yaw), np.sin(yaw)
-            self.stand(
-                seat, x + cosine * corner[0] - sine * corner[1], y + sine * corner[0] + cosine * corner[1], yaw + own
-            )
-
-    def rug(self) -> None:
-        """A flat rug (ignored) somewhere, under whatever stands there."""
-        rng = self.rng
-        width, depth = rng.uniform(1.0, 2.4), rng.uniform(0.8, 1.8)
-        x, y = (
-            (side / 2 - 0.3 - reach / 2) * rng.uniform(-1, 1)
-            for side, reach in zip(self.size[:2], (width, depth), strict=True)
-        )
-        self.parts.append(
-            block(IGNORE, m.rug(rng), (x - width / 2, y - depth / 2, 0), (x + width / 2, y + depth / 2, 0.008))
-        )
-
-    def curtains(self) -> None:
-        """Drapes at the sides of windows, or over them."""
-        rng, height = self.rng, self.size[2]
-        for wall, left, right, low, high in self.draped:
-            cloth_seed = int(rng.integers(1 << 30))
-            bottom = rng.uniform(0.02, 0.1) if self.chance(0.6) else max(0.02, low - 0.15)
-            top = min(high + 0.12, height - 0.03)
-            share = rng.uniform(0.15, 0.5)
-            span = (right - left) * share + 0.2
-            for start in (left - 0.2, right + 0.2 - span):
-                start = min(max(start, 0.02), wall.length - span - 0.02)
-                x, y = wall.at(start)
-                shape = rectangle(x, y, span, 0.18, wall.yaw)
-                if bottom < 1.2 and any(overlap(shape, other) for other in (*self.footprints, *self.kept_free)):
-                    continue
-                drape = openings.curtain(np.random.default_rng(cloth_seed), span, bottom, top)
-                self.hang(wall, drape, start, 0.0)
-                self.footprints.append(shape)
-
-    def pictures(self) -> None:
-        """Pictures at eye height where a wall is free."""
-        rng = self.rng
-        for _ in range(int(rng.integers(1, 9))):
-            piece = openings.picture(rng)
-            wall = self.walls[int(rng.integers(4))]
-            slack = wall.length - piece.size[0] - 0.3
-            low = max(1.5 + rng.uniform(-0.15, 0.25) - piece.size[2] / 2, 0.5)
-            if slack < 0 or low + piece.size[2] > self.size[2] - 0.1:
-                continue
-            left = 0.15 + slack * rng.random()
-            if wall.free(left - 0.05, left + piece.size[0] + 0.05, low - 0.05, low + piece.size[2] + 0.05):
-                self.hang(wall, piece, left, low)
-
-    def clutter(self) -> None:
-        """Small things on tables and cabinets, and some on the floor."""
-        rng = self.rng
-        for x, y, yaw, width, depth, height in self.surfaces:
-            taken: list[tuple[float, float, float]] = []
-            for _ in range(int(rng.integers(0, 6))):
-                size = rng.uniform(0.08, 0.32)
-                thing = openings.clutter(rng, size)
-                reach = max(thing.size[0], thing.size[1])
-                if reach > min(width, depth) - 0.06:
-                    continue
-                a, b = rng.uniform(0.03, width - reach - 0.03), rng.uniform(0.03, depth - reach - 0.03)
-                if any(abs(a - c) < reach + r and abs(b - d) < reach + r for c, d, r in taken):
-                    continue
-                taken.append((a, b, reach))
-                cosine, sine = np.cos(yaw), np.sin(yaw)
-                self.parts += moved(thing.parts, (x + cosine * a - sine * b, y + sine * a + cosine * b, height), yaw)
-        for _ in range(int(rng.integers(1, 8))):
-            thing = openings.clutter(rng, rng.uniform(0.15, 0.6))
-            yaw = rng.uniform(-np.pi, np.pi)
-            x, y = (rng.uniform(-0.5, 0.5) * (side - 0.4) for side in self.size[:2])
-            self.stand(thing, x, y, yaw)
