@@ -98,13 +98,12 @@ class Builder:
         for number, wall in enumerate(zone.walls):
             cover = m.wall_paint(rng) if number == accent else paint
             parts = []
-            body = [] if wall.built else around(wall.length, 0.0, height, wall.holes)
-            for a, b, c, d in body:
-                # The ends reach into the corners, behind the faces of the neighbours.
-                ends = (a - WALL if a == 0.0 else a, b + WALL if b == wall.length else b)
-                parts.append(block(own, cover, (ends[0], -WALL, c), (ends[1], 0, d)))
-            if wall.built:
-                parts.append(block(own, cover, (0, -0.02, 0), (wall.length, 0, height)))
+            for a, b, c, d in around(wall.length, 0.0, height, wall.holes):
+                if wall.built:
+                    parts.append(block(own, cover, (a, -0.02, c), (b, 0, d)))
+                else:  # the ends reach into the corners, behind the faces of the neighbours
+                    ends = (a - WALL if a == 0.0 else a, b + WALL if b == wall.length else b)
+                    parts.append(block(own, cover, (ends[0], -WALL, c), (ends[1], 0, d)))
             if lower is not None:
                 parts += [
                     block(own, lower, (a, 0, c), (b, 0.006, d))

@@ -7,7 +7,7 @@ from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
 from semgs.rooms import materials as m
-from semgs.rooms import openings
+from semgs.rooms import openings, things
 from semgs.rooms.builder import Builder, snug
 from semgs.rooms.footprints import Span, Wall, rectangle
 from semgs.rooms.outlines import Zone
@@ -109,7 +109,7 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
         for place in rng.uniform(-0.3, 0.3, (2, 2)) * (np.array(zone.high) - zone.low) + (x, y):
             builder.lamps.append(Lamp((float(place[0]), float(place[1]), height - 0.12), float(rng.uniform(0.8, 2.0))))
     if zone.kind in ("living", "bedroom", "study", "mixed") and builder.chance(0.35):
-        piece = snug(openings.floor_lamp(rng, lit))
+        piece = snug(things.floor_lamp(rng, lit))
         place_ = builder.against_wall(zone, piece, corner=0.8)
         if place_ is not None and lit:
             wall, left = place_
@@ -128,7 +128,7 @@ def clutter(builder: Builder, zone: Zone) -> None:
         top = builder.surfaces.pop()
         taken = list(top.blocked)
         for _ in range(int(rng.integers(0, 8))):
-            thing = snug(openings.clutter(rng, rng.uniform(0.08, 0.32)))
+            thing = snug(things.clutter(rng, rng.uniform(0.08, 0.32)))
             wide, deep = thing.size[0], thing.size[1]
             if wide > top.width - 0.08 or deep > top.depth - 0.08:
                 continue
@@ -141,7 +141,7 @@ def clutter(builder: Builder, zone: Zone) -> None:
             builder.add(moved(thing.parts, place, top.yaw))
     low, high = np.array(zone.low) + 0.2, np.array(zone.high) - 0.2
     for _ in range(int(rng.integers(1, 9))):
-        thing = snug(openings.clutter(rng, rng.uniform(0.15, 0.6)))
+        thing = snug(things.clutter(rng, rng.uniform(0.15, 0.6)))
         x, y = rng.uniform(low, high)
         if builder.chance(0.5):
             builder.against_wall(zone, thing, tries=3)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semgs.rooms import dressing, fittings, furniture, openings
+from semgs.rooms import dressing, fittings, furniture, openings, things
 from semgs.rooms.builder import Builder, snug
 from semgs.rooms.footprints import Wall, rectangle
 from semgs.rooms.furniture import Maker
@@ -25,14 +25,14 @@ BIG: dict[str, tuple[Maker, ...]] = {
     "hallway": (fittings.cabinet, fittings.other, furniture.side_table, fittings.bookshelf, furniture.chair),
     "mixed": (
         furniture.bed, furniture.sofa, furniture.desk, furniture.dining_table, fittings.bookshelf, fittings.cabinet, fittings.counter,
-        fittings.island, fittings.refrigerator, fittings.toilet, fittings.washbasin, fittings.bathtub, fittings.other, furniture.armchair,
+        fittings.island, fittings.refrigerator, fittings.other, furniture.armchair,
     ),
 }  # fmt: skip
-"""What each kind of room is furnished with, most important first; of `mixed` (a studio, a show room), a random choice."""
+"""What each kind of room is furnished with, most important first; of `mixed` (a studio), a random choice."""
 
 SHARES = {
-    "bedroom": 0.14, "living": 0.15, "kitchen": 0.17, "dining": 0.06, "bathroom": 0.18, "office": 0.08, "study": 0.06,
-    "hallway": 0.03, "mixed": 0.13,
+    "bedroom": 0.15, "living": 0.15, "kitchen": 0.16, "dining": 0.06, "bathroom": 0.23, "office": 0.08, "study": 0.05,
+    "hallway": 0.03, "mixed": 0.09,
 }  # fmt: skip
 """How often each kind of room is drawn; classes that fill few pixels decide it."""
 
@@ -51,7 +51,7 @@ def draw_home(rng: np.random.Generator) -> Plan:
     evening = builder.chance(0.3)
     light = rng.uniform(0.01, 0.08) if evening else float(np.exp(rng.uniform(np.log(0.2), np.log(1.8))))
     if outline.passage is not None:
-        _open_door(builder, outline)
+        open_door(builder, outline)
     for zone in outline.zones:
         _doors(builder, zone)
         _windows(builder, zone, light)
@@ -90,7 +90,7 @@ def _outline(rng: np.random.Generator) -> Outline:
     return rectangular(kind, size)
 
 
-def _open_door(builder: Builder, outline: Outline) -> None:
+def open_door(builder: Builder, outline: Outline) -> None:
     """The opening between two rooms, with its lining and most often a leaf that stands open in one of them."""
     rng = builder.rng
     assert outline.passage is not None
@@ -285,7 +285,7 @@ def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa
             other = opposite[int(rng.integers(len(opposite)))]
             bench = snug(fittings.sideboard(rng))
             start = (other.length - bench.size[0]) * rng.uniform(0.2, 0.8)
-            screen = openings.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
+            screen = things.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
             if bench.surface is not None and builder.beside_wall(other, bench, start):
                 builder.surfaces.pop()
                 x, y = other.at(start + (bench.size[0] - screen.size[0]) / 2, 0.1)

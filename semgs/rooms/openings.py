@@ -1,4 +1,4 @@
-"""What belongs to walls: doors, windows, curtains, pictures; and what lies about: clutter.
+"""What belongs to walls: doors, windows, curtains, radiators, mirrors, pictures.
 
 Pieces for walls have y = 0 on the wall's face and stand with z = 0 on the floor, unless said otherwise.
 """
@@ -11,7 +11,7 @@ from semgs.data.classes import IGNORE
 from semgs.rooms import materials as m
 from semgs.rooms.furniture import LABEL
 from semgs.rooms.materials import Row
-from semgs.rooms.solids import BALL, CYLINDER, Part, Piece, block
+from semgs.rooms.solids import Part, Piece, block
 from semgs.rooms.texture_kernels import TILES
 
 
@@ -103,31 +103,6 @@ def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
     return Piece("mirror", (width, 0.024, height), tuple(parts))
 
 
-def television(rng: np.random.Generator, width: float) -> Piece:
-    """A dark screen on a foot; without a class."""
-    dark = m.row(rng, a=m.colour(rng, saturation=(0, 0.2), value=(0.02, 0.1)), gloss=0.6, fine=0.0)
-    height = width * 0.58
-    parts = [
-        block(IGNORE, dark, (0, 0.08, 0.06), (width, 0.12, height + 0.06)),
-        block(IGNORE, dark, (width * 0.3, 0.02, 0), (width * 0.7, 0.2, 0.02)),
-        block(IGNORE, dark, (width * 0.46, 0.09, 0), (width * 0.54, 0.11, 0.1)),
-    ]
-    return Piece("television", (width, 0.2, height + 0.06), tuple(parts))
-
-
-def floor_lamp(rng: np.random.Generator, lit: bool) -> Piece:
-    """A foot, a pole and a shade that shines if it is on; without a class."""
-    tall, reach, steel = rng.uniform(1.35, 1.7), rng.uniform(0.13, 0.2), m.metal(rng)
-    shade = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=1.5 if lit else 0.0)
-    x = reach
-    parts = [
-        block(IGNORE, steel, (x - 0.12, x - 0.12, 0), (x + 0.12, x + 0.12, 0.03), CYLINDER),
-        block(IGNORE, steel, (x - 0.012, x - 0.012, 0), (x + 0.012, x + 0.012, tall), CYLINDER),
-        block(IGNORE, shade, (0, 0, tall - 0.28), (2 * reach, 2 * reach, tall), CYLINDER),
-    ]
-    return Piece("floor lamp", (2 * reach, 2 * reach, tall), tuple(parts))
-
-
 def window(rng: np.random.Generator, width: float, height: float, light: float, blind: float = 0.0) -> Piece:
     """Frame, mullions, panes that shine with the day outside, a sill, a blind over that share; z = 0 is its lower edge."""
     own = LABEL["window"]
@@ -206,56 +181,3 @@ def picture(rng: np.random.Generator) -> Piece:
         bar += mount
     parts.append(block(own, art, (bar, 0, bar), (width - bar, 0.016, height - bar)))
     return Piece("picture", (width, 0.03, height), tuple(parts))
-
-
-def clutter(rng: np.random.Generator, size: float) -> Piece:
-    """Some small thing of about that size [m] on a floor or a table: a box, a pile of books, a cup, a vase, a plant."""
-    look = int(rng.integers(6))
-    width, depth, height = (size * rng.uniform(0.5, 1.0) for _ in range(3))
-    if look == 0:
-        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, depth, height))]
-    elif look == 1:
-        height, parts = 0.0, []
-        for _ in range(int(rng.integers(1, 5))):
-            thick = size * rng.uniform(0.08, 0.2)
-            parts.append(
-                block(IGNORE, m.thing(rng), (0, 0, height), (width, depth, height + thick), yaw=rng.uniform(-0.3, 0.3))
-            )
-            height += thick
-    elif look == 2:
-        depth = width
-        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), CYLINDER)]
-    elif look == 3:
-        depth = width = size * 0.6
-        height = size * rng.uniform(1.0, 1.6)
-        parts = [
-            block(
-                IGNORE,
-                m.ceramic(rng),
-                (0.2 * width, 0.2 * width, 0),
-                (0.8 * width, 0.8 * width, height * 0.35),
-                CYLINDER,
-            )
-        ]
-        leaf = m.colour(rng, m.GREEN_HUES, (0.3, 0.8), (0.15, 0.6))
-        green = m.row(rng, a=leaf, fine=0.4, fine_scale=size * 0.05, blotch=0.4, blotch_scale=size * 0.15)
-        for _ in range(5):
-            x, y, z = width * rng.uniform(0.3, 0.7), width * rng.uniform(0.3, 0.7), height * rng.uniform(0.5, 0.85)
-            half = size * rng.uniform(0.12, 0.22)
-            parts.append(block(IGNORE, green, (x - half, y - half, z - half), (x + half, y + half, z + half), BALL))
-    elif look == 4:
-        depth = width
-        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), BALL)]
-    else:
-        depth = width = size * 0.7
-        height = size * 1.3
-        middle, shade = (
-            width / 2,
-            m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=rng.choice([0.0, 1.2])),
-        )
-        parts = [
-            block(IGNORE, m.thing(rng), (middle * 0.6, middle * 0.6, 0), (middle * 1.4, middle * 1.4, height * 0.12), CYLINDER),
-            block(IGNORE, m.metal(rng), (middle * 0.9, middle * 0.9, 0), (middle * 1.1, middle * 1.1, height * 0.6), CYLINDER),
-            block(IGNORE, shade, (0, 0, height * 0.6), (width, width, height), CYLINDER),
-        ]  # fmt: skip
-    return Piece("clutter", (width, depth, height), tuple(parts))

@@ -5,8 +5,11 @@ import pytest
 
 pytest.importorskip("embreex")
 
+from semgs.data.raycast import Raycaster
+from semgs.rooms.builder import Builder
 from semgs.rooms.footprints import around, overlap, rectangle
-from semgs.rooms.home import SHARES, draw_home
+from semgs.rooms.home import SHARES, draw_home, open_door
+from semgs.rooms.outlines import PARTITION, two_rooms
 from semgs.rooms.solids import BALL, BOX, CUSHION, CYLINDER, Part, gather, triangulate
 
 
@@ -73,3 +76,22 @@ def test_parts_are_tilted_about_their_own_x_axis_before_they_are_turned():
     np.testing.assert_allclose(rotation @ (1, 0, 0), (0, 1, 0), atol=1e-12)
     np.testing.assert_allclose(rotation @ (0, 0, 1), (np.sin(0.3), 0, np.cos(0.3)), atol=1e-12)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+
+
+def test_two_rooms_are_joined_by_an_opening_that_one_can_see_through():
+    """A ray through the middle of the opening, at shoulder height, goes from one room into the other; one beside it does not."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        outline = two_rooms(rng, ("living", "dining"), (7.0, 3.5, 2.5))
+        builder = Builder(rng, outline)
+        open_door(builder, outline)
+        for zone in outline.zones:
+            builder.shell(zone, wet=False)
+        corners, _ = triangulate(gather(builder.parts))
+        caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        wall, middle = outline.passage[0]
+        x, y = wall.at(middle)
+        starts = np.array([[x - 0.4, y, 1.4], [x - 0.4, y - middle + 0.05, 1.4]])
+        _, distances = caster.cast(starts, np.broadcast_to([1.0, 0.0, 0.0], (2, 3)))
+        assert distances[0] > 0.4 + PARTITION + 0.5
+        assert distances[1] < 0.4 + 0.01
