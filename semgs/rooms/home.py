@@ -211,7 +211,7 @@ def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
         glass = openings.mirror(builder.rng, wide, builder.rng.uniform(0.5, 0.8))
         start = left + (piece.size[0] - wide) / 2
         if (
-            start > 0.02
+            0.02 < start < wall.length - wide - 0.02
             and wall.free(start, start + wide, low, low + glass.size[2])
             and low + glass.size[2] < builder.size[2] - 0.1
         ):
@@ -303,7 +303,7 @@ def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
     start, end, _, front = builder.footprints[-1]
     x, y = front + along * (end - start) / tub.size[0] + 0.01 * (front - start) / tub.size[1]
     shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
-    if builder.fits(shape, ignore_free=True):
+    if builder.fits(shape):
         builder.add(moved(drape.parts, (float(x), float(y), 0.0), wall.yaw))
         builder.footprints.append(shape)
 
