@@ -31,7 +31,7 @@ BIG: dict[str, tuple[Maker, ...]] = {
 """What each kind of room is furnished with, most important first; of `mixed` (a studio), a random choice."""
 
 SHARES = {
-    "bedroom": 0.15, "living": 0.15, "kitchen": 0.16, "dining": 0.06, "bathroom": 0.23, "office": 0.08, "study": 0.05,
+    "bedroom": 0.19, "living": 0.14, "kitchen": 0.15, "dining": 0.06, "bathroom": 0.23, "office": 0.06, "study": 0.05,
     "hallway": 0.03, "mixed": 0.09,
 }  # fmt: skip
 """How often each kind of room is drawn; classes that fill few pixels decide it."""
@@ -133,7 +133,7 @@ def _doors(builder: Builder, zone: Zone) -> None:
 def _windows(builder: Builder, zone: Zone, light: float) -> None:
     """Up to three windows in outer walls, set into them; blinds, curtains beside or over them, a radiator below."""
     rng, height, bath = builder.rng, builder.size[2], zone.kind == "bathroom"
-    count = {"bathroom": (0, 1, 1), "hallway": (0, 0, 1)}.get(zone.kind, (0, 1, 1, 2, 2, 3))
+    count = {"bathroom": (0, 1, 1), "hallway": (0, 0, 1)}.get(zone.kind, (0, 1, 1, 2, 2, 3, 3))
     sill = float(rng.choice([0.1, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.1)])) if not bath else rng.uniform(1.1, 1.4)
     top = min(rng.uniform(1.9, 2.4), height - 0.15)
     shaded, draped = builder.chance(0.3), not bath and builder.chance(0.75)

@@ -141,7 +141,7 @@ class RoomSamples(Dataset):
         style: Style = "home",
     ) -> None:
         self.seed, self.size, self.length, self.group, self.style = seed, size, length, group, style
-        self.contexts, self.targets = _range(contexts), _range(targets)
+        self.contexts, self.targets = ranged(contexts), ranged(targets)
         if length < 1 or group < 1:
             raise ValueError(f"length is {length} and group {group}; expected positive numbers")
         for name, (low, high) in (("contexts", self.contexts), ("targets", self.targets)):
@@ -173,5 +173,6 @@ class RoomSamples(Dataset):
         return contexts, targets
 
 
-def _range(count: Count) -> tuple[int, int]:
+def ranged(count: Count) -> tuple[int, int]:
+    """Lowest and highest value."""
     return (count, count) if isinstance(count, int) else count

@@ -14,7 +14,7 @@ from semgs.rooms.stream import sample
 
 
 def test_plain_rooms_are_boxes_that_stand_apart_inside_the_room():
-    for seed in range(30):
+    for seed in range(10):
         plan = draw_plain(np.random.default_rng(seed))
         assert {part.shape for part in plan.parts} == {BOX}
         for one, other in itertools.combinations(plan.footprints, 2):
@@ -24,8 +24,8 @@ def test_plain_rooms_are_boxes_that_stand_apart_inside_the_room():
 
 
 def test_plain_rooms_show_the_first_thirteen_classes_and_no_other():
-    views = [sample(4, k, size=(24, 32), contexts=1, targets=1, style="plain") for k in range(60)]
-    labels = torch.cat([each.labels.flatten() for pair in views for each in pair])
+    views = [sample(4, k, size=(24, 32), contexts=1, targets=0, style="plain")[0] for k in range(40)]
+    labels = torch.cat([each.labels.flatten() for each in views])
     assert set(labels.unique().tolist()) == {*range(13), IGNORE}
 
 
