@@ -104,10 +104,8 @@ class Evaluate:
         with show_stage("Loading"):
             method, subject = self._method(plan, classes, device)
         with own_folder(self.out, self.overwrite) as folder:
-            with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as advance:
-                rows = evaluate(
-                    plan, method, folder, save=self.predictions is None, workers=self.workers, advance=advance
-                )
+            with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
+                rows = evaluate(plan, method, folder, save=self.predictions is None, workers=self.workers, done=done)
             evaluation = Evaluation(
                 subject=subject,
                 data=str(self.data),

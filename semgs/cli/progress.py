@@ -1,4 +1,4 @@
-"""Progress of long work: on a terminal's stderr a spinner, and a line for each stage that is done; elsewhere silence."""
+"""Progress of long work on a terminal's stderr, elsewhere silence: a spinner and a line for each stage, or a bar with the time left."""
 
 from __future__ import annotations
 
@@ -27,19 +27,27 @@ def show_stage(title: str) -> Iterator[None]:
 
 
 @contextmanager
-def show_progress(title: str, count: int) -> Iterator[Callable[[], None]]:
-    """Show how many of `count` parts of a work are done and how long the rest will take.
+def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show how much of a long work is done and how long the rest will take; the yielded function is told how much is done.
 
-    Yields:
-        What is to be called after each part. Where stderr is no terminal, nothing is shown.
+    Where stderr is no terminal it is kept for what went wrong.
     """
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:
-        yield lambda: None
+        yield lambda count: None
         return
     start = perf_counter()
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TextColumn("time left"), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(title, total=count)
-        yield lambda: progress.advance(task)
+        task = progress.add_task(title, total=total)
+        begun = False
+
+        def done(count: int) -> None:
+            nonlocal begun
+            if not begun:  # what an earlier run left says nothing about speed
+                begun = True
+                progress.reset(task, completed=count)
+            progress.update(task, completed=count)
+
+        yield done
     console.print(f"{title}  {perf_counter() - start:.1f} s", style="dim", soft_wrap=True)

@@ -13,6 +13,7 @@ from torch.utils.data import DataLoader, Dataset
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import joined
 from semgs.data.views import Views, resized
+from semgs.data.workers import settle_worker
 from semgs.evaluation.baselines import copied, majority, warped
 from semgs.evaluation.plan import Plan, Task
 from semgs.evaluation.predictions import Inputs, Method, Prediction, write_maps, write_prediction
@@ -20,7 +21,6 @@ from semgs.evaluation.protocols import nearest_first
 from semgs.evaluation.scores import FrameScores, score
 from semgs.evaluation.similarity import perceptual_distance
 from semgs.files.errors import InputError
-from semgs.training.batches import settle_worker
 
 PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""
@@ -54,7 +54,7 @@ def evaluate(
     *,
     save: bool = True,
     workers: int = 0,
-    advance: Callable[[], object] = lambda: None,
+    done: Callable[[int], object] = lambda count: None,
 ) -> list[Rows]:
     """Score a method and the trivial rows on every target of a plan.
 
@@ -64,7 +64,7 @@ def evaluate(
         folder: existing; true labels are written to `truth/` in it and, with `save`, predictions to `predictions/`.
         save: write what the method says.
         workers: processes that evaluate targets side by side, each on one thread; 0 uses this process and its threads.
-        advance: called after each target, in order.
+        done: told after each target how many there have been.
 
     Raises:
         InputError: a frame or prediction cannot be used.
@@ -83,7 +83,7 @@ def evaluate(
         if isinstance(one, Exception):
             raise one
         judged.append(one)
-        advance()
+        done(len(judged))
     return [_rows(views, [one for one in judged if len(one.method.contexts) == views]) for views in plan.views]
 
 

@@ -26,6 +26,7 @@ class InputError(ValueError):
         self.expected = expected
         self.found = found
         self.advice = advice
+        self.advice = advice
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"
         super().__init__(" ".join((f"{message}; {advice}" if advice else message).split()))

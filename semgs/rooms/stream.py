@@ -1,4 +1,4 @@
-"""An endless stream of labelled views of plain rooms, each a pure function of (seed, index).
+"""An endless stream of labelled views of rooms, each a pure function of (seed, index).
 
 Streams of different seeds have nothing in common: rooms, ways and cameras are drawn from a hash of (seed, index). So
 training and validation differ by their seeds alone; neither may use the other's.
@@ -17,8 +17,9 @@ from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.geometry.cameras import Cameras
 from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
-from semgs.rooms.plain import Room, build_room
+from semgs.rooms.room import Room, build_room
 from semgs.rooms.shading import photograph
+from semgs.rooms.style import Style
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
@@ -27,7 +28,9 @@ Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
 
 
-def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targets: int) -> tuple[Views, Views]:
+def sample(
+    seed: int, index: int, *, size: tuple[int, int], contexts: int, targets: int, style: Style = "home"
+) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 
     Contexts are one to four steps of a hand-held camera apart, fewer where neighbours would share less than 60 to 90 % of
@@ -39,6 +42,7 @@ def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targe
         size: image (height, width) [px].
         contexts: number of context views, at least 1.
         targets: number of target views, may be 0.
+        style: the world that the room is of.
 
     Raises:
         ValueError: a count or a side is too small, or seed or index is negative.
@@ -50,7 +54,7 @@ def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targe
             "of targets and positive sides"
         )
     rng = generator(seed, index)
-    room = build_room(rng)
+    room = build_room(rng, style)
     intrinsics = draw_intrinsics(rng, size)
     span = (contexts - 1) / 2
     gap = float(rng.integers(1, 5))
@@ -120,16 +124,24 @@ class RoomSamples(Dataset):
         length: number of samples.
         group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
             size of a batch that is filled in order.
+        style: the world that the rooms are of.
 
     Raises:
         ValueError: a range is empty, or length or group is not positive.
     """
 
     def __init__(
-        self, seed: int, size: tuple[int, int], contexts: Count, targets: Count, length: int, group: int = 1
+        self,
+        seed: int,
+        size: tuple[int, int],
+        contexts: Count,
+        targets: Count,
+        length: int,
+        group: int = 1,
+        style: Style = "home",
     ) -> None:
-        self.seed, self.size, self.length, self.group = seed, size, length, group
-        self.contexts, self.targets = _range(contexts), _range(targets)
+        self.seed, self.size, self.length, self.group, self.style = seed, size, length, group, style
+        self.contexts, self.targets = ranged(contexts), ranged(targets)
         if length < 1 or group < 1:
             raise ValueError(f"length is {length} and group {group}; expected positive numbers")
         for name, (low, high) in (("contexts", self.contexts), ("targets", self.targets)):
@@ -146,7 +158,7 @@ class RoomSamples(Dataset):
             IndexError: k is not in 0 .. length - 1.
         """
         contexts, targets = self.counts(k)
-        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets)
+        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets, style=self.style)
 
     def counts(self, k: int) -> tuple[int, int]:
         """How many context and target views sample k has.
@@ -161,5 +173,6 @@ class RoomSamples(Dataset):
         return contexts, targets
 
 
-def _range(count: Count) -> tuple[int, int]:
+def ranged(count: Count) -> tuple[int, int]:
+    """Lowest and highest value."""
     return (count, count) if isinstance(count, int) else count

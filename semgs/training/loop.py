@@ -4,6 +4,7 @@
     RUN/log.jsonl              losses, speed and validations, a JSON object a line
     RUN/validation/*.png       strips of pictures: image, truth, classes, truth, depth, truth
     RUN/checkpoints/*          the last three whole states
+    RUN/rooms/*                scenes that serve several samples, where the settings say so
 
 A run is started, resumed and extended in time by the same call. Step k sees batch k of its seed, and batches are pure
 functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
@@ -87,7 +88,7 @@ def train(
     model = load(settings.model, settings.weights, seed=settings.seed).to(device)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     resume(state, out, console)
-    batches = training_batches(settings, state.step, workers)
+    batches = training_batches(settings, state.step, workers, out / "rooms")
     return fit(
         state, settings, out, batches, validation_batches(settings),
         minutes=minutes, save_minutes=save_minutes, console=console,

@@ -193,8 +193,8 @@ def test_two_workers_give_the_same_numbers(plan: Plan, tmp_path: Path):
 
 def test_progress_is_told_after_every_target_and_a_broken_file_ends_the_work(plan: Plan, tmp_path: Path):
     told: list[int] = []
-    evaluate(plan, Oracle(), tmp_path, save=False, advance=lambda: told.append(1))
-    assert len(told) == len(plan.tasks)
+    evaluate(plan, Oracle(), tmp_path, save=False, done=told.append)
+    assert told == list(range(1, len(plan.tasks) + 1))
     picture = plan.tasks[3].scene.frames[2].picture_path
     picture.write_bytes(picture.read_bytes()[:200])
     with pytest.raises(InputError, match=r"hall.*images.*002\.png"):

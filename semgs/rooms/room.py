@@ -1,0 +1,131 @@
+"""Rooms from a seed, in the form that rays need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from semgs.data.raycast import Raycaster
+from semgs.rooms import shading_kernels as kernels
+from semgs.rooms.home import draw_home
+from semgs.rooms.lighting import draw_lights
+from semgs.rooms.plain import draw_plain
+from semgs.rooms.plans import WALL, Plan
+from semgs.rooms.solids import Solids, gather, triangulate
+from semgs.rooms.style import Style
+
+FIELD_STEP = 0.1
+"""Spacing of the distance field's nodes [m]."""
+FLAT = 0.02
+"""What ends below this height is ground to stand on [m]."""
+FIELD_REACH = 0.7
+"""Distances are exact up to here and cut off there [m]."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room that can be looked at.
+
+    Attributes:
+        plan: what stands where.
+        solids: its parts as arrays.
+        owners: the part of each triangle.
+        planes: unit normal and offset of each triangle's plane (n . x = offset).
+        caster: its triangles.
+        field: distance of grid nodes to the nearest solid, at most `FIELD_REACH` [m].
+        space: the same without the floor and what lies flat on it.
+        corner: where the grid starts [m].
+        shifts: moves the texture of each part.
+        lights: rows for the shading kernels.
+        ambient: light from everywhere, linear RGB.
+        darkening: how much of the ambient light goes missing in corners, 0..1.
+    """
+
+    plan: Plan
+    solids: Solids
+    owners: Int64[np.ndarray, " t"]
+    planes: Float64[np.ndarray, "t 4"]
+    caster: Raycaster
+    field: Float64[np.ndarray, "x y z"]
+    space: Float64[np.ndarray, "x y z"]
+    corner: Float64[np.ndarray, 3]
+    shifts: Float64[np.ndarray, " p"]
+    lights: Float64[np.ndarray, "l 16"]
+    ambient: Float64[np.ndarray, 3]
+    darkening: float
+
+    def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
+        """Distance of places in the room to the nearest solid but the floor, at most `FIELD_REACH` [m]."""
+        result = np.empty(len(places))
+        kernels.clearances(self.space, self.corner, FIELD_STEP, places, result)
+        return result
+
+    def inside(self, places: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Whether places are between the walls."""
+        half = np.array([self.plan.size[0] / 2, self.plan.size[1] / 2, self.plan.size[2] / 2])
+        return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
+
+
+def build_room(rng: np.random.Generator, style: Style = "home") -> Room:
+    """A random furnished room with its light.
+
+    Raises:
+        ImportError: embreex is not installed; names the extra that brings it.
+    """
+    plan = draw_plain(rng) if style == "plain" else draw_home(rng)
+    solids = gather(plan.parts)
+    corners, owners = triangulate(solids)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
+    caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    ground = _tops(solids) < FLAT
+    space, corner = _distance_field(plan, solids, ~ground)
+    field = space.copy()
+    _lower(field, corner, solids, ground)
+    lights, ambient = draw_lights(rng, plan)
+    return Room(
+        plan,
+        solids,
+        owners,
+        planes,
+        caster,
+        field,
+        space,
+        corner,
+        shifts=rng.uniform(0, 50, len(plan.parts)),
+        lights=lights,
+        ambient=ambient,
+        darkening=float(rng.uniform(0.45, 0.85)),
+    )
+
+
+def _tops(solids: Solids) -> Float64[np.ndarray, " p"]:
+    """Height of the upper end of the boxes around the parts [m]."""
+    return solids.centres[:, 2] + (np.abs(solids.rotations[:, 2]) * solids.sizes / 2).sum(-1)
+
+
+def _distance_field(
+    plan: Plan, solids: Solids, which: Bool[np.ndarray, " p"]
+) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
+    """Distance to the nearest of some solids on a grid that reaches half way into walls, floor and ceiling."""
+    size = np.array(plan.size)
+    corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
+    nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
+    field = np.full(tuple(nodes), FIELD_REACH)
+    _lower(field, corner, solids, which)
+    return field, corner
+
+
+def _lower(
+    field: Float64[np.ndarray, "x y z"],
+    corner: Float64[np.ndarray, 3],
+    solids: Solids,
+    which: Bool[np.ndarray, " p"],
+) -> None:
+    """Lower a distance field to the distance from some solids."""
+    kernels.distance_field(
+        field, corner, FIELD_STEP, FIELD_REACH, solids.rotations[which], solids.centres[which], solids.sizes[which]
+    )
