@@ -116,6 +116,14 @@ class Builder:
                 ]
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
+    def fill(self) -> None:
+        """Make solid what is built in from floor to ceiling, a little inside its faces: nobody stands in there."""
+        grey = m.row(self.rng)
+        for corners in self.outline.built:
+            (left, front), (right, back) = corners.min(axis=0) + 0.01, corners.max(axis=0) - 0.01
+            low, high = (float(left), float(front), 0.0), (float(right), float(back), self.size[2])
+            self.parts.append(block(LABEL["wall"], grey, low, high))
+
     def hang(self, wall: Wall, piece: Piece, left: float, low: float, recess: float = 0.0) -> None:
         """Fix a piece to a wall with its lower left corner there, `recess` behind the wall's face."""
         self.add(moved(piece.parts, (*wall.at(left, -recess), low), wall.yaw))

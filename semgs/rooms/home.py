@@ -57,6 +57,8 @@ def draw_home(rng: np.random.Generator) -> Plan:
         _windows(builder, zone, light)
     for zone in outline.zones:
         builder.shell(zone, zone.kind in WET)
+    if outline.passage is None:  # a partition is a wall of its own, with a hole
+        builder.fill()
     for zone in outline.zones:
         _furnish(builder, zone)
         dressing.pictures(builder, zone)
