@@ -9,13 +9,21 @@ from jaxtyping import Bool, Float64, Int64
 
 from semgs.data.raycast import Raycaster
 from semgs.rooms import shading_kernels as kernels
-from semgs.rooms.plans import WALL, Plan, draw_plan
-from semgs.rooms.solids import Solids, gather, triangulate
+from semgs.rooms import shell_kernels
+from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.pictures import Pack
+from semgs.rooms.plans import WALL, Plan
+from semgs.rooms.shells import ShellTriangles, place_shells
+from semgs.rooms.solids import SHELL, Solids, gather, triangulate
+from semgs.rooms.styles import Style, furnish
 
 FIELD_STEP = 0.1
 """Spacing of the distance field's nodes [m]."""
 FIELD_REACH = 0.7
 """Distances are exact up to here and cut off there [m]."""
+
+SCATTER = 0.05
+"""Spacing of the points of shells from which distances are taken [m]."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,9 @@ class Room:
         lights: rows for the shading kernels.
         ambient: light from everywhere, linear RGB.
         darkening: how much of the ambient light goes missing in corners, 0..1.
+        shells: the triangles that are not of solids, the last ones of all.
+        pictures: what materials of kind PICTURE show.
+        files: of the assets that are in it.
     """
 
     plan: Plan
@@ -47,6 +58,9 @@ class Room:
     lights: Float64[np.ndarray, "l 16"]
     ambient: Float64[np.ndarray, 3]
     darkening: float
+    shells: ShellTriangles
+    pictures: Pack
+    files: tuple[str, ...] = ()
 
     def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """Distance of places in the room to the nearest solid, at most `FIELD_REACH` [m]."""
@@ -60,20 +74,30 @@ class Room:
         return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
 
 
-def build_room(rng: np.random.Generator) -> Room:
+def build_room(rng: np.random.Generator, library: Library | None = None, style: Style = "home") -> Room:
     """A random furnished room with its light.
 
+    Args:
+        rng: draws it. Without a library a home takes the same numbers as it always did.
+        library: meshes and pictures, of the split that suits the purpose; None is none.
+        style: "home", or "other", the world that is held out.
+
     Raises:
+        ValueError: there is no such style.
+        InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
-    plan = draw_plan(rng)
+    plan, gallery = furnish(rng, library, style)
     solids = gather(plan.parts)
     corners, owners = triangulate(solids)
+    placed = [(number, part.shell) for number, part in enumerate(plan.parts) if part.shell is not None]
+    shells = place_shells(placed, solids.rotations, solids.centres, len(corners))
+    corners, owners = np.concatenate((corners, shells.corners)), np.concatenate((owners, shells.owners))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
     planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
     caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    field, corner = _distance_field(plan, solids)
+    field, corner = _distance_field(plan, solids, shells)
     lights, ambient = _lighting(rng, plan)
     return Room(
         plan,
@@ -87,16 +111,27 @@ def build_room(rng: np.random.Generator) -> Room:
         lights=lights,
         ambient=ambient,
         darkening=float(rng.uniform(0.45, 0.85)),
+        shells=shells,
+        pictures=gallery.pack(),
+        files=gallery.files,
     )
 
 
-def _distance_field(plan: Plan, solids: Solids) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
+def _distance_field(
+    plan: Plan, solids: Solids, shells: ShellTriangles
+) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
     """Distance to the nearest solid on a grid that reaches half way into walls, floor and ceiling."""
     size = np.array(plan.size)
     corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
     nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
     field = np.full(tuple(nodes), FIELD_REACH)
-    kernels.distance_field(field, corner, FIELD_STEP, FIELD_REACH, solids.rotations, solids.centres, solids.sizes)
+    whole = solids.shapes != SHELL
+    kernels.distance_field(
+        field, corner, FIELD_STEP, FIELD_REACH, solids.rotations[whole], solids.centres[whole], solids.sizes[whole]
+    )
+    if len(shells.corners):
+        points = shell_kernels.scatter(shells.corners, SCATTER)
+        shell_kernels.distance_to_points(field, corner, FIELD_STEP, FIELD_REACH, points)
     return field, corner
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,14 +66,14 @@ class Plan:
     footprints: tuple[Float64[np.ndarray, "4 2"], ...]
 
 
-def draw_plan(rng: np.random.Generator) -> Plan:
-    """A random room with its furniture."""
+def draw_plan(rng: np.random.Generator, swap: Callable[[Piece], Piece] | None = None) -> Plan:
+    """A random room with its furniture; `swap` may exchange each piece for another of the same footprint."""
     kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     small = kind == "bathroom"
     length = rng.uniform(2.5, 4.2) if small else rng.uniform(3.0, 7.0)
     width = rng.uniform(2.5, 3.6) if small else rng.uniform(2.8, min(6.0, 34 / length))
     height = rng.uniform(2.3, 3.2)
-    builder = _Builder(rng, (length, width, height))
+    builder = _Builder(rng, (length, width, height), swap)
     builder.shell(wet=kind in ("bathroom", "kitchen"))
     builder.doors_and_windows(kind)
     builder.furnish(kind)
@@ -86,8 +86,11 @@ def draw_plan(rng: np.random.Generator) -> Plan:
 class _Builder:
     """A room that is being furnished."""
 
-    def __init__(self, rng: np.random.Generator, size: tuple[float, float, float]) -> None:
+    def __init__(
+        self, rng: np.random.Generator, size: tuple[float, float, float], swap: Callable[[Piece], Piece] | None = None
+    ) -> None:
         self.rng = rng
+        self.swap = swap
         self.size = size
         self.parts: list[Part] = []
         self.footprints: list[Float64[np.ndarray, "4 2"]] = []
@@ -179,6 +182,7 @@ class _Builder:
     def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
         """Fix a piece to a wall with its lower left corner there."""
         x, y = wall.at(left)
+        piece = piece if self.swap is None else self.swap(piece)
         self.parts += moved(piece.parts, (x, y, low), wall.yaw)
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
 
@@ -194,6 +198,7 @@ class _Builder:
         if any(overlap(wide, other) for other in (*self.footprints, *self.kept_free)):
             return False
         self.footprints.append(inner)
+        piece = piece if self.swap is None else self.swap(piece)
         self.parts += moved(piece.parts, (x, y, 0.0), yaw)
         if piece.surface is not None:
             self.surfaces.append((x, y, yaw, width, depth, piece.surface))
@@ -294,6 +299,7 @@ class _Builder:
             x, y = front + along * (end - start) / piece.size[0] + 0.01 * (front - start) / piece.size[1]
             shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
             if not any(overlap(shape, other) for other in self.footprints):
+                drape = drape if self.swap is None else self.swap(drape)
                 self.parts += moved(drape.parts, (x, y, 0.0), wall.yaw)
                 self.footprints.append(shape)
 
@@ -384,6 +390,7 @@ class _Builder:
                 if any(abs(a - c) < reach + r and abs(b - d) < reach + r for c, d, r in taken):
                     continue
                 taken.append((a, b, reach))
+                thing = thing if self.swap is None else self.swap(thing)
                 cosine, sine = np.cos(yaw), np.sin(yaw)
                 self.parts += moved(thing.parts, (x + cosine * a - sine * b, y + sine * a + cosine * b, height), yaw)
         for _ in range(int(rng.integers(1, 8))):

@@ -74,7 +74,7 @@ def photograph(
         room, world_from_camera, pixel_directions(world_from_camera, intrinsics, pixels), spread
     )
     owners = np.where(triangles < 0, -1, room.owners[triangles]).reshape(size)
-    edges = np.flatnonzero(_edges(owners))
+    edges = np.flatnonzero(_edges(owners) | _jumps(depths.reshape(size), (triangles >= room.shells.first).reshape(size)))
     if len(edges):
         total = colours[edges]
         for shift in EDGE_RAYS:
@@ -100,6 +100,20 @@ def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
     return edges
 
 
+def _jumps(depths: Float64[np.ndarray, "h w"], shells: np.ndarray) -> np.ndarray:
+    """Pixels of shells where the depth jumps by more than 4 % to a neighbour's [h w], boolean."""
+    jumps = np.zeros(depths.shape, bool)
+    with np.errstate(divide="ignore"):
+        log = np.log(depths)
+    with np.errstate(invalid="ignore"):
+        across, down = np.abs(np.diff(log, axis=1)) > 0.04, np.abs(np.diff(log, axis=0)) > 0.04
+    jumps[:, 1:] |= across
+    jumps[:, :-1] |= across
+    jumps[1:] |= down
+    jumps[:-1] |= down
+    return jumps & shells
+
+
 def _trace(
     room: Room, world_from_camera: Float64[np.ndarray, "4 4"], directions: Float64[np.ndarray, "n 3"], spread: float
 ) -> tuple[Int[np.ndarray, " n"], Float64[np.ndarray, " n"], Float64[np.ndarray, "n 3"]]:
@@ -109,10 +123,11 @@ def _trace(
     origins[:] = world_from_camera[:3, 3]
     triangles, _ = room.caster.cast(origins, directions)
     depths, feet = np.empty(count), np.empty(count)
-    places, normals = np.zeros((count, 3)), np.zeros((count, 3))
+    places, normals, uv = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+    shells, pack = room.shells, room.pictures
     kernels.locate(
         triangles, origins, directions, spread, room.planes, room.owners, solids.rotations, solids.centres, solids.sizes,
-        solids.shapes, depths, places, normals, feet,
+        solids.shapes, shells.first, shells.corners, shells.normals, shells.uv, shells.density, depths, places, normals, feet, uv,
     )  # fmt: skip
     strengths = np.empty((len(room.lights), count))
     seen = np.zeros((len(room.lights), count), bool)
@@ -123,8 +138,8 @@ def _trace(
         seen[number, lit] = room.caster.reached(origins[lit], ways[lit], 1.0)
     colours = np.empty((count, 3))
     kernels.shade(
-        triangles, directions, places, normals, feet, room.owners, solids.rotations, solids.centres, solids.sizes,
-        solids.materials, room.shifts, room.lights, strengths, seen, room.ambient, room.field, room.corner, FIELD_STEP,
+        triangles, directions, places, normals, feet, uv, room.owners, solids.rotations, solids.centres, solids.sizes,
+        solids.materials, room.shifts, pack.pixels, pack.table, room.lights, strengths, seen, room.ambient, room.field, room.corner, FIELD_STEP,
         room.darkening, colours,
     )  # fmt: skip
     return triangles, depths, colours

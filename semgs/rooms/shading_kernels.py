@@ -7,14 +7,15 @@ import math
 import numba as nb
 import numpy as np
 
-from semgs.rooms.texture_kernels import EMISSION, GLOSS, texture
+from semgs.rooms.picture_kernels import picture
+from semgs.rooms.texture_kernels import EMISSION, GLOSS, KIND, PICTURE, texture
 
 LIGHT_WIDTH = 16
 LAMP, WINDOW, SUN = range(3)
 """Kinds of light, number 0 of its row; 1-3 its place (of the sun: the middle of the window it shines through), 4-6 its
 colour, 7-9 the way it faces (of the sun: the way its light goes), 10-12 half the window's width as a vector, 13 half its height."""
 
-CYLINDER, BALL, CUSHION = 1, 2, 3
+CYLINDER, BALL, CUSHION, SHELL = 1, 2, 3, 4
 
 
 @nb.njit(cache=True)
@@ -29,16 +30,24 @@ def locate(
     centres,
     sizes,
     shapes,
+    first,
+    corners,
+    corner_normals,
+    corner_uv,
+    density,
     depths,
     places,
     normals,
     feet,
+    uv,
 ):
     """Exact meeting points of rays and the planes of the triangles they hit.
 
     `planes` holds each triangle's unit normal and its offset. Writes the depths in lengths of the direction (so that a
     direction of camera z = 1 gives z-depth; 0 where nothing was hit), the places, the shading normals (towards the ray's
-    origin, smooth on round shapes), and the width of a pixel there, where `spread` is its width at depth 1.
+    origin, smooth on round shapes), the width of a pixel there, where `spread` is its width at depth 1, and on shells the
+    texture coordinates and a pixel's width in them. Shells' triangles start at `first`; of each there are the corners, the
+    normals and texture coordinates at them, and the coordinates' density.
     """  # fmt: skip
     for r in range(len(triangles)):
         triangle = triangles[r]
@@ -56,7 +65,25 @@ def locate(
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         part = owners[triangle]
         shape = shapes[part]
-        if shape != 0:
+        foot = spread * depth * length / max(abs(approach) / length, 0.2)
+        if shape == SHELL:
+            own = triangle - first
+            b, c = barycentric(corners[own], x, y, z)
+            a = 1 - b - c
+            uv[r, 0] = a * corner_uv[own, 0, 0] + b * corner_uv[own, 1, 0] + c * corner_uv[own, 2, 0]
+            uv[r, 1] = a * corner_uv[own, 0, 1] + b * corner_uv[own, 1, 1] + c * corner_uv[own, 2, 1]
+            uv[r, 2] = foot * density[own]
+            if approach > 0:
+                nx, ny, nz = -nx, -ny, -nz
+            sx = a * corner_normals[own, 0, 0] + b * corner_normals[own, 1, 0] + c * corner_normals[own, 2, 0]
+            sy = a * corner_normals[own, 0, 1] + b * corner_normals[own, 1, 1] + c * corner_normals[own, 2, 1]
+            sz = a * corner_normals[own, 0, 2] + b * corner_normals[own, 1, 2] + c * corner_normals[own, 2, 2]
+            norm = math.sqrt(sx * sx + sy * sy + sz * sz)
+            if approach > 0:
+                norm = -norm
+            if abs(norm) > 0.5 and (sx * dx + sy * dy + sz * dz) / norm < 0:
+                nx, ny, nz = sx / norm, sy / norm, sz / norm
+        elif shape != 0:
             turn = rotations[part]
             ax, ay, az = x - centres[part, 0], y - centres[part, 1], z - centres[part, 2]
             lx = turn[0, 0] * ax + turn[1, 0] * ay + turn[2, 0] * az
@@ -82,7 +109,20 @@ def locate(
         if shape == 0 and facing > 0:
             nx, ny, nz = -nx, -ny, -nz
         normals[r, 0], normals[r, 1], normals[r, 2] = nx, ny, nz
-        feet[r] = spread * depth * length / max(abs(approach) / length, 0.2)
+        feet[r] = foot
+
+
+@nb.njit(cache=True)
+def barycentric(corners, x, y, z):
+    """Weights of the second and third corner at a point of a triangle [3 3]."""
+    ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
+    ex, ey, ez = corners[1, 0] - ax, corners[1, 1] - ay, corners[1, 2] - az
+    fx, fy, fz = corners[2, 0] - ax, corners[2, 1] - ay, corners[2, 2] - az
+    px, py, pz = x - ax, y - ay, z - az
+    ee, ef, ff = ex * ex + ey * ey + ez * ez, ex * fx + ey * fy + ez * fz, fx * fx + fy * fy + fz * fz
+    pe, pf = px * ex + py * ey + pz * ez, px * fx + py * fy + pz * fz
+    area = max(ee * ff - ef * ef, 1e-30)
+    return (ff * pe - ef * pf) / area, (ee * pf - ef * pe) / area
 
 
 @nb.njit(cache=True)
@@ -184,7 +224,7 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
 
 @nb.njit(cache=True)
 def shade(
-    triangles, directions, places, normals, feet, owners, rotations, centres, sizes, materials, shifts,
+    triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
     lights, strengths, seen, ambient, field, corner, step, darkening, colours,
 ):  # fmt: skip
     """Write the linear RGB radiance that comes back along each ray into `colours` [r 3].
@@ -192,7 +232,7 @@ def shade(
     Albedo times (ambient light, darkened near other surfaces, plus every light that is seen; a quarter of a light that is
     not, for what comes round by the walls), plus a soft highlight on glossy materials, plus what the material emits.
     """
-    albedo = np.empty(3)
+    albedo, local, facing = np.empty(3), np.empty(3), np.empty(3)
     for r in range(len(triangles)):
         if triangles[r] < 0:
             colours[r, 0] = colours[r, 1] = colours[r, 2] = 0.0
@@ -215,7 +255,12 @@ def shade(
             u, v = y, z
         else:
             u, v = x, z
-        texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
+        if material[KIND] == PICTURE:
+            local[0], local[1], local[2] = x, y, z
+            facing[0], facing[1], facing[2] = mx, my, mz
+            picture(pixels, table, material, local, facing, sizes[part], directions[r], uv[r], feet[r], shifts[part], albedo)
+        else:
+            texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
 
         shadow = 0.0
         for tap in range(1, 5):

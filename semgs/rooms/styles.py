@@ -1,0 +1,46 @@
+"""Styles: the world that rooms are from, and how much of it is from assets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from semgs.rooms.assets.coverings import Coverings, Shares
+from semgs.rooms.assets.gallery import Gallery
+from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.swaps import Swaps
+from semgs.rooms.plans import Plan, draw_plan
+
+Style = Literal["home", "other"]
+
+MESHES = {"home": 0.5, "other": 0.9}
+"""Share of the rooms with meshes, where there is a library."""
+PICTURES = {"home": 0.75, "other": 1.0}
+"""Share of the rooms with pictures on their surfaces, where there is a library."""
+
+
+def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[Plan, Gallery]:
+    """A plan of a style and the pictures that its materials are of.
+
+    What comes from the library is drawn by numbers of its own, so that a home is the same with and without but for what
+    was exchanged.
+
+    Raises:
+        ValueError: there is no such style.
+        InputError: a file of the library cannot be read.
+    """
+    if style not in get_args(Style):
+        raise ValueError(f"style {style!r}; expected one of {', '.join(get_args(Style))}")
+    gallery = Gallery()
+    if library is None:
+        return draw_plan(rng), gallery
+    own = rng.spawn(1)[0]
+    coverings = Coverings(own, library, gallery, Shares())
+    swap = Swaps(own, library, coverings) if own.random() < MESHES[style] else None
+    covered = own.random() < PICTURES[style]
+    plan = draw_plan(rng, swap)
+    if covered:
+        plan = replace(plan, parts=tuple(coverings.cover(plan.parts)))
+    return plan, gallery
