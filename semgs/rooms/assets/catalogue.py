@@ -9,17 +9,32 @@ from pathlib import Path
 from semgs.files.errors import InputError
 
 EXCLUDED = {
-    "ph_wooden_display_shelves_01": "a ladder with boards across, not a bookshelf",
-    "bp_dwr_matera_dresser2": "stands sideways",
-    "bp_cb_tecs_baked": "stands sideways",
+    "kenney_bookcaseopen": "a ladder rather than a bookshelf",
+    "kenney_bookcaseopenlow": "a trestle rather than a bookshelf",
+    "ph_painted_wooden_shelves": "a holder for a wall, not a bookshelf",
+    "qt_shelf_small1": "a box for a wall, not a bookshelf",
+    "qt_shelf_small2": "a box for a wall, not a bookshelf",
+    "qt_shelf_small3": "a box for a wall, not a bookshelf",
+    "ph_wooden_display_shelves_01": "its front is on its side",
+    "bp_dwr_matera_dresser2": "its front is on its side",
+    "bp_cb_tecs_baked": "its front is on its side",
     "bp_cb_clapboard_baked": "a television is part of the mesh",
     "bp_cb_moore_baked": "a television is part of the mesh",
-    "qt_shelf_small1": "a board for a wall, not a bookshelf",
-    "qt_shelf_small2": "a board for a wall, not a bookshelf",
-    "qt_shelf_small3": "a board for a wall, not a bookshelf",
-    "kkf_shelf_b_large_decorated": "a board for a wall, not a bookshelf",
+    "bp_open_door": "a frame without a leaf",
+    "bp_whitewindow": "its panes cannot be told from its frame",
+    "kenney_wallwindow": "edges of a wall are part of the mesh",
+    "kenney_wallwindowslide": "edges of a wall are part of the mesh",
+    "kenney_kitchencabinetcornerinner": "a corner, which the plans have not",
+    "kenney_kitchencabinetcornerround": "a corner, which the plans have not",
+    "qt_window_round1": "the wall would be missing beside its arch",
+    "qt_window_round2": "the wall would be missing beside its arch",
+    "qt_window_round3": "the wall would be missing beside its arch",
+    "khronos_avocado": "30 cm long",
 }
-"""Meshes that are not what their class says, and why."""
+"""Meshes that are not what their class says or that rooms cannot hold, and why."""
+
+TOYS = ("kkf_", "kkr_")
+"""Makers whose furniture has a toy's proportions; their clutter stays."""
 
 STOOL = "stool"
 """A subtype under chair that ScanNet's annotators do not call a chair; left out."""
@@ -116,7 +131,8 @@ def read_catalogue(folder: str | Path) -> Catalogue:
 def usable(row: MeshRow) -> bool:
     """Whether a mesh is what its class says: the known faults of the collection are left out."""
     footrest = row.name.startswith(("ig_sofa", "ig_armchair")) and row.extents[1] > FOOTREST_DEPTH
-    return row.name not in EXCLUDED and row.subtype != STOOL and not footrest
+    toy = row.name.startswith(TOYS) and row.label != "clutter"
+    return row.name not in EXCLUDED and row.subtype != STOOL and not footrest and not toy
 
 
 def _rows(path: Path) -> list[dict]:

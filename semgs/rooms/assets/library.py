@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
 
 from semgs.rooms.assets.catalogue import MeshRow, PictureRow, read_catalogue, usable
-from semgs.rooms.assets.glb import read_glb
+from semgs.rooms.assets.glb import Primitive, read_glb
 from semgs.rooms.assets.lock import verify
 from semgs.rooms.assets.pictures import Pyramid, decode
 from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
@@ -23,6 +23,11 @@ T = TypeVar("T")
 
 MEMORY = 256 << 20
 """How much of what was read is kept [bytes]."""
+
+PANE_WIDTH = 0.12
+"""Flat triangles of windows that are wider than this are panes [m]."""
+DRAPES = ("cloth", "curtain", "couch")
+"""Words in the names of materials of drapes; the rest are rods."""
 
 SPLIT_OF_STYLE: dict[str, Split] = {"home": "training", "other": "other"}
 
@@ -138,7 +143,7 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
     for primitive in read_glb(path):
         corners = primitive.vertices[primitive.faces] * np.array([-1, -1, 1], np.float32)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
-        whole = area > 1e-10
+        whole = (area > 1e-10) & _wanted(row, primitive, corners)
         if not whole.any():
             continue
         corners = corners[whole]
@@ -156,6 +161,21 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
             )
         )
     return tuple(panels)
+
+
+def _wanted(row: MeshRow, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"]) -> Bool[np.ndarray, " t"]:
+    """Which triangles rooms take: of curtains one drape without its rod, of windows all but the panes."""
+    name = primitive.material.lower()
+    if row.label == "curtain" and row.subtype == "curtain":
+        cloth = any(word in name for word in DRAPES)
+        return (corners[..., 0].mean(axis=1) > 0) & cloth
+    if row.label == "window":
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(normals, axis=-1)
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+        pane = (np.abs(normals[:, 1]) > 0.95 * area) & (area > PANE_WIDTH * longest)
+        return ~pane & (not primitive.clear and "glass" not in name)
+    return np.ones(len(corners), bool)
 
 
 def _weight(panels: tuple[Panel, ...]) -> int:

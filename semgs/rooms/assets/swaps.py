@@ -62,11 +62,11 @@ RULES = {
     "other": Rule("otherfurniture", low=0.75, fill=0.5),
     "door": Rule("door", low=0.8, high=1.25, stretch=1.25, fill=0.9),
     "window": Rule("window", low=0.5, high=2.0, stretch=1.5, fill=0.95),
-    "curtain": Rule("curtain", ("curtain",), low=0.2, high=1.6, stretch=6.0, fill=0.9),
+    "curtain": Rule("curtain", ("curtain",)),
     "shower curtain": Rule("shower curtain", low=0.3, high=1.6, stretch=3.5, fill=0.9),
     "clutter": Rule("clutter", low=0.8, high=1.3, stretch=1.0, fill=0.45, centred=True),
 }
-"""By the name of the piece. Cloth may be gathered, hence the wide stretch of curtains."""
+"""By the name of the piece. Cloth may be gathered: curtains fit wherever they hang."""
 
 SURFACED = ("table", "coffee table", "side table", "desk", "cabinet", "nightstand", "island", "counter", "bookshelf")
 """Pieces on whose flat top things may stand."""
@@ -75,8 +75,9 @@ TOP_BAND = 0.03
 TOP_SHARE = 0.6
 """Least share of the footprint that a top covers."""
 FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
+GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
 WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
-METALS = ("metal", "steel", "chrome", "tap", "faucet", "handle", "knob", "drain")
+METALS = ("metal", "steel", "chrome", "tap", "faucet", "handle", "knob", "drain", "rod", "ring", "finial", "pull", "lever", "gold")
 CLOTHS = ("carpet", "fabric", "cushion", "pillow", "couch", "mattress", "sheet", "blanket", "bed", "curtain", "cloth", "seat", "sofa")
 WARES = ("basin", "ceramic", "porcelain", "sink", "bowl", "vessel", "tub")
 
@@ -117,6 +118,8 @@ class Swaps:
         y = {"door": depth / 2 - 0.03, "window": 0.0}.get(piece.name, y + depth / 2)
         foot = np.array([box[0] / 2, y, low])
         panels = self.library.panels(row)
+        if rule.label == "curtain":
+            scale, foot = _draped(panels, box, foot)
         self.coverings.gallery.use(row.file)
         parts = self._parts(panels, row, scale, foot)
         if piece.name == "window":
@@ -136,11 +139,10 @@ class Swaps:
         chosen: dict[str, Row] = {}
         parts = []
         for panel in panels:
-            if panel.clear and row.label == "window":
-                continue
             label = own if panel.label is None else LABEL.get(panel.label, IGNORE)
-            if panel.material not in chosen:
-                chosen[panel.material] = self._material(panel, row, label, tint)
+            make = row.label if row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS) else panel.material
+            if make not in chosen:
+                chosen[make] = self._material(panel, row, label, tint)
             corners = panel.corners * scale
             normals = panel.normals / scale
             normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
@@ -150,7 +152,7 @@ class Swaps:
             x, y, z = (float(c) for c in middle + foot)
             width, depth, height = (max(float(side), 1e-3) for side in highest - lowest)
             shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.uv)
-            parts.append(Part(label, chosen[panel.material], (x, y, z), (width, depth, height), SHELL, shell=shell))
+            parts.append(Part(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
         return parts
 
     def _material(self, panel: Panel, row: MeshRow, label: int, tint: np.ndarray) -> Row:
@@ -165,17 +167,38 @@ class Swaps:
     def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Row:
         """A material for what a mesh gives in one colour: by the material's name, else by the class and its colour."""
         rng = self.rng
-        if any(word in name for word in WARES) or label in (LABEL["toilet"], LABEL["bathtub"], LABEL["sink"]):
-            return m.metal(rng) if any(word in name for word in METALS) else m.ceramic(rng)
-        if any(word in name for word in METALS):
+        ware = label in (LABEL["toilet"], LABEL["bathtub"], LABEL["sink"])
+        if _is(name, METALS):
             return m.metal(rng)
-        if any(word in name for word in CLOTHS) or label in (LABEL["sofa"], LABEL["curtain"], LABEL["shower curtain"]):
+        if ware or _is(name, WARES):
+            return m.ceramic(rng)
+        if label == IGNORE:
+            return self._thing(name, colour)
+        if _is(name, CLOTHS) or label in (LABEL["sofa"], LABEL["curtain"], LABEL["shower curtain"]):
             return self.coverings.cloth(m.fabric(rng), leather=label == LABEL["sofa"])
-        if any(word in name for word in WOODS) or (_brown(colour) and rng.random() < 0.8):
-            return self.coverings.wood(m.wood(rng)) if rng.random() < 0.75 else m.lacquer(rng)
-        if rng.random() < 0.5:
-            return m.lacquer(rng)
-        red, green, blue = (float(min(0.9, max(0.02, c * rng.uniform(0.7, 1.3)))) for c in colour)
+        if _is(name, WOODS) or _brown(colour) or label in (LABEL["door"], LABEL["table"], LABEL["bookshelf"]):
+            return self.coverings.wood(m.wood(rng)) if rng.random() < 0.6 else self._paint()
+        return self._paint()
+
+    def _paint(self) -> Row:
+        """White and grey more often than not, seldom a strong colour."""
+        rng, look = self.rng, self.rng.random()
+        if look < 0.6:
+            base = m.colour(rng, saturation=(0, 0.08), value=(0.75, 0.97))
+        elif look < 0.82:
+            base = m.colour(rng, saturation=(0, 0.2), value=(0.08, 0.6))
+        else:
+            base = m.colour(rng, saturation=(0.1, 0.6), value=(0.25, 0.85))
+        return m.row(rng, a=base, fine=0.02, blotch=0.03, blotch_scale=0.3, gloss=rng.uniform(0, 0.3))
+
+    def _thing(self, name: str, colour: tuple[float, float, float]) -> Row:
+        """Clutter, in about its own colour; the dark greens of plants are made what they are in daylight."""
+        rng = self.rng
+        if _is(name, GREENS) or (colour[1] > 1.2 * colour[0] and colour[1] > 1.2 * colour[2]):
+            return m.row(rng, a=m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6)), fine=0.1, blotch=0.2, blotch_scale=0.08)
+        if _is(name, CLOTHS):
+            return self.coverings.cloth(m.fabric(rng))
+        red, green, blue = (float(min(0.9, max(0.02, c * rng.uniform(0.8, 1.25)))) for c in colour)
         return m.row(rng, a=(red, green, blue), fine=0.02, blotch=0.04, gloss=rng.uniform(0, 0.3))
 
 
@@ -185,7 +208,9 @@ def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.
     Its width and depth stay within the box; its height may leave it by a tenth.
     """
     ratio = box / np.array(row.extents)
-    if row.mount == "wall" and rule.label in ("door", "window", "curtain"):
+    if rule.label == "curtain":
+        return ratio
+    if rule.label in ("door", "window"):
         ratio[1] = 1.0
     whole = float(min(ratio[0], ratio[1], rule.high))
     if rule.stretch > 2:
@@ -202,6 +227,22 @@ def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.
     if rule.label in ("door", "window") and filled[2] < 0.95:
         return None
     return scale
+
+
+def _draped(
+    panels: tuple[Panel, ...], box: Float64[np.ndarray, " 3"], foot: Float64[np.ndarray, " 3"]
+) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
+    """Scale and foot of one drape that fills a box in width and height, gathered as much as that needs."""
+    flat = np.concatenate([panel.corners.reshape(-1, 3) for panel in panels])
+    lowest, highest = flat.min(axis=0).astype(np.float64), flat.max(axis=0).astype(np.float64)
+    scale = box / np.maximum(highest - lowest, 1e-3)
+    scale[1] = min(1.0, scale[1])
+    middle = scale * (lowest + highest) / 2
+    return scale, np.array([foot[0] - middle[0], box[1] / 2 - middle[1], foot[2] - scale[2] * lowest[2]])
+
+
+def _is(name: str, words: tuple[str, ...]) -> bool:
+    return any(word in name.lower() for word in words)
 
 
 def _bounds(piece: Piece) -> tuple[float, float]:
