@@ -11,6 +11,7 @@ from semgs.rooms.assets.coverings import Coverings, Shares
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
+from semgs.rooms.other import draw_other_plan
 from semgs.rooms.plans import Plan, draw_plan
 
 Style = Literal["home", "other"]
@@ -33,14 +34,14 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
     """
     if style not in get_args(Style):
         raise ValueError(f"style {style!r}; expected one of {', '.join(get_args(Style))}")
-    gallery = Gallery()
+    gallery, draw = Gallery(), draw_plan if style == "home" else draw_other_plan
     if library is None:
-        return draw_plan(rng), gallery
+        return draw(rng), gallery
     own = rng.spawn(1)[0]
     coverings = Coverings(own, library, gallery, Shares())
     swap = Swaps(own, library, coverings) if own.random() < MESHES[style] else None
     covered = own.random() < PICTURES[style]
-    plan = draw_plan(rng, swap)
+    plan = draw(rng, swap)
     if covered:
         plan = replace(plan, parts=tuple(coverings.cover(plan.parts)))
     return plan, gallery
