@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 from semgs.data.raycast import Raycaster
 from semgs.rooms import shading_kernels as kernels
 from semgs.rooms import shell_kernels
+from semgs.rooms import texture_kernels as t
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.pictures import Pack
 from semgs.rooms.plans import WALL, Plan
@@ -22,6 +23,8 @@ FIELD_STEP = 0.1
 FIELD_REACH = 0.7
 """Distances are exact up to here and cut off there [m]."""
 
+SENT_BACK = 0.6
+"""Light on surfaces that are near others, as a share of the room's ambient light."""
 SCATTER = 0.05
 """Spacing of the points of shells from which distances are taken [m]."""
 
@@ -41,7 +44,7 @@ class Room:
         shifts: moves the texture of each part.
         lights: rows for the shading kernels.
         ambient: light from everywhere, linear RGB.
-        darkening: how much of the ambient light goes missing in corners, 0..1.
+        glow: what each part sends back to what is near it, linear RGB.
         shells: the triangles that are not of solids, the last ones of all.
         pictures: what materials of kind PICTURE show.
         files: of the assets that are in it.
@@ -57,7 +60,7 @@ class Room:
     shifts: Float64[np.ndarray, " p"]
     lights: Float64[np.ndarray, "l 16"]
     ambient: Float64[np.ndarray, 3]
-    darkening: float
+    glow: Float64[np.ndarray, "p 3"]
     shells: ShellTriangles
     pictures: Pack
     files: tuple[str, ...] = ()
@@ -99,6 +102,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
     caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
     field, corner = _distance_field(plan, solids, shells)
     lights, ambient = _lighting(rng, plan)
+    pictures = gallery.pack()
     return Room(
         plan,
         solids,
@@ -110,9 +114,9 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
         shifts=rng.uniform(0, 50, len(plan.parts)),
         lights=lights,
         ambient=ambient,
-        darkening=float(rng.uniform(0.45, 0.85)),
+        glow=_glow(solids, ambient, pictures),
         shells=shells,
-        pictures=gallery.pack(),
+        pictures=pictures,
         files=gallery.files,
     )
 
@@ -133,6 +137,18 @@ def _distance_field(
         points = shell_kernels.scatter(shells.corners, SCATTER)
         shell_kernels.distance_to_points(field, corner, FIELD_STEP, FIELD_REACH, points)
     return field, corner
+
+
+def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) -> Float64[np.ndarray, "p 3"]:
+    """What parts send back: their mean colour in the light that a near, half hidden surface gets, or what they emit."""
+    rows = solids.materials
+    first, second, third = (rows[:, start : start + 3] for start in (t.COLOUR_A, t.COLOUR_B, t.COLOUR_C))
+    kinds = rows[:, t.KIND]
+    colours = np.where((kinds == t.PLAIN)[:, None], first, (2 * first + second + third) / 4)
+    shown = np.flatnonzero(kinds == t.PICTURE)
+    colours[shown] = first[shown] * pictures.means[rows[shown, t.PICTURE_NUMBER].astype(int)]
+    emission = rows[:, t.EMISSION, None]
+    return np.where(emission > 0, colours * emission, np.minimum(colours, 0.9) * ambient * SENT_BACK)
 
 
 def _lighting(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, 3]]:

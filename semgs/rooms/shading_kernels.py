@@ -7,6 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
+from semgs.rooms.light_kernels import stratum
 from semgs.rooms.picture_kernels import picture
 from semgs.rooms.texture_kernels import EMISSION, GLOSS, KIND, PICTURE, texture
 
@@ -14,6 +15,9 @@ LIGHT_WIDTH = 16
 LAMP, WINDOW, SUN = range(3)
 """Kinds of light, number 0 of its row; 1-3 its place (of the sun: the middle of the window it shines through), 4-6 its
 colour, 7-9 the way it faces (of the sun: the way its light goes), 10-12 half the window's width as a vector, 13 half its height."""
+
+LAMP_RADIUS = 0.12
+"""Half the size of a lamp [m]."""
 
 CYLINDER, BALL, CUSHION, SHELL = 1, 2, 3, 4
 
@@ -126,12 +130,14 @@ def barycentric(corners, x, y, z):
 
 
 @nb.njit(cache=True)
-def towards_light(light, triangles, places, normals, origins, ways, strength):
+def towards_light(light, triangles, places, normals, width, origins, ways, strength):
     """Rays from places to one light and how much of it arrives if nothing is between (0 where it cannot).
 
-    Rays start 4 mm off the surface and end, at length 1, 3 % before the light.
+    Rays start 4 mm off the surface and end, at length 1, 3 % before the light, each pixel's at another place of it, so that
+    shadows can be smoothed (`light_kernels.smooth`); `width` is the number of pixels in a row.
     """
     kind = int(light[0])
+    across_x, across_y, up = (light[10], light[11], light[13]) if kind == WINDOW else (LAMP_RADIUS, LAMP_RADIUS, LAMP_RADIUS)
     for r in range(len(triangles)):
         strength[r] = 0.0
         if triangles[r] < 0:
@@ -166,6 +172,9 @@ def towards_light(light, triangles, places, normals, origins, ways, strength):
                 emitted = -(light[7] * wx + light[8] * wy + light[9] * wz) / distance
                 falloff *= max(emitted, 0.0) * 0.85 + 0.15
                 cosine = 0.8 * cosine + 0.2
+            side, height = stratum(r, width, 0, 1)
+            side, height = 1.8 * side - 0.9, 1.8 * height - 0.9
+            wx, wy, wz = wx + side * across_x, wy + side * across_y, wz + height * up
         if cosine <= 0:
             continue
         strength[r] = cosine * falloff
@@ -225,12 +234,12 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
 @nb.njit(cache=True)
 def shade(
     triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
-    lights, strengths, seen, ambient, field, corner, step, darkening, colours,
+    lights, strengths, round_about, seen, colours,
 ):  # fmt: skip
     """Write the linear RGB radiance that comes back along each ray into `colours` [r 3].
 
-    Albedo times (ambient light, darkened near other surfaces, plus every light that is seen; a quarter of a light that is
-    not, for what comes round by the walls), plus a soft highlight on glossy materials, plus what the material emits.
+    Albedo times (what light comes round, `round_about` [r 3], plus every light by the share of it that is seen [r l], and a
+    fifth of what is not, for what comes by the walls), plus a soft highlight on glossy materials; or what the material emits.
     """
     albedo, local, facing = np.empty(3), np.empty(3), np.empty(3)
     for r in range(len(triangles)):
@@ -262,30 +271,24 @@ def shade(
         else:
             texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
 
-        shadow = 0.0
-        for tap in range(1, 5):
-            height = 0.09 * tap
-            free = clearance(field, corner, step, px + height * nx, py + height * ny, pz + height * nz)
-            shadow += max(height - free, 0.0) / height
-        open_share = 1 - darkening * min(shadow / 4, 1.0)
         up = 0.85 + 0.15 * nz
         dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         highlight = 0.0
         for k in range(3):
-            colours[r, k] = albedo[k] * ambient[k] * open_share * up
+            colours[r, k] = albedo[k] * round_about[r, k] * up
         for number in range(len(lights)):
             if strengths[number, r] == 0.0:
                 continue
-            share = 1.0 if seen[number, r] else (0.0 if lights[number, 0] == SUN else 0.25 * open_share)
-            arriving = strengths[number, r] * share
+            spill = 0.0 if lights[number, 0] == SUN else 0.2
+            arriving = strengths[number, r] * (spill + (1 - spill) * seen[r, number])
             if material[GLOSS] > 0 and lights[number, 0] != SUN:
                 wx, wy, wz = lights[number, 1] - px, lights[number, 2] - py, lights[number, 3] - pz
                 norm = math.sqrt(wx * wx + wy * wy + wz * wz) + 1e-9
                 bx, by, bz = wx / norm - dx / length, wy / norm - dy / length, wz / norm - dz / length
                 norm = math.sqrt(bx * bx + by * by + bz * bz) + 1e-9
                 cosine = max((bx * nx + by * ny + bz * nz) / norm, 0.0)
-                highlight = material[GLOSS] * 0.5 * cosine**40
+                highlight = material[GLOSS] * 0.5 * cosine**40 * seen[r, number]
             for k in range(3):
                 colours[r, k] += (albedo[k] + highlight) * lights[number, 4 + k] * arriving
         if material[EMISSION] > 0:

@@ -20,6 +20,9 @@ MESHES = {"home": 0.5, "other": 0.9}
 """Share of the rooms with meshes, where there is a library."""
 PICTURES = {"home": 0.75, "other": 1.0}
 """Share of the rooms with pictures on their surfaces, where there is a library."""
+ALL = Shares()
+HUNG = Shares(floor=0, wall=0, plaster=0, wood=0, cloth=0, stone=0, rug=0)
+"""Pictures in frames and views through windows only: what the others have as well."""
 
 
 def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[Plan, Gallery]:
@@ -38,10 +41,8 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
     if library is None:
         return draw(rng), gallery
     own = rng.spawn(1)[0]
-    coverings = Coverings(own, library, gallery, Shares())
+    coverings = Coverings(own, library, gallery)
     swap = Swaps(own, library, coverings) if own.random() < MESHES[style] else None
-    covered = own.random() < PICTURES[style]
+    coverings.shares = ALL if own.random() < PICTURES[style] else HUNG
     plan = draw(rng, swap)
-    if covered:
-        plan = replace(plan, parts=tuple(coverings.cover(plan.parts)))
-    return plan, gallery
+    return replace(plan, parts=tuple(coverings.cover(plan.parts))), gallery

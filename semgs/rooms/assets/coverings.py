@@ -51,7 +51,7 @@ class Shares:
     cloth: float = 0.55
     stone: float = 0.7
     art: float = 0.85
-    view: float = 0.85
+    view: float = 1.0
     rug: float = 0.7
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Int64, UInt8
+from jaxtyping import Float64, Int64, UInt8
 
 from semgs.files.errors import InputError
 
@@ -36,10 +36,12 @@ class Pack:
     Attributes:
         pixels: of all pyramids.
         table: start in `pixels`, width, height and number of levels of each picture.
+        means: of each picture, linear RGB.
     """
 
     pixels: UInt8[np.ndarray, "n 3"]
     table: Int64[np.ndarray, "p 4"]
+    means: Float64[np.ndarray, "p 3"]
 
 
 def pyramid(picture: UInt8[np.ndarray, "h w 3"]) -> Pyramid:
@@ -76,7 +78,8 @@ def pack(pyramids: Sequence[Pyramid]) -> Pack:
     starts = np.cumsum([0, *(len(p.pixels) for p in pyramids)])
     table = [(start, *p.size, max(p.size).bit_length()) for start, p in zip(starts, pyramids, strict=False)]
     pixels = np.concatenate([p.pixels for p in pyramids]) if pyramids else np.zeros((1, 3), np.uint8)
-    return Pack(pixels, np.array(table, dtype=np.int64).reshape(-1, 4))
+    means = _LINEAR[np.array([p.pixels[-1] for p in pyramids], np.uint8).reshape(-1, 3)]
+    return Pack(pixels, np.array(table, dtype=np.int64).reshape(-1, 4), means.astype(np.float64))
 
 
 def _srgb_to_linear() -> np.ndarray:
