@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 import numba as nb
-import numpy as np
 
 TILE = 4
 TAPS = 4
@@ -39,7 +38,9 @@ def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
             ways[r, 2] = 1.0
             continue
         plane = planes[triangles[r]]
-        sign = 1.0 if plane[0] * directions[r, 0] + plane[1] * directions[r, 1] + plane[2] * directions[r, 2] < 0 else -1.0
+        sign = (
+            1.0 if plane[0] * directions[r, 0] + plane[1] * directions[r, 1] + plane[2] * directions[r, 2] < 0 else -1.0
+        )
         nx, ny, nz = sign * plane[0], sign * plane[1], sign * plane[2]
         first, second = stratum(r, width, tap, TAPS)
         turn, out = 2 * math.pi * first, math.sqrt(second)
@@ -50,7 +51,11 @@ def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
         ways[r, 0] = REACH * (a * (1 + side * nx * nx * p) + b * q + c * nx)
         ways[r, 1] = REACH * (a * side * q + b * (side + ny * ny * p) + c * ny)
         ways[r, 2] = REACH * (-a * side * nx - b * ny + c * nz)
-        origins[r, 0], origins[r, 1], origins[r, 2] = places[r, 0] + 0.003 * nx, places[r, 1] + 0.003 * ny, places[r, 2] + 0.003 * nz
+        origins[r, 0], origins[r, 1], origins[r, 2] = (
+            places[r, 0] + 0.003 * nx,
+            places[r, 1] + 0.003 * ny,
+            places[r, 2] + 0.003 * nz,
+        )
 
 
 @nb.njit(cache=True)
@@ -82,7 +87,11 @@ def smooth(values, triangles, normals, places, depths, width, out):
                 s = i * width + j
                 if triangles[s] < 0 or nx * normals[s, 0] + ny * normals[s, 1] + nz * normals[s, 2] < ALIKE:
                     continue
-                off = nx * (places[s, 0] - places[r, 0]) + ny * (places[s, 1] - places[r, 1]) + nz * (places[s, 2] - places[r, 2])
+                off = (
+                    nx * (places[s, 0] - places[r, 0])
+                    + ny * (places[s, 1] - places[r, 1])
+                    + nz * (places[s, 2] - places[r, 2])
+                )
                 if abs(off) > limit:
                     continue
                 count += 1

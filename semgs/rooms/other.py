@@ -99,7 +99,9 @@ class _Loft:
         rng, (x, y, z) = self.rng, self.size
         a, b = x / 2 + WALL, y / 2 + WALL
         self.parts.append(block(LABEL["floor"], self._floor(), (-a, -b, -WALL), (a, b, 0)))
-        self.parts.append(block(IGNORE, m.row(rng, a=(0.8, 0.79, 0.76), fine=0.03, fine_scale=0.03), (-a, -b, z), (a, b, z + WALL)))
+        self.parts.append(
+            block(IGNORE, m.row(rng, a=(0.8, 0.79, 0.76), fine=0.03, fine_scale=0.03), (-a, -b, z), (a, b, z + WALL))
+        )
         if rng.random() < 0.6:
             beam = m.row(rng, t.WOOD, self.palette.dark, None, self.palette.dark, axis=1, fine=0.05)
             for along in np.arange(-x / 2 + rng.uniform(0.3, 0.8), x / 2 - 0.2, rng.uniform(0.7, 1.1)):
@@ -112,11 +114,20 @@ class _Loft:
             lower = m.tiles(rng, small=True)
         for number, wall in enumerate(self.walls):
             colour = self.palette.walls[number % 2]
-            paint = m.row(rng, a=colour, fine=rng.uniform(0.02, 0.07), fine_scale=0.02, blotch=rng.uniform(0.04, 0.12), blotch_scale=0.5)
+            paint = m.row(
+                rng,
+                a=colour,
+                fine=rng.uniform(0.02, 0.07),
+                fine_scale=0.02,
+                blotch=rng.uniform(0.04, 0.12),
+                blotch_scale=0.5,
+            )
             parts = [block(own, paint, (-WALL, -WALL, 0), (wall.length + WALL, 0, z))]
             if lower is not None:
                 parts.append(block(own, lower, (0, 0, 0), (wall.length, 0.012, split)))
-                parts.append(block(own, m.row(rng, a=self.palette.paint), (0, 0, split), (wall.length, 0.025, split + 0.03)))
+                parts.append(
+                    block(own, m.row(rng, a=self.palette.paint), (0, 0, split), (wall.length, 0.025, split + 0.03))
+                )
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
     def _floor(self) -> Row:
@@ -158,7 +169,9 @@ class _Loft:
             self.windows.append(Opening((x, y, low + tall / 2), facing, along, tall / 2))
         if places and rng.random() < 0.45:
             for left in places:
-                drape = openings.curtain(np.random.default_rng(make), wide * 0.3, max(0.05, low - 0.3), low + tall + 0.1)
+                drape = openings.curtain(
+                    np.random.default_rng(make), wide * 0.3, max(0.05, low - 0.3), low + tall + 0.1
+                )
                 for start in (left - 0.15, left + wide + 0.15 - drape.size[0]):
                     self.footprints.append(rectangle(*wall.at(start), drape.size[0], 0.18, wall.yaw))
                     self.hang(wall, drape, start, 0.0)
@@ -262,7 +275,9 @@ class _Loft:
     def _working(self, middle: float, length: float, side: int) -> None:
         desk = self.at_wall(furniture.desk, middle, side)
         self.facing(furniture.chair, middle, side, (desk.size[1] if desk else 0.7) + 0.15)
-        self.in_line((fittings.bookshelf, fittings.bookshelf), middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
+        self.in_line(
+            (fittings.bookshelf, fittings.bookshelf), middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side
+        )
 
     def _eating(self, middle: float, length: float, side: int) -> None:
         table = furniture.dining_table(self.rng)
@@ -274,7 +289,12 @@ class _Loft:
         self.at_wall(fittings.cabinet, middle, side)
 
     def _cooking(self, middle: float, length: float, side: int) -> None:
-        self.in_line((fittings.refrigerator, fittings.counter, fittings.other), middle - length / 2 + 0.05, middle + length / 2, side)
+        self.in_line(
+            (fittings.refrigerator, fittings.counter, fittings.other),
+            middle - length / 2 + 0.05,
+            middle + length / 2,
+            side,
+        )
         self.at_wall(fittings.island, middle, OPPOSITE - side)
 
     def _bathing(self, middle: float, length: float, side: int) -> None:
@@ -282,7 +302,12 @@ class _Loft:
         if tub and self.rng.random() < 0.8:
             drape = openings.shower_curtain(self.rng, tub.size[0] * 0.6, self.size[2])
             self.at_wall(drape, middle - 0.2 * tub.size[0], side, tub.size[1] + 0.05)
-        self.in_line((fittings.toilet, fittings.washbasin, fittings.cabinet), middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
+        self.in_line(
+            (fittings.toilet, fittings.washbasin, fittings.cabinet),
+            middle - length / 2 + 0.1,
+            middle + length / 2,
+            OPPOSITE - side,
+        )
 
     def _storing(self, middle: float, length: float, side: int) -> None:
         makers = (fittings.cabinet, fittings.bookshelf, fittings.cabinet)
@@ -310,7 +335,15 @@ class _Loft:
         shade = m.row(rng, a=(0.9, 0.87, 0.8), emission=float(rng.choice([0.25, 1.2])))
         radius, drop = rng.uniform(0.08, 0.16), rng.uniform(0.35, 0.7)
         for along in np.linspace(-x / 2, x / 2, int(rng.integers(3, 5)))[1:-1]:
-            self.parts.append(block(IGNORE, shade, (along - radius, -radius, z - drop), (along + radius, radius, z - drop + 2 * radius), CYLINDER))
+            self.parts.append(
+                block(
+                    IGNORE,
+                    shade,
+                    (along - radius, -radius, z - drop),
+                    (along + radius, radius, z - drop + 2 * radius),
+                    CYLINDER,
+                )
+            )
             self.parts.append(block(IGNORE, m.metal(rng), (along - 0.006, -0.006, z - drop), (along + 0.006, 0.006, z)))
 
     def things(self) -> None:
@@ -328,4 +361,8 @@ class _Loft:
                 self.parts += moved(thing.parts, (x + cosine * a - sine * b, y + sine * a + cosine * b, height), yaw)
                 left += thing.size[0] + rng.uniform(0.04, 0.25)
         for _ in range(int(rng.integers(0, 4))):
-            self.at_wall(openings.clutter(rng, rng.uniform(0.2, 0.5)), rng.uniform(-0.45, 0.45) * self.size[0], int(rng.choice([ALONG, OPPOSITE])))
+            self.at_wall(
+                openings.clutter(rng, rng.uniform(0.2, 0.5)),
+                rng.uniform(-0.45, 0.45) * self.size[0],
+                int(rng.choice([ALONG, OPPOSITE])),
+            )

@@ -35,11 +35,16 @@ def picture(pixels, table, material, local, facing, size, direction, uv, foot, s
         shift: moves tiles from part to part [m].
         out: [3].
     """
-    number, mapping, scale, aspect = int(material[PICTURE_NUMBER]), int(material[MAPPING]), material[SCALE], material[ASPECT]
+    number, mapping, scale, aspect = (
+        int(material[PICTURE_NUMBER]),
+        int(material[MAPPING]),
+        material[SCALE],
+        material[ASPECT],
+    )
     repeat = True
     if mapping == UNWRAPPED:
         u, v, wide = uv[0], uv[1], uv[2]
-    elif mapping == PANORAMA or mapping == VIEW:
+    elif mapping in (PANORAMA, VIEW):
         flat = math.hypot(direction[0], direction[1])
         u = math.atan2(direction[1], direction[0]) / -scale + material[AZIMUTH]
         v = 0.5 - math.atan2(direction[2], flat) / (scale * aspect)

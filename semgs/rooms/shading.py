@@ -151,18 +151,14 @@ def _meet(
     return _Hits(directions, triangles, depths, places, normals, feet, uv)
 
 
-def _light(
-    room: Room, hits: _Hits, width: int
-) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
+def _light(room: Room, hits: _Hits, width: int) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
     """What of each light would arrive, and smoothed over neighbouring pixels: what comes round (RGB), then the share of each
     light that is seen. Five to eight rays a pixel."""
     count, lights = len(hits.triangles), len(room.lights)
     light = np.zeros((count, 3 + lights))
     round_about, origins, ways = np.zeros((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     for tap in range(light_kernels.TAPS):
-        light_kernels.near_rays(
-            hits.triangles, hits.directions, hits.places, room.planes, width, tap, origins, ways
-        )
+        light_kernels.near_rays(hits.triangles, hits.directions, hits.places, room.planes, width, tap, origins, ways)
         near, distances = room.caster.cast(origins, ways, np.ones(count))
         light_kernels.bring_back(near, distances, room.owners, room.glow, room.ambient, round_about)
     light[:, :3] = round_about

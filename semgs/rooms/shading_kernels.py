@@ -137,7 +137,9 @@ def towards_light(light, triangles, places, normals, width, origins, ways, stren
     shadows can be smoothed (`light_kernels.smooth`); `width` is the number of pixels in a row.
     """
     kind = int(light[0])
-    across_x, across_y, up = (light[10], light[11], light[13]) if kind == WINDOW else (LAMP_RADIUS, LAMP_RADIUS, LAMP_RADIUS)
+    across_x, across_y, up = (
+        (light[10], light[11], light[13]) if kind == WINDOW else (LAMP_RADIUS, LAMP_RADIUS, LAMP_RADIUS)
+    )
     for r in range(len(triangles)):
         strength[r] = 0.0
         if triangles[r] < 0:
@@ -267,7 +269,9 @@ def shade(
         if material[KIND] == PICTURE:
             local[0], local[1], local[2] = x, y, z
             facing[0], facing[1], facing[2] = mx, my, mz
-            picture(pixels, table, material, local, facing, sizes[part], directions[r], uv[r], feet[r], shifts[part], albedo)
+            picture(
+                pixels, table, material, local, facing, sizes[part], directions[r], uv[r], feet[r], shifts[part], albedo
+            )
         else:
             texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
 

@@ -37,7 +37,11 @@ def distance_to_points(field, corner, step, reach, points):
     """Lower `field` to each node's distance from the nearest of the points, where that is below `reach` [m]."""
     cells = int(np.ceil(reach / step))
     for p in range(len(points)):
-        px, py, pz = (points[p, 0] - corner[0]) / step, (points[p, 1] - corner[1]) / step, (points[p, 2] - corner[2]) / step
+        px, py, pz = (
+            (points[p, 0] - corner[0]) / step,
+            (points[p, 1] - corner[1]) / step,
+            (points[p, 2] - corner[2]) / step,
+        )
         ci, cj, ck = int(np.floor(px)), int(np.floor(py)), int(np.floor(pz))
         for i in range(max(0, ci - cells), min(field.shape[0], ci + cells + 2)):
             for j in range(max(0, cj - cells), min(field.shape[1], cj + cells + 2)):
@@ -77,3 +81,24 @@ def scatter(corners, spacing):
     for i in range(len(points)):
         out[i, 0], out[i, 1], out[i, 2] = points[i]
     return out
+
+
+@nb.njit(cache=True)
+def cover(uv, used):
+    """Set pixels to 1 whose centre lies in one of the triangles of texture coordinates [t 3 2]; `used` is [h w]."""
+    height, width = used.shape
+    for t in range(len(uv)):
+        ax, ay = uv[t, 0, 0] * width - 0.5, uv[t, 0, 1] * height - 0.5
+        bx, by = uv[t, 1, 0] * width - 0.5, uv[t, 1, 1] * height - 0.5
+        cx, cy = uv[t, 2, 0] * width - 0.5, uv[t, 2, 1] * height - 0.5
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0:
+            continue
+        for row in range(max(0, int(np.ceil(min(ay, by, cy)))), min(height - 1, int(np.floor(max(ay, by, cy)))) + 1):
+            for column in range(
+                max(0, int(np.ceil(min(ax, bx, cx)))), min(width - 1, int(np.floor(max(ax, bx, cx)))) + 1
+            ):
+                p = ((bx - column) * (cy - row) - (by - row) * (cx - column)) / area
+                q = ((cx - column) * (ay - row) - (cy - row) * (ax - column)) / area
+                if p >= 0 and q >= 0 and p + q <= 1:
+                    used[row, column] = 1

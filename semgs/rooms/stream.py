@@ -15,10 +15,12 @@ from torch.utils.data import Dataset
 
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.geometry.cameras import Cameras
+from semgs.rooms.assets.library import Library
 from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
 from semgs.rooms.plain import Room, build_room
 from semgs.rooms.shading import photograph
+from semgs.rooms.styles import Style
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
@@ -27,7 +29,16 @@ Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
 
 
-def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targets: int) -> tuple[Views, Views]:
+def sample(
+    seed: int,
+    index: int,
+    *,
+    size: tuple[int, int],
+    contexts: int,
+    targets: int,
+    library: Library | None = None,
+    style: Style = "home",
+) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 
     Contexts are one to four steps of a hand-held camera apart, fewer where neighbours would share less than 60 to 90 % of
@@ -39,9 +50,12 @@ def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targe
         size: image (height, width) [px].
         contexts: number of context views, at least 1.
         targets: number of target views, may be 0.
+        library: meshes and pictures to draw from, None for none.
+        style: "home", or "other", the world that is held out.
 
     Raises:
-        ValueError: a count or a side is too small, or seed or index is negative.
+        ValueError: a count or a side is too small, seed or index is negative, or there is no such style.
+        InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
     if contexts < 1 or targets < 0 or min(size) < 1:
@@ -50,7 +64,7 @@ def sample(seed: int, index: int, *, size: tuple[int, int], contexts: int, targe
             "of targets and positive sides"
         )
     rng = generator(seed, index)
-    room = build_room(rng)
+    room = build_room(rng, library, style)
     intrinsics = draw_intrinsics(rng, size)
     span = (contexts - 1) / 2
     gap = float(rng.integers(1, 5))

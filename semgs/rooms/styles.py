@@ -21,7 +21,7 @@ MESHES = {"home": 0.5, "other": 0.9}
 PICTURES = {"home": 0.75, "other": 1.0}
 """Share of the rooms with pictures on their surfaces, where there is a library."""
 ALL = Shares()
-HUNG = Shares(floor=0, wall=0, plaster=0, wood=0, cloth=0, stone=0, rug=0)
+HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, rug=0.0)
 """Pictures in frames and views through windows only: what the others have as well."""
 
 

@@ -139,7 +139,9 @@ def _rows(path: Path) -> list[dict]:
     try:
         rows = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(path, "the list of a folder of assets", "no such file", advice="give the folder that holds it") from None
+        raise InputError(
+            path, "the list of a folder of assets", "no such file", advice="give the folder that holds it"
+        ) from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(path, "JSON", str(error)) from None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
@@ -199,4 +201,6 @@ def _inside(file: str) -> str:
 
 
 def _unreadable(path: Path, row: dict, error: Exception) -> InputError:
-    return InputError(path, "rows with name, file, licence and the like", f"{type(error).__name__}: {error}", key=str(row.get("name")))
+    return InputError(
+        path, "rows with name, file, licence and the like", f"{type(error).__name__}: {error}", key=str(row.get("name"))
+    )

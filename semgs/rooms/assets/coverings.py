@@ -28,9 +28,17 @@ FINE = 256
 """Pictures of fewer pixels show their repetition on walls and floors [px]."""
 COARSE_SHARE = 0.4
 """Tiles of such a picture, as a share of the usual width."""
-FLOORS = {t.PLANKS: ("wood_floor",), t.TILES: ("tile", "stone"), t.CHECKER: ("tile",), t.MARBLE: ("stone", "concrete"), t.PLAIN: ("carpet",)}
+FLOORS = {
+    t.PLANKS: ("wood_floor",),
+    t.TILES: ("tile", "stone"),
+    t.CHECKER: ("tile",),
+    t.MARBLE: ("stone", "concrete"),
+    t.PLAIN: ("carpet",),
+}
 WALLS = {t.STRIPES: ("wallpaper",), t.DOTS: ("wallpaper",), t.PLANKS: ("brick", "wood"), t.TILES: ("tile",)}
 CLOTH = tuple(LABEL[name] for name in ("bed", "chair", "sofa", "curtain", "shower curtain", "otherfurniture"))
+VIEW_LIGHT = 0.75
+"""Mean radiance of a view through a window, as a share of what its pane was to send."""
 SEATS = (LABEL["chair"], LABEL["sofa"])
 CLOTH_GRAIN = 0.04
 """Plain materials of these classes with at least that much grain are cloth."""
@@ -50,7 +58,7 @@ class Shares:
     wood: float = 0.65
     cloth: float = 0.55
     stone: float = 0.7
-    art: float = 0.85
+    art: float = 0.95
     view: float = 1.0
     rug: float = 0.7
 
@@ -65,7 +73,9 @@ class Coverings:
         shares: how often.
     """
 
-    def __init__(self, rng: np.random.Generator, library: Library, gallery: Gallery, shares: Shares | None = None) -> None:
+    def __init__(
+        self, rng: np.random.Generator, library: Library, gallery: Gallery, shares: Shares | None = None
+    ) -> None:
         self.rng, self.library, self.gallery = rng, library, gallery
         self.shares = Shares() if shares is None else shares
         self._chosen: dict[tuple[int, bytes], Row | None] = {}
@@ -133,7 +143,7 @@ class Coverings:
         result[t.AZIMUTH] = self.rng.random()
         bright = max(0.15, float(_mean(pyramid).mean()))
         result[t.COLOUR_A : t.COLOUR_A + 3] = 1.0
-        result[t.EMISSION] = material[t.EMISSION] * 0.5 / bright
+        result[t.EMISSION] = material[t.EMISSION] * VIEW_LIGHT / bright
         return result
 
     def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Row:
@@ -178,7 +188,9 @@ class Coverings:
         result[t.MAPPING] = STRETCHED
         return result
 
-    def _picture(self, row: PictureRow, like: Row | None, gloss: float = 0.0, axis: int = -1, lying: bool = False) -> Row:
+    def _picture(
+        self, row: PictureRow, like: Row | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
+    ) -> Row:
         """A picture side by side, multiplied so that its mean is the material's colour if one is given."""
         pyramid = self._open(row, not lying)
         colour = self.rng.uniform(0.9, 1.05) * self.rng.uniform(0.97, 1.03, 3)

@@ -14,7 +14,7 @@ from semgs.files.errors import InputError
 
 HEADER, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TRIANGLES = 4
-COMPONENTS = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4"), 5126: np.dtype("<f4")}
+COMPONENTS: dict[int, str] = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -55,7 +55,10 @@ def read_glb(path: Path) -> list[Primitive]:
         return _primitives(*_chunks(raw))
     except (KeyError, IndexError, ValueError, TypeError, struct.error) as error:
         raise InputError(
-            path, "a binary glTF 2.0 file of plain triangles", f"{type(error).__name__}: {error}", advice="fetch it again"
+            path,
+            "a binary glTF 2.0 file of plain triangles",
+            f"{type(error).__name__}: {error}",
+            advice="fetch it again",
         ) from error
 
 
@@ -132,5 +135,5 @@ def _accessor(description: dict, data: bytes, number: int) -> np.ndarray:
         raise ValueError("sparse data")
     dtype, width = COMPONENTS[accessor["componentType"]], WIDTHS[accessor["type"]]
     raw = _view(description, data, accessor["bufferView"])
-    values = np.frombuffer(raw, dtype, accessor["count"] * width, accessor.get("byteOffset", 0))
+    values = np.frombuffer(raw, np.dtype(dtype), accessor["count"] * width, accessor.get("byteOffset", 0))
     return values.reshape(-1, width) if width > 1 else values

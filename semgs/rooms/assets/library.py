@@ -73,7 +73,9 @@ class Library:
         InputError: the folder is none, or a file is missing or altered.
     """
 
-    def __init__(self, folder: str | Path, split: Split = "training", *, check: bool = True, memory: int = MEMORY) -> None:
+    def __init__(
+        self, folder: str | Path, split: Split = "training", *, check: bool = True, memory: int = MEMORY
+    ) -> None:
         self.folder, self.split, self.memory = Path(folder), split, memory
         if check:
             verify(self.folder)
@@ -147,7 +149,8 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
         if not whole.any():
             continue
         corners = corners[whole]
-        picture = None if primitive.texture is None else decode(primitive.texture, path)
+        uv = primitive.uv[primitive.faces]
+        picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
         panels.append(
             Panel(
                 labels.get(primitive.name),
@@ -157,7 +160,7 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
                 primitive.clear,
                 corners,
                 corner_normals(corners),
-                primitive.uv[primitive.faces][whole],
+                uv[whole],
             )
         )
     return tuple(panels)

@@ -88,7 +88,9 @@ def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
             rows.append(LockRow(file, source, commit, inner, licence, author, sha256))
         return tuple(rows)
     except (OSError, json.JSONDecodeError, KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError(path, "a lock of assets", f"{type(error).__name__}: {error}", advice="install semgs again") from None
+        raise InputError(
+            path, "a lock of assets", f"{type(error).__name__}: {error}", advice="install semgs again"
+        ) from None
 
 
 def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
@@ -112,9 +114,16 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
         except InputError:
             missing.append(row.file)
     if missing or altered:
-        found = "; ".join(f"{len(names)} {what}: {_some(names)}" for what, names in (("missing", missing), ("altered", altered)) if names)
+        found = "; ".join(
+            f"{len(names)} {what}: {_some(names)}"
+            for what, names in (("missing", missing), ("altered", altered))
+            if names
+        )
         raise InputError(
-            folder, "the files of the lock, byte for byte", found, advice="fetch the assets again, in a folder of their own"
+            folder,
+            "the files of the lock, byte for byte",
+            found,
+            advice="fetch the assets again, in a folder of their own",
         )
 
 
@@ -132,7 +141,12 @@ def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> s
     unknown = sorted(set(used) - rows.keys())
     if unknown:
         raise ValueError(f"the lock has no {_some(unknown)}; expected files that it names")
-    lines = ["# Attribution", "", "These pictures show models and textures by others, under the licences named here.", ""]
+    lines = [
+        "# Attribution",
+        "",
+        "These pictures show models and textures by others, under the licences named here.",
+        "",
+    ]
     groups: dict[tuple[str, str], list[LockRow]] = {}
     for file in sorted(set(used)):
         groups.setdefault((rows[file].licence, rows[file].author), []).append(rows[file])
@@ -147,7 +161,9 @@ def _digest(folder: Path, name: str) -> str:
     try:
         return hashlib.sha256((folder / name).read_bytes()).hexdigest()
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
-        raise InputError(folder / name, "a file of the assets", "no such file", advice="fetch the assets again") from None
+        raise InputError(
+            folder / name, "a file of the assets", "no such file", advice="fetch the assets again"
+        ) from None
 
 
 def _some(names: Sequence[str]) -> str:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float64, Int64, UInt8
+from jaxtyping import Float32, Float64, Int64, UInt8
 
 from semgs.files.errors import InputError
+from semgs.rooms import shell_kernels
 
 LONGEST = 1024
 """Larger pictures are reduced to this [px]."""
@@ -56,21 +57,47 @@ def pyramid(picture: UInt8[np.ndarray, "h w 3"]) -> Pyramid:
         width, height = max(1, width // 2), max(1, height // 2)
         light = cv2.resize(light, (width, height), interpolation=cv2.INTER_AREA)
         levels.append(_encoded(light))
-    return Pyramid(
-        np.concatenate([level.reshape(-1, 3) for level in levels]), (levels[0].shape[1], levels[0].shape[0])
-    )
+    return Pyramid(np.concatenate([level.reshape(-1, 3) for level in levels]), (levels[0].shape[1], levels[0].shape[0]))
 
 
-def decode(raw: bytes, path: Path) -> Pyramid:
+def decode(raw: bytes, path: Path, uv: Float32[np.ndarray, "t 3 2"] | None = None) -> Pyramid:
     """The pyramid of an encoded picture.
 
+    Args:
+        raw: the encoded bytes.
+        path: the file that they are from, for errors.
+        uv: corners of the triangles that it is laid on, (0, 0) at the upper left; what none of them covers is filled from
+            beside, so that the gaps of an atlas do not shine through at seams. None keeps it as it is.
+
     Raises:
-        InputError: it cannot be decoded; names the file that it is from.
+        InputError: it cannot be decoded.
     """
     picture = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_COLOR) if raw else None
     if picture is None:
         raise InputError(path, "a picture", "bytes that cannot be decoded", advice="fetch it again")
-    return pyramid(np.ascontiguousarray(picture[..., ::-1]))
+    picture = np.ascontiguousarray(picture[..., ::-1])
+    if uv is not None and uv.min() > -0.01 and uv.max() < 1.01:
+        used = np.zeros(picture.shape[:2], np.float32)
+        shell_kernels.cover(uv, used)
+        picture = fill_gaps(picture, used)
+    return pyramid(picture)
+
+
+def fill_gaps(picture: UInt8[np.ndarray, "h w 3"], used: Float32[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """The picture with what is not used (0) replaced by the mean of what is used (1) about it, the nearer the better."""
+    if used.all() or not used.any():
+        return picture
+    sums, weights = [picture * used[..., None]], [used]
+    while max(weights[-1].shape) > 1:
+        height, width = (max(1, (side + 1) // 2) for side in weights[-1].shape)
+        sums.append(cv2.resize(sums[-1], (width, height), interpolation=cv2.INTER_AREA))
+        weights.append(cv2.resize(weights[-1], (width, height), interpolation=cv2.INTER_AREA))
+    filled = sums[-1] / max(float(weights[-1].max()), 1e-9)
+    for total, weight in zip(sums[-2::-1], weights[-2::-1], strict=True):
+        coarse = cv2.resize(filled, weight.shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(*weight.shape, 3)
+        known = weight[..., None] > 1e-6
+        filled = np.where(known, total / np.maximum(weight[..., None], 1e-6), coarse).astype(np.float32)
+    return np.where(used[..., None] > 0, picture, np.clip(np.round(filled), 0, 255)).astype(np.uint8)
 
 
 def pack(pyramids: Sequence[Pyramid]) -> Pack:

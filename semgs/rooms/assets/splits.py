@@ -42,7 +42,11 @@ def family(row: MeshRow) -> str:
     maker = row.name.split("_")[0]
     if maker in KITS:
         return f"{maker} {row.label}"
-    stem = re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", row.name)) if maker == "ig" else row.name.rstrip("0123456789_")
+    stem = (
+        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", row.name))
+        if maker == "ig"
+        else row.name.rstrip("0123456789_")
+    )
     return SAME_GENERATOR.get(stem, stem)
 
 

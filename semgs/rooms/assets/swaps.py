@@ -50,7 +50,9 @@ RULES = {
     "coffee table": Rule("table", ("coffee_table",), low=0.7, stretch=1.2, centred=True),
     "side table": Rule("table", ("side_table",), low=0.75, centred=True),
     "desk": Rule("desk", low=0.75, stretch=1.2),
-    "cabinet": Rule("cabinet", ("cabinet", "dresser", "sideboard", "wardrobe", "vitrine", "tv_stand"), low=0.75, stretch=1.2),
+    "cabinet": Rule(
+        "cabinet", ("cabinet", "dresser", "sideboard", "wardrobe", "vitrine", "tv_stand"), low=0.75, stretch=1.2
+    ),
     "nightstand": Rule("cabinet", ("nightstand",), low=0.75),
     "bookshelf": Rule("bookshelf", low=0.75, stretch=1.2),
     "island": Rule("counter", ("counter", "kitchen_base_cabinet"), low=0.7, stretch=1.2, centred=True),
@@ -77,8 +79,37 @@ TOP_SHARE = 0.6
 FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
 GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
 WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
-METALS = ("metal", "steel", "chrome", "tap", "faucet", "handle", "knob", "drain", "rod", "ring", "finial", "pull", "lever", "gold")
-CLOTHS = ("carpet", "fabric", "cushion", "pillow", "couch", "mattress", "sheet", "blanket", "bed", "curtain", "cloth", "seat", "sofa")
+METALS = (
+    "metal",
+    "steel",
+    "chrome",
+    "tap",
+    "faucet",
+    "handle",
+    "knob",
+    "drain",
+    "rod",
+    "ring",
+    "finial",
+    "pull",
+    "lever",
+    "gold",
+)
+CLOTHS = (
+    "carpet",
+    "fabric",
+    "cushion",
+    "pillow",
+    "couch",
+    "mattress",
+    "sheet",
+    "blanket",
+    "bed",
+    "curtain",
+    "cloth",
+    "seat",
+    "sofa",
+)
 WARES = ("basin", "ceramic", "porcelain", "sink", "bowl", "vessel", "tub")
 
 
@@ -133,14 +164,20 @@ class Swaps:
             return [row for row in rows if row.mount == "surface" or row.subtype in FLOOR_CLUTTER]
         return [row for row in rows if not rule.subtypes or row.subtype in rule.subtypes]
 
-    def _parts(self, panels: tuple[Panel, ...], row: MeshRow, scale: Float64[np.ndarray, " 3"], foot: np.ndarray) -> list[Part]:
+    def _parts(
+        self, panels: tuple[Panel, ...], row: MeshRow, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
+    ) -> list[Part]:
         own = LABEL.get(row.label, IGNORE)
         tint = np.clip(self.rng.normal(1.0, 0.06, 3) * self.rng.uniform(0.8, 1.15), 0.5, 1.3)
         chosen: dict[str, Row] = {}
         parts = []
         for panel in panels:
             label = own if panel.label is None else LABEL.get(panel.label, IGNORE)
-            make = row.label if row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS) else panel.material
+            make = (
+                row.label
+                if row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
+                else panel.material
+            )
             if make not in chosen:
                 chosen[make] = self._material(panel, row, label, tint)
             corners = panel.corners * scale
@@ -195,7 +232,9 @@ class Swaps:
         """Clutter, in about its own colour; the dark greens of plants are made what they are in daylight."""
         rng = self.rng
         if _is(name, GREENS) or (colour[1] > 1.2 * colour[0] and colour[1] > 1.2 * colour[2]):
-            return m.row(rng, a=m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6)), fine=0.1, blotch=0.2, blotch_scale=0.08)
+            return m.row(
+                rng, a=m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6)), fine=0.1, blotch=0.2, blotch_scale=0.08
+            )
         if _is(name, CLOTHS):
             return self.coverings.cloth(m.fabric(rng))
         red, green, blue = (float(min(0.9, max(0.02, c * rng.uniform(0.8, 1.25)))) for c in colour)
@@ -258,7 +297,9 @@ def _surface(panels: tuple[Panel, ...], row: MeshRow, scale: np.ndarray) -> floa
     """Height of a flat top, None if there is none."""
     corners = np.concatenate([panel.corners for panel in panels])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (corners[..., 2].min(axis=1) > row.extents[2] - TOP_BAND)
+    top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (
+        corners[..., 2].min(axis=1) > row.extents[2] - TOP_BAND
+    )
     covered = np.abs(normals[top, 2]).sum() / 2
     footprint = row.extents[0] * row.extents[1]
     return float(row.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None
