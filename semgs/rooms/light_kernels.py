@@ -34,8 +34,8 @@ def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
     """Rays about the normal of the triangle that was hit, by the cosine, each `REACH` long."""
     for r in range(len(triangles)):
         if triangles[r] < 0:
-            origins[r], ways[r] = 0.0, 0.0
-            ways[r, 2] = 1.0
+            for k in range(3):
+                origins[r, k], ways[r, k] = 0.0, 1.0
             continue
         plane = planes[triangles[r]]
         sign = (
@@ -76,12 +76,14 @@ def smooth(values, triangles, normals, places, depths, width, out):
     channels = values.shape[1]
     for r in range(len(triangles)):
         if triangles[r] < 0:
-            out[r] = values[r]
+            for k in range(channels):
+                out[r, k] = values[r, k]
             continue
         row, column = r // width, r % width
         nx, ny, nz = normals[r, 0], normals[r, 1], normals[r, 2]
         limit, count = FLAT * depths[r], 0
-        out[r] = 0.0
+        for k in range(channels):
+            out[r, k] = 0.0
         for i in range(max(0, row - 1), min(height, row + TILE - 1)):
             for j in range(max(0, column - 1), min(width, column + TILE - 1)):
                 s = i * width + j
@@ -116,4 +118,5 @@ def borrow(pixels, parts, owners, width, values, out):
                 far = abs(i - row) + abs(j - column)
                 if owners[i * width + j] == parts[r] and far < best:
                     best, source = far, i * width + j
-        out[r] = values[source]
+        for k in range(values.shape[1]):
+            out[r, k] = values[source, k]

@@ -48,6 +48,9 @@ def picture(pixels, table, material, local, facing, size, direction, uv, foot, s
         flat = math.hypot(direction[0], direction[1])
         u = math.atan2(direction[1], direction[0]) / -scale + material[AZIMUTH]
         v = 0.5 - math.atan2(direction[2], flat) / (scale * aspect)
+        if mapping == PANORAMA:
+            edge = 0.5 / table[number, 2]
+            v = min(max(v, edge), 1 - edge)
         wide = 0.003 / scale
         if mapping == VIEW:
             u, v = 1 - abs((u % 2) - 1), 1 - abs((v % 2) - 1)
