@@ -155,7 +155,7 @@ class _Loft:
             wall, low = self.walls[OPPOSITE], rng.uniform(0.7, 1.3)
             count, wide = int(rng.integers(2, 5)), rng.uniform(0.6, 1.1)
             gap = (wall.length - count * wide) / (count + 1)
-            places = [gap + i * (gap + wide) for i in range(count)] if gap > 0.25 else []
+            places = [gap + i * (gap + wide) for i in range(count)] if gap > 0.4 else []
         else:
             wall, low, wide = self.walls[3], rng.uniform(0.1, 0.9), width * rng.uniform(0.5, 0.75)
             places = [(width - wide) / 2]
@@ -301,7 +301,9 @@ class _Loft:
         tub = self.at_wall(fittings.bathtub, middle, side)
         if tub and self.rng.random() < 0.8:
             drape = openings.shower_curtain(self.rng, tub.size[0] * 0.6, self.size[2])
-            self.at_wall(drape, middle - 0.2 * tub.size[0], side, tub.size[1] + 0.05)
+            wall = self.walls[side]
+            along = middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle
+            self.stand(drape, *wall.at(along - tub.size[0] / 2, tub.size[1] + 0.06), wall.yaw)
         self.in_line(
             (fittings.toilet, fittings.washbasin, fittings.cabinet),
             middle - length / 2 + 0.1,

@@ -16,7 +16,7 @@ from semgs.rooms.assets.pictures import Pack
 from semgs.rooms.plans import WALL, Plan
 from semgs.rooms.shells import ShellTriangles, place_shells
 from semgs.rooms.solids import SHELL, Solids, gather, triangulate
-from semgs.rooms.styles import Style, furnish
+from semgs.rooms.styles import furnish
 
 FIELD_STEP = 0.1
 """Spacing of the distance field's nodes [m]."""
@@ -77,7 +77,7 @@ class Room:
         return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
 
 
-def build_room(rng: np.random.Generator, library: Library | None = None, style: Style = "home") -> Room:
+def build_room(rng: np.random.Generator, library: Library | None = None, style: str = "home") -> Room:
     """A random furnished room with its light.
 
     Args:

@@ -20,7 +20,6 @@ from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
 from semgs.rooms.plain import Room, build_room
 from semgs.rooms.shading import photograph
-from semgs.rooms.styles import Style
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
@@ -37,7 +36,7 @@ def sample(
     contexts: int,
     targets: int,
     library: Library | None = None,
-    style: Style = "home",
+    style: str = "home",
 ) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 

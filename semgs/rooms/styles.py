@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from semgs.rooms.assets.swaps import Swaps
 from semgs.rooms.other import draw_other_plan
 from semgs.rooms.plans import Plan, draw_plan
 
-Style = Literal["home", "other"]
+STYLES = ("home", "other")
 
 MESHES = {"home": 0.5, "other": 0.9}
 """Share of the rooms with meshes, where there is a library."""
@@ -25,18 +24,18 @@ HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, 
 """Pictures in frames and views through windows only: what the others have as well."""
 
 
-def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[Plan, Gallery]:
+def furnish(rng: np.random.Generator, library: Library | None, style: str) -> tuple[Plan, Gallery]:
     """A plan of a style and the pictures that its materials are of.
 
-    What comes from the library is drawn by numbers of its own, so that a home is the same with and without but for what
-    was exchanged.
+    What comes from the library is drawn by numbers of its own: furniture stands where it would without. Only the small
+    things on it, and what is drawn after them, follow the tops of the meshes.
 
     Raises:
         ValueError: there is no such style.
         InputError: a file of the library cannot be read.
     """
-    if style not in get_args(Style):
-        raise ValueError(f"style {style!r}; expected one of {', '.join(get_args(Style))}")
+    if style not in STYLES:
+        raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
     gallery, draw = Gallery(), draw_plan if style == "home" else draw_other_plan
     if library is None:
         return draw(rng), gallery

@@ -31,9 +31,8 @@ def test_its_rooms_are_longer_than_those_of_homes():
 
 
 def test_all_classes_occur_in_it():
-    labels = torch.cat([sample(21, k, size=(36, 48), contexts=2, targets=1, style="other")[i].labels.flatten()
-                        for k in range(60) for i in (0, 1)])  # fmt: skip
-    assert set(range(20)) <= set(labels.unique().tolist())
+    labels = {part.label for seed in range(60) for part in draw_other_plan(np.random.default_rng(seed)).parts}
+    assert set(range(20)) <= labels
 
 
 def test_its_samples_are_the_same_bits_each_time_and_no_homes():

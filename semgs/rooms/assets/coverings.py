@@ -167,7 +167,7 @@ class Coverings:
     def _is_cloth(self, material: Row) -> bool:
         kind = int(material[t.KIND])
         woven = kind in (t.WEAVE, t.STRIPES, t.DOTS)
-        return woven or (kind == t.PLAIN and material[t.FINE] >= CLOTH_GRAIN and material[t.GLOSS] == 0)
+        return woven or bool(kind == t.PLAIN and material[t.FINE] >= CLOTH_GRAIN and material[t.GLOSS] == 0)
 
     def _tiled(self, kinds: Sequence[str], share: float, like: Row | None, fine: bool) -> Row | None:
         if not self._chance(share):
