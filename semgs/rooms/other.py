@@ -53,9 +53,10 @@ def draw_palette(rng: np.random.Generator) -> Palette:
     wood = m.colour(rng, (0.05, 0.1), (0.25, 0.6), (0.25, 0.85))
     near = (hue - 0.05, hue + 0.05)
     pale = m.colour(rng, near, (0.02, 0.15), (0.8, 0.97))
-    strong = m.colour(rng, near, (0.25, 0.6), (0.35, 0.75))
+    strong = m.colour(rng, near, (0.15, 0.5), (0.35, 0.75))
     walls = [(pale, strong), (strong, pale), (pale, pale), (pale, wood)][int(rng.integers(4))]
-    paint = [pale, strong, m.colour(rng, saturation=(0, 0.1), value=(0.05, 0.25))][int(rng.integers(3))]
+    dark = m.colour(rng, saturation=(0, 0.1), value=(0.05, 0.25))
+    paint = [pale, dark if strong in walls else strong, dark][int(rng.integers(3))]
     return Palette(wood, m.shade(rng, wood, 0.3, 0.6), paint, walls)
 
 

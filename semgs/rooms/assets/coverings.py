@@ -37,8 +37,8 @@ FLOORS = {
 }
 WALLS = {t.STRIPES: ("wallpaper",), t.DOTS: ("wallpaper",), t.PLANKS: ("brick", "wood"), t.TILES: ("tile",)}
 CLOTH = tuple(LABEL[name] for name in ("bed", "chair", "sofa", "curtain", "shower curtain", "otherfurniture"))
-VIEW_LIGHT = 0.75
-"""Mean radiance of a view through a window, as a share of what its pane was to send."""
+VIEW_LIGHT = (0.5, 2.2)
+"""Mean radiance of a view through a window, as a share of what its pane was to send: many are washed out by day."""
 SEATS = (LABEL["chair"], LABEL["sofa"])
 CLOTH_GRAIN = 0.04
 """Plain materials of these classes with at least that much grain are cloth."""
@@ -143,7 +143,7 @@ class Coverings:
         result[t.AZIMUTH] = self.rng.random()
         bright = max(0.15, float(_mean(pyramid).mean()))
         result[t.COLOUR_A : t.COLOUR_A + 3] = 1.0
-        result[t.EMISSION] = material[t.EMISSION] * VIEW_LIGHT / bright
+        result[t.EMISSION] = material[t.EMISSION] * self.rng.uniform(*VIEW_LIGHT) / bright
         return result
 
     def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Row:

@@ -142,10 +142,12 @@ def open_library(folder: str | Path, style: str = "home", *, check: bool = True)
 def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
     labels = dict(row.parts)
     panels = []
-    for primitive in read_glb(path):
-        corners = primitive.vertices[primitive.faces] * np.array([-1, -1, 1], np.float32)
+    primitives = read_glb(path)
+    turned = [p.vertices[p.faces] * np.array([-1, -1, 1], np.float32) for p in primitives]
+    side = _fuller_side(primitives, turned)
+    for primitive, corners in zip(primitives, turned, strict=True):
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
-        whole = (area > 1e-10) & _wanted(row, primitive, corners)
+        whole = (area > 1e-10) & _wanted(row, primitive, corners, side)
         if not whole.any():
             continue
         corners = corners[whole]
@@ -166,12 +168,23 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def _wanted(row: MeshRow, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"]) -> Bool[np.ndarray, " t"]:
+def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "t 3 3"]]) -> int:
+    """Where a pair of drapes has more cloth: 1 at positive x, else -1."""
+    cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, turned, strict=True) if _is_cloth(p)]
+    return 1 if cloth and (np.concatenate(cloth) > 0).mean() >= 0.5 else -1
+
+
+def _is_cloth(primitive: Primitive) -> bool:
+    return any(word in primitive.material.lower() for word in DRAPES)
+
+
+def _wanted(
+    row: MeshRow, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
+) -> Bool[np.ndarray, " t"]:
     """Which triangles rooms take: of curtains one drape without its rod, of windows all but the panes."""
     name = primitive.material.lower()
     if row.label == "curtain" and row.subtype == "curtain":
-        cloth = any(word in name for word in DRAPES)
-        return (corners[..., 0].mean(axis=1) > 0) & cloth
+        return (side * corners[..., 0].mean(axis=1) > 0) & _is_cloth(primitive)
     if row.label == "window":
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(normals, axis=-1)

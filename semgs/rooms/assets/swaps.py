@@ -30,6 +30,7 @@ class Rule:
         stretch: how much more one axis may be scaled than another.
         fill: least share of the piece's width that they must fill.
         centred: whether they stand in the middle of the depth; others stand with their back to the wall.
+        hung: whether they fill the width and height that are there; `stretch` is then that of one against the other.
     """
 
     label: str
@@ -39,6 +40,7 @@ class Rule:
     stretch: float = 1.1
     fill: float = 0.72
     centred: bool = False
+    hung: bool = False
 
 
 RULES = {
@@ -62,20 +64,26 @@ RULES = {
     "toilet": Rule("toilet", low=0.85),
     "bathtub": Rule("bathtub", low=0.85, stretch=1.15),
     "other": Rule("otherfurniture", low=0.75, fill=0.5),
-    "door": Rule("door", low=0.8, high=1.25, stretch=1.25, fill=0.9),
-    "window": Rule("window", low=0.5, high=2.0, stretch=1.5, fill=0.95),
+    "door": Rule("door", low=0.8, high=1.25, stretch=1.3, hung=True),
+    "window": Rule("window", low=0.5, high=2.0, stretch=1.8, hung=True),
     "curtain": Rule("curtain", ("curtain",)),
-    "shower curtain": Rule("shower curtain", low=0.3, high=1.6, stretch=3.5, fill=0.9),
+    "shower curtain": Rule("shower curtain", low=0.4, high=1.6, stretch=3.0, hung=True),
     "clutter": Rule("clutter", low=0.8, high=1.3, stretch=1.0, fill=0.45, centred=True),
 }
 """By the name of the piece. Cloth may be gathered: curtains fit wherever they hang."""
 
+SUNK = 0.03
+"""How deep door frames stand in the wall [m]."""
 SURFACED = ("table", "coffee table", "side table", "desk", "cabinet", "nightstand", "island", "counter", "bookshelf")
 """Pieces on whose flat top things may stand."""
 TOP_BAND = 0.03
 """A top is what looks up within this of the highest point [m]."""
 TOP_SHARE = 0.6
 """Least share of the footprint that a top covers."""
+DEPTHS = {"window": 0.065, "curtain": 0.11, "shower curtain": 0.1}
+"""How far window frames stand out of the wall, what drapes take in front of them, and shower curtains anywhere [m]."""
+HIGHEST = 1.12
+"""How much higher than the piece a mesh may be."""
 FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
 GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
 WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
@@ -145,8 +153,8 @@ class Swaps:
             return piece
         row, scale = found[int(self.rng.integers(len(found)))]
         depth = row.extents[1] * scale[1]
-        y = (box[1] - depth) / 2 if rule.centred or piece.name in ("window", "door") else 0.0
-        y = {"door": depth / 2 - 0.03, "window": 0.0}.get(piece.name, y + depth / 2)
+        y = box[1] / 2 if rule.centred else depth / 2
+        y = {"door": depth / 2 - SUNK, "window": 0.0}.get(piece.name, y)
         foot = np.array([box[0] / 2, y, low])
         panels = self.library.panels(row)
         if rule.label == "curtain":
@@ -244,28 +252,23 @@ class Swaps:
 def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
     """How a mesh is scaled along x, y and z to stand in a box, None if it cannot without looking wrong.
 
-    Its width and depth stay within the box; its height may leave it by a tenth.
+    Its width and depth stay within the box; its height may leave it by an eighth.
     """
     ratio = box / np.array(row.extents)
     if rule.label == "curtain":
         return ratio
-    if rule.label in ("door", "window"):
-        ratio[1] = 1.0
+    if rule.hung:
+        whole, stretch = float(np.sqrt(ratio[0] * ratio[2])), float(max(ratio[0] / ratio[2], ratio[2] / ratio[0]))
+        depth = DEPTHS.get(rule.label, row.extents[1]) / row.extents[1]
+        fits = rule.low <= whole <= rule.high and stretch <= rule.stretch
+        return np.array([ratio[0], min(1.0, depth), ratio[2]]) if fits else None
     whole = float(min(ratio[0], ratio[1], rule.high))
-    if rule.stretch > 2:
-        whole = float(min(ratio[2], rule.high))
     if whole < rule.low:
         return None
     scale = np.clip(ratio, whole / rule.stretch, whole * rule.stretch)
     scale[:2] = np.minimum(scale[:2], ratio[:2])
-    if rule.stretch == 1:
-        scale[:] = whole
     filled = scale * row.extents / box
-    if filled[0] < rule.fill or filled[2] > 1.12 or (rule.stretch > 2 and filled[2] < 0.9):
-        return None
-    if rule.label in ("door", "window") and filled[2] < 0.95:
-        return None
-    return scale
+    return scale if filled[0] >= rule.fill and filled[2] <= HIGHEST else None
 
 
 def _draped(
@@ -275,9 +278,10 @@ def _draped(
     flat = np.concatenate([panel.corners.reshape(-1, 3) for panel in panels])
     lowest, highest = flat.min(axis=0).astype(np.float64), flat.max(axis=0).astype(np.float64)
     scale = box / np.maximum(highest - lowest, 1e-3)
-    scale[1] = min(1.0, scale[1])
+    scale[1] = min(1.0, DEPTHS["curtain"] / (highest[1] - lowest[1]))
     middle = scale * (lowest + highest) / 2
-    return scale, np.array([foot[0] - middle[0], box[1] / 2 - middle[1], foot[2] - scale[2] * lowest[2]])
+    off = DEPTHS["window"] + DEPTHS["curtain"] / 2
+    return scale, np.array([foot[0] - middle[0], off - middle[1], foot[2] - scale[2] * lowest[2]])
 
 
 def _is(name: str, words: tuple[str, ...]) -> bool:
