@@ -51,13 +51,14 @@ def family(row: MeshRow) -> str:
 
 
 def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
-    """The list that each mesh belongs to, by name."""
+    """The list that each mesh belongs to, by name. Small classes come first: a family of several classes follows the one that
+    has the least choice."""
     families: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
         families[row.label][family(row)].append(row.name)
     result: dict[str, Split] = {}
     decided: dict[str, bool] = {}
-    for label in sorted(families):
+    for label in sorted(families, key=lambda label: (sum(map(len, families[label].values())), label)):
         groups = families[label]
         wanted = OTHER_SHARE * sum(map(len, groups.values()))
         fixed = sum(len(names) for key, names in groups.items() if decided.get(key))
