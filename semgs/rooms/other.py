@@ -329,8 +329,14 @@ class _Loft:
                 if right > wall.length - 0.15 or low + piece.size[2] > self.size[2] - 0.1:
                     break
                 if wall.free(left - 0.04, right + 0.04, low - 0.04, low + piece.size[2] + 0.04):
-                    self.hang(wall, piece, left, low)
+                    parts = tuple(self._other_art(part) for part in piece.parts)
+                    self.hang(wall, replace(piece, parts=parts), left, low)
                 left = right + gap
+
+    def _other_art(self, part: Part) -> Part:
+        """The part, with another picture if it is one."""
+        art = part.material[t.KIND] in (t.LANDSCAPE, t.ABSTRACT)
+        return replace(part, material=m.artwork(self.rng)) if art else part
 
     def lamps(self) -> None:
         """Globes in a row along the middle of the ceiling."""
