@@ -13,9 +13,13 @@ from semgs.rooms.plans import draw_plan
 from semgs.rooms.stream import generator, sample
 
 
-def test_furniture_of_the_other_world_neither_intersects_nor_leaves_the_room():
-    for seed in range(30):
-        plan = draw_other_plan(np.random.default_rng(seed))
+@pytest.fixture(scope="module")
+def plans():
+    return [draw_other_plan(np.random.default_rng(seed)) for seed in range(30)]
+
+
+def test_furniture_of_the_other_world_neither_intersects_nor_leaves_the_room(plans):
+    for plan in plans:
         assert len(plan.footprints) >= 2
         for one, two in itertools.combinations(plan.footprints, 2):
             assert not overlap(one, two)
@@ -23,15 +27,16 @@ def test_furniture_of_the_other_world_neither_intersects_nor_leaves_the_room():
             assert (np.abs(corners) <= (plan.size[0] / 2 + 1e-9, plan.size[1] / 2 + 1e-9)).all()
 
 
-def test_its_rooms_are_longer_than_those_of_homes():
-    def elongation(draw):
-        return [max(p.size[:2]) / min(p.size[:2]) for p in (draw(np.random.default_rng(seed)) for seed in range(40))]
+def test_its_rooms_are_longer_than_those_of_homes(plans):
+    def elongation(some):
+        return np.median([max(plan.size[:2]) / min(plan.size[:2]) for plan in some])
 
-    assert np.median(elongation(draw_other_plan)) > 1.3 * np.median(elongation(draw_plan))
+    homes = [draw_plan(np.random.default_rng(seed)) for seed in range(15)]
+    assert elongation(plans) > 1.3 * elongation(homes)
 
 
-def test_all_classes_occur_in_it():
-    labels = {part.label for seed in range(60) for part in draw_other_plan(np.random.default_rng(seed)).parts}
+def test_all_classes_occur_in_it(plans):
+    labels = {part.label for plan in plans for part in plan.parts}
     assert set(range(20)) <= labels
 
 
