@@ -10,7 +10,7 @@ STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
 UNFINISHED := .venv/unfinished
 
-.PHONY: help setup demo test long check format anew
+.PHONY: help setup demo test long gpu mutants check format anew
 .DEFAULT_GOAL := help
 
 help:
@@ -18,6 +18,8 @@ help:
 	@echo 'make demo    set up, then reconstruct the embedded scene'
 	@echo 'make test    set up, then run the tests (minutes)'
 	@echo 'make long    set up, then run the tests that take longer'
+	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
+	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
 
@@ -47,6 +49,12 @@ test: setup
 
 long: setup
 	$(BIN)/pytest -m 'long'
+
+gpu: setup
+	PYTHON='$(CURDIR)/$(BIN)/python' scripts/gpu.sh test
+
+mutants: setup
+	$(BIN)/python tests/mutants.py
 
 check: setup
 	$(BIN)/ruff format --check .

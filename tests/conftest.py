@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import pkgutil
+import warnings
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+import torch
 from jaxtyping import install_import_hook
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,3 +27,36 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the reference material beside the project is not here")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def cuda() -> Iterator[torch.device]:
+    """A CUDA device on which float32 is float32 (no TF32); the test is skipped where there is none."""
+    if not torch.cuda.is_available():
+        pytest.skip("torch finds no CUDA device here")
+    layers = (torch.backends.cudnn.conv, torch.backends.cuda.matmul)  # type: ignore[attr-defined]
+    before = [layer.fp32_precision for layer in layers]
+    for layer in layers:
+        layer.fp32_precision = "ieee"
+    yield torch.device("cuda")
+    for layer, precision in zip(layers, before, strict=True):
+        layer.fp32_precision = precision
+
+
+@pytest.fixture(params=["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
+def device(request: pytest.FixtureRequest) -> torch.device:
+    """The CPU and, in tests that then are marked `gpu`, a CUDA device."""
+    return torch.device("cpu") if request.param == "cpu" else request.getfixturevalue("cuda")
+
+
+@pytest.fixture(scope="session")
+def gsplat(cuda: torch.device) -> torch.device:
+    """A CUDA device that gsplat draws on, compiled; the test is skipped where gsplat is not installed."""
+    if find_spec("gsplat") is None:
+        pytest.skip('gsplat is not installed; pip install "semgs[cuda]"')
+    from semgs.rendering.gsplat_backend import rasterizer
+
+    with warnings.catch_warnings():  # torch's compiler of extensions has advice to give
+        warnings.simplefilter("ignore")
+        rasterizer()
+    return cuda

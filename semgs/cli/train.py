@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.training import presets
 from semgs.training.settings import TrainingSettings, differences
@@ -43,6 +44,8 @@ class Train:
     ]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder: a new or empty one, or a run of the same settings to go on with."""
+    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    """Where to compute; auto takes a CUDA GPU where there is one. Only the CPU gives the same bits in every run."""
     minutes: float | None = None
     """End after this time, with a checkpoint; none ends at the last step."""
     workers: int = 1
@@ -59,6 +62,7 @@ class Train:
         """
         if self.workers < 0 or self.save_minutes < 0 or (self.minutes is not None and self.minutes <= 0):
             raise UsageError("--workers and --save-minutes must not be negative, and --minutes must be positive")
+        check_device(self.device)
         from rich.console import Console
 
         console = Console(stderr=True, highlight=False)
@@ -68,11 +72,12 @@ class Train:
         from semgs.training.loop import train
         from semgs.training.run import claim, export_weights
 
+        device = chosen_device(self.device)
         with what_the_user_gave():
             claim(self.out, self.settings)
         try:
             outcome = train(
-                self.settings, self.out, minutes=self.minutes, workers=self.workers,
+                self.settings, self.out, device=device, minutes=self.minutes, workers=self.workers,
                 save_minutes=self.save_minutes, console=console,
             )  # fmt: skip
         except (FloatingPointError, ImportError) as error:

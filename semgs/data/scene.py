@@ -134,11 +134,11 @@ class Scene:
                 lens, maps = frame.lens, frame.lens.maps()
             view = frame.read((bounds.near, bounds.far), self.classes, maps=None if frame.lens.is_pinhole else maps)
             views.append(view if size is None else resized(view, size))
-        return _joined(views, self.classes or SCANNET20)
+        return joined(views, self.classes or SCANNET20)
 
 
-def _joined(views: Sequence[Views], classes: ClassTable) -> Views:
-    """Views of one size, one after the other; labels and depths only where all have them."""
+def joined(views: Sequence[Views], classes: ClassTable) -> Views:
+    """Unbatched views of one size, one after the other; labels and depths only where all have them."""
 
     def together(maps: Sequence[Tensor | None]) -> Tensor | None:
         held = [one for one in maps if one is not None]

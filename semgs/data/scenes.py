@@ -33,6 +33,40 @@ def open_scene(path: str | Path) -> Scene:
     )
 
 
+def open_scenes(path: str | Path) -> tuple[Scene, ...]:
+    """The scene at a path, or else those in the folders right inside it, in the order of their names.
+
+    Folders of no known layout are passed over, as are those whose name begins with a dot.
+
+    Raises:
+        InputError: as `open_scene`; there is no scene at all; or two have the same name.
+    """
+    path = Path(path).expanduser()
+    existing_folder(path)
+    if path.is_file() or _recognised(path):
+        return (open_scene(path),)
+    inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
+    scenes = tuple(open_scene(child) for child in inside if _recognised(child))
+    if not scenes:
+        raise InputError(
+            path,
+            f"a scene or a folder of scenes: {transforms_json.LOOKED_FOR}, or {colmap.LOOKED_FOR}",
+            "none of them",
+            advice=_hint(path),
+        )
+    names: dict[str, Path] = {}
+    for scene in scenes:
+        if scene.name in names:
+            raise InputError(scene.path, "scenes of different names", f"{scene.name}, as {names[scene.name]}")
+        names[scene.name] = scene.path
+    return scenes
+
+
+def _recognised(path: Path) -> bool:
+    """Whether a folder has a known layout."""
+    return transforms_json.recognises(path) or colmap.recognises(path)
+
+
 def _hint(path: Path) -> str | None:
     """What to do about a folder that holds no known layout."""
     if path.is_file():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -157,6 +157,17 @@ class Views:
             depths=None if self.depths is None else pick(self.depths, -3),
             classes=self.classes,
         )
+
+    def to(self, device: torch.device | str) -> Views:
+        """These views with pictures, labels and depths on a device; cameras and bounds stay on the CPU."""
+        maps = (self.images, self.labels, self.depths)
+        if all(one is None or one.device == torch.device(device) for one in maps):
+            return self
+
+        def moved(maps: Tensor | None) -> Tensor | None:
+            return None if maps is None else maps.to(device)
+
+        return replace(self, images=self.images.to(device), labels=moved(self.labels), depths=moved(self.depths))
 
 
 @dataclass(frozen=True)

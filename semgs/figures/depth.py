@@ -10,6 +10,9 @@ from jaxtyping import Float, UInt8
 NOTHING = (40, 42, 46)
 """The grey of pixels without depth."""
 
+WORST_ERROR = 0.25
+"""The relative error from which pictures of errors have one colour."""
+
 
 def depth_limits(maps: Iterable[np.ndarray]) -> tuple[float, float]:
     """The depths that the colours of several maps should span: the 1st to the 99th percentile of what has depth (> 0).
@@ -34,6 +37,21 @@ def depth_picture(depths: Float[np.ndarray, "h w"], limits: tuple[float, float])
     return np.where((depths > 0)[..., None], coloured, np.array(NOTHING, np.uint8))
 
 
+def depth_error_picture(
+    depths: Float[np.ndarray, "h w"], truth: Float[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """|z - truth| / truth in colours, from black at 0 to light yellow at `WORST_ERROR` and beyond; grey without truth."""
+    known = truth > 0
+    error = np.abs(depths - truth) / np.where(known, truth, 1)
+    coloured = _error_palette()[np.rint(255 * np.clip(error / WORST_ERROR, 0, 1)).astype(np.uint8)]
+    return np.where(known[..., None], coloured, np.array(NOTHING, np.uint8))
+
+
+def depth_error_bar() -> UInt8[np.ndarray, "1 256 3"]:
+    """The colours of `depth_error_picture` from no error at the left to `WORST_ERROR` at the right."""
+    return _error_palette()[None]
+
+
 def depth_ticks(limits: tuple[float, float], count: int) -> tuple[float, ...]:
     """The depths at evenly spaced places along `depth_bar`, its ends among them."""
     return tuple(float(depth) for depth in np.geomspace(*limits, count))
@@ -50,3 +68,10 @@ def _palette() -> UInt8[np.ndarray, "256 3"]:
     from matplotlib import colormaps  # takes a quarter of a second, which only those who draw need to wait
 
     return np.rint(255 * np.asarray(colormaps["turbo"].resampled(256)(np.arange(255, -1, -1)))[:, :3]).astype(np.uint8)
+
+
+def _error_palette() -> UInt8[np.ndarray, "256 3"]:
+    """Inferno, as bytes."""
+    from matplotlib import colormaps
+
+    return np.rint(255 * np.asarray(colormaps["inferno"].resampled(256)(np.arange(256)))[:, :3]).astype(np.uint8)

@@ -47,17 +47,20 @@ class Picture:
     Attributes:
         pixels: uint8 [h w 3], RGB.
         caption: what it shows.
+        lossy: whether it may be a JPEG, which makes a page of many photos a fifth as large.
     """
 
     pixels: UInt8[np.ndarray, "h w 3"]
     caption: str
+    lossy: bool = False
 
     @property
     def uri(self) -> str:
-        """The picture as a PNG inside a URI."""
+        """The picture inside a URI."""
         buffer = io.BytesIO()
-        Image.fromarray(np.ascontiguousarray(self.pixels)).save(buffer, "PNG")
-        return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+        form = "JPEG" if self.lossy else "PNG"
+        Image.fromarray(np.ascontiguousarray(self.pixels)).save(buffer, form, quality=90)
+        return f"data:image/{form.lower()};base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,50 @@ class Scale:
 
 
 @dataclass(frozen=True)
+class Bar:
+    """A horizontal bar.
+
+    Attributes:
+        name: at its left.
+        colour: sRGB, 0..255.
+        share: its length, 0..1.
+        text: at its right.
+        mark: where a tick crosses it, 0..1, or None.
+    """
+
+    name: str
+    colour: tuple[int, int, int]
+    share: float
+    text: str
+    mark: float | None = None
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Bars below each other, on one scale from 0 to 1."""
+
+    bars: tuple[Bar, ...]
+    kind: str = "bars"
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """A table of shares as shaded cells.
+
+    Attributes:
+        rows, columns: names.
+        shares: 0..1, a row of cells for each row.
+        corner: what rows and columns are.
+    """
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    shares: tuple[tuple[float, ...], ...]
+    corner: str
+    kind: str = "matrix"
+
+
+@dataclass(frozen=True)
 class Notes:
     """Sentences that the reader must not miss."""
 
@@ -103,7 +150,7 @@ class Notes:
     kind: str = "notes"
 
 
-Block = Facts | Table | Gallery | Legend | Scale | Notes
+Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes
 
 
 @dataclass(frozen=True)
@@ -114,11 +161,13 @@ class Section:
         heading: of the part.
         lead: a sentence or two, or nothing.
         blocks: its content.
+        folded: whether it is closed until the reader opens it.
     """
 
     heading: str
     lead: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
 
 def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Sequence[Section], foot: str) -> str:

@@ -26,6 +26,11 @@ class InputError(ValueError):
         self.expected = expected
         self.found = found
         self.advice = advice
+        self.advice = advice
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"
         super().__init__(" ".join((f"{message}; {advice}" if advice else message).split()))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[Path, str, str, str | None, str | None]]:
+        """How it travels between processes: by its parts, not by its message."""
+        return type(self), (self.path, self.expected, self.found, self.key, self.advice)

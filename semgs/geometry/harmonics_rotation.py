@@ -33,7 +33,7 @@ def rotated_harmonics(
     count = harmonics.shape[-2]
     if count == 1:
         return harmonics
-    matrix = rotation_matrix(rotations.double(), round(sqrt(count)) - 1, mvsplat_basis=mvsplat_basis)
+    matrix = rotation_matrix(rotations.to("cpu", torch.float64), round(sqrt(count)) - 1, mvsplat_basis=mvsplat_basis)
     return torch.einsum("nij,ngjc->ngic", matrix.to(harmonics), harmonics)
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, inverse_rigid
+from semgs.model.precision import outside_autocast
 
 ROPE_BASE = 100.0
 """Base of the rotary frequencies, as PRoPE's."""
@@ -53,17 +54,20 @@ class TokenTransforms:
         """G o, or o itself in the form of the paper's text."""
         return self._apply(o, self.projection.mT, -1) if self.output else o
 
+    @outside_autocast
     def _apply(self, x: Float[Tensor, "b v h w d"], right: Float[Tensor, "b v 4 4"], sign: int) -> Tensor:
         """Row vectors of four times `right` in the first half of the channels; rotation by -sign * angle in the others.
 
         For the rotations G^T = G^-1, so queries, keys and values are all turned by -angle and outputs by +angle.
+        Computed in the dtype of G and returned in that of x.
         """
         b, v, h, w, d = x.shape
-        projective = (x[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
-        halves = x[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
+        tokens = x.to(right.dtype)
+        projective = (tokens[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
+        halves = tokens[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
         swapped = halves.flip(-2).flatten(-3)
-        turned = x[..., d // 2 :] * self.cosines + sign * (swapped * self.sines)
-        return torch.cat((projective, turned), dim=-1)
+        turned = tokens[..., d // 2 :] * self.cosines + sign * (swapped * self.sines)
+        return torch.cat((projective, turned), dim=-1).to(x.dtype)
 
 
 def normalised_projections(

@@ -11,6 +11,7 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.plane_sweep import sweep
 from semgs.model.conventions import OURS, Conventions
+from semgs.model.precision import outside_autocast
 
 BEHIND = 1e-3
 """What is nearer to a source camera than this share of the near bound counts as behind it (MVSplat: this many metres)."""
@@ -54,7 +55,7 @@ def cost_volume(
         pixel_centres=conventions.pixel_centres,
     )
     pairs = (b, v * (v - 1))
-    # Positions are computed in float32 at least, from relative cameras that were multiplied in float64.
+    # Positions and sums are computed in float32 at least, from relative cameras that were multiplied in float64.
     precise = torch.float64 if features.dtype == torch.float64 else torch.float32
     matrices = plan.matrix.to(features.device, precise).flatten(0, 1)
     offsets = plan.offset.to(features.device, precise).flatten(0, 1)
@@ -73,11 +74,10 @@ def cost_volume(
             limits,
             conventions.mask_unseen,
         )
-        sums = sums.to(features.dtype)
     else:
         sums, seen = correlate(
-            features[:, reference].flatten(0, 1),
-            features[:, source].flatten(0, 1),
+            features[:, reference].flatten(0, 1).to(precise),
+            features[:, source].flatten(0, 1).to(precise),
             matrices,
             offsets,
             depths,
@@ -86,9 +86,9 @@ def cost_volume(
         )
     sums = sums.reshape(b, v, v - 1, -1, h, w).sum(2) / math.sqrt(c)
     if not conventions.mask_unseen:
-        return sums / (v - 1)
+        return (sums / (v - 1)).to(features.dtype)
     count = seen.reshape(*pairs, -1, h, w).unflatten(1, (v, v - 1)).sum(2)
-    return sums / count.clamp(min=1)
+    return (sums / count.clamp(min=1)).to(features.dtype)
 
 
 def unit_features(features: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"]:
@@ -98,6 +98,7 @@ def unit_features(features: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"
     return centred * (math.sqrt(features.shape[1]) / length)
 
 
+@outside_autocast
 def correlate(
     reference: Float[Tensor, "n c h w"],
     source: Float[Tensor, "n c h w"],
@@ -132,7 +133,7 @@ def correlate(
         points = rays[:, None] * chunk[:, :, None, None, None] + offsets[:, None, None, None]
         z = points[..., 2]
         u, v = (points[..., axis] / z.clamp(min=limit) for axis in (0, 1))
-        grid = torch.stack(((2 * u + 1) / w - 1, (2 * v + 1) / h - 1), dim=-1).to(source.dtype)
+        grid = torch.stack(((2 * u + 1) / w - 1, (2 * v + 1) / h - 1), dim=-1)
         warped = torch.nn.functional.grid_sample(
             source,
             grid.flatten(1, 2),

@@ -16,6 +16,7 @@ from semgs.geometry.gaussians import Appearance
 from semgs.geometry.harmonics_rotation import rotated_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.conventions import Conventions
+from semgs.model.precision import outside_autocast
 from semgs.model.unet import GROUPS, UNet
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
@@ -23,6 +24,9 @@ SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
 
 SIGMA_UNIT = 0.1
 """Share of (1 / fx + 1 / fy) that a size of 1 means: sizes are 0.1 to 3 pixels where fx = fy."""
+
+RENDERED_HARMONICS = 16
+"""Coefficients a colour that are ever drawn: degrees 0 to 3."""
 
 HARMONICS_DC = 0.28209479177387814
 """The constant basis function of degree 0."""
@@ -125,11 +129,11 @@ class DepthRefinement(nn.Module):
         confidences: Float[Tensor, "n h w"],
         views: int,
     ) -> tuple[Float[Tensor, "n d h w"], Float[Tensor, "n 2 h w"]]:
-        """Features of the refinement, and (correction of disparity, logit of opacity)."""
+        """Features of the refinement, and (correction of disparity, logit of opacity) in the dtype of the disparities."""
         x = torch.cat((images, self.project(features), disparities[:, None], confidences[:, None]), dim=1)
         conv, norm, activation, unet = self.refine
         refined = unet(activation(norm(conv(x))), views)
-        return refined, self.to_disparity(refined)
+        return refined, self.to_disparity(refined).to(disparities.dtype)
 
 
 class Head(nn.Sequential):
@@ -143,6 +147,20 @@ class Head(nn.Sequential):
         )
 
 
+def drawn_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
+    """The output of a head whose last channels are `harmonics` coefficients a colour, without those never drawn."""
+    if harmonics <= RENDERED_HARMONICS:
+        return head(x)
+    first, activation, last = head
+    assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
+    start = last.out_channels - 3 * harmonics
+    live = [*range(start), *(start + harmonics * c + k for c in range(3) for k in range(RENDERED_HARMONICS))]
+    return nn.functional.conv2d(
+        activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
+    )
+
+
 def start_at(head: Head, channels: slice, sigma: float) -> None:
     """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels."""
     share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)
@@ -151,6 +169,23 @@ def start_at(head: Head, channels: slice, sigma: float) -> None:
     assert last.bias is not None
     with torch.no_grad():
         last.bias[channels] = torch.logit(torch.tensor(share))
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What both forms of the heads predict for each Gaussian of n views.
+
+    Attributes:
+        depths: [m].
+        opacities: 0..1.
+        attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
+        offsets: raw (x, y) shifts from the pixel's centre; None for none.
+    """
+
+    depths: Float[Tensor, "n h w"]
+    opacities: Float[Tensor, "n h w"]
+    attributes: Float[Tensor, "n d h w"]
+    offsets: Float[Tensor, "n 2 h w"] | None = None
 
 
 @dataclass(frozen=True)
@@ -185,19 +220,23 @@ class Rays:
         return Rays(*(number.to(like) for number in numbers))
 
 
+@outside_autocast
 def points(
-    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"], rays: Rays, conventions: Conventions
+    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
 ) -> Float[Tensor, "n h w 3"]:
     """Means: pixel centres, moved by up to half a pixel, back-projected to their depth (section III-C of the paper).
 
     Args:
         depths: z-depth, or distance along the ray by convention [m].
-        offsets: raw (x, y) shifts; a sigmoid keeps them within half a pixel.
+        offsets: raw (x, y) shifts; a sigmoid keeps them within half a pixel. None leaves the points on the centres.
         rays: of the cameras.
         conventions: of geometry.
     """
     centres = pixel_centres((depths.shape[-2], depths.shape[-1]), depths.dtype).to(depths.device)
-    shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
+    if offsets is None:
+        shifted = centres.expand(len(depths), -1, -1, -1)
+    else:
+        shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
     homogeneous = torch.cat((shifted, torch.ones_like(shifted[..., :1])), dim=-1)
     directions = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
     if not conventions.z_depth:
@@ -217,6 +256,7 @@ def shapes(
     return size.permute(0, 2, 3, 1) * unit[..., None], quaternion_product(rays.quaternion[:, None, None], own)
 
 
+@outside_autocast
 def colour_appearance(
     raw: Float[Tensor, "n c h w"],
     images: Float[Tensor, "n 3 h w"] | None,
@@ -233,6 +273,7 @@ def colour_appearance(
         rays: of the cameras.
         conventions: of geometry; says in which basis the harmonics are.
     """
+    raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
     harmonics = raw[:, 7:].unflatten(1, (3, -1)).permute(0, 3, 4, 2, 1)
     terms = harmonics.shape[-2]
@@ -247,8 +288,10 @@ def colour_appearance(
     return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), harmonics)
 
 
+@outside_autocast
 def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n h w"], rays: Rays) -> Appearance:
     """Semantic Gaussians of n views, [n (h w) ...]: channels (3 sizes, 4 quaternion, logits of the classes)."""
+    raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
     classes = raw[:, 7:].softmax(1).permute(0, 2, 3, 1)
     return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), classes.flatten(1, 2))

@@ -20,11 +20,13 @@ from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.encoding import Encoding
 from semgs.model.heads import (
     CostRegressor,
+    Decoded,
     DepthRefinement,
     Head,
     Rays,
     Upsampler,
     colour_appearance,
+    drawn_attributes,
     points,
     semantic_appearance,
     start_at,
@@ -37,9 +39,6 @@ SHRINK = 4
 
 MULTIPLE = 16
 """Sides of the pictures are padded to a multiple of this."""
-
-RENDERED_HARMONICS = 16
-"""Coefficients a colour that are ever drawn: degrees 0 to 3."""
 
 
 class SemGS(nn.Module):
@@ -62,6 +61,10 @@ class SemGS(nn.Module):
         refine_width, refine_levels: of the full-size refinement.
         decoder_blocks: residual blocks a level on the way up of both U-Nets.
         colour_hidden, semantic_hidden: width between the two layers of the heads.
+        paper_heads: the paper's text word by word instead of MVSplat's heads: depth is the upsampled expectation without
+            refinement, means lie on pixel centres, opacity is a CNN on the upsampled distribution over the candidates,
+            and both branches' heads see the picture and their upsampled transformer features alone.
+        opacity_hidden: width between the two layers of that opacity CNN.
         last_kernel: of the heads' second layer.
         harmonics: coefficients a colour that the head predicts; those beyond degree 3 are never drawn nor computed.
         colour_from_image: the colour head predicts a correction of the picture's own colour.
@@ -107,6 +110,8 @@ class SemGS(nn.Module):
         decoder_blocks: int = 2,
         colour_hidden: int = 168,
         semantic_hidden: int = 54,
+        paper_heads: bool = False,
+        opacity_hidden: int = 32,
         last_kernel: int = 3,
         harmonics: int = 25,
         colour_from_image: bool = False,
@@ -135,30 +140,39 @@ class SemGS(nn.Module):
         self.colour_from_image = colour_from_image
         self.stride = gaussian_stride
         self.cosine_cost = cosine_cost
-        factor = SHRINK // gaussian_stride
+        self.paper_heads = paper_heads
+        self.factor = SHRINK // gaussian_stride
 
         self.cnn = FeatureCNN(cnn_widths, channels)
         self.colour_transformer = MultiViewSwin(channels, colour_blocks, windows, expansion, reduction)
         self.cost_regressor = CostRegressor(
             channels, candidates, cost_width, cost_hidden, cost_levels, decoder_blocks, cost_prior
         )
-        self.colour_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
-        self.depth_refinement = DepthRefinement(
-            upsampled_channels, projected_channels, refine_width, refine_levels, decoder_blocks
-        )
-        self.colour_head = Head(refine_width + 3 + upsampled_channels, colour_hidden, 9 + 3 * harmonics, last_kernel)
+        seen = 3 + (channels if paper_heads else upsampled_channels)
+        if paper_heads:
+            self.opacity_head = Head(candidates, opacity_hidden, 1, last_kernel)
+            self.colour_head = Head(seen, colour_hidden, 7 + 3 * harmonics, last_kernel)
+        else:
+            self.colour_upsampler = Upsampler(2 * channels, upsampled_channels, self.factor, conventions.pixel_centres)
+            self.depth_refinement = DepthRefinement(
+                upsampled_channels, projected_channels, refine_width, refine_levels, decoder_blocks
+            )
+            self.colour_head = Head(refine_width + seen, colour_hidden, 9 + 3 * harmonics, last_kernel)
         if classes is not None:
             self.semantic_cnn = None if shared_layers else FeatureCNN(cnn_widths, channels)
             self.semantic_refinement = nn.Sequential(
                 ResidualBlock(channels, channels), ResidualBlock(channels, channels)
             )
             self.semantic_transformer = MultiViewSwin(channels, semantic_blocks, windows, expansion, reduction)
-            self.semantic_upsampler = Upsampler(2 * channels, upsampled_channels, factor, conventions.pixel_centres)
-            self.semantic_head = Head(3 + upsampled_channels, semantic_hidden, 7 + len(classes), last_kernel)
-        for last in (self.cost_regressor.head[-1], self.depth_refinement.to_disparity[-1]):
+            if not paper_heads:
+                self.semantic_upsampler = Upsampler(
+                    2 * channels, upsampled_channels, self.factor, conventions.pixel_centres
+                )
+            self.semantic_head = Head(seen, semantic_hidden, 7 + len(classes), last_kernel)
+        for last in [self.cost_regressor.head[-1]] + ([] if paper_heads else [self.depth_refinement.to_disparity[-1]]):
             last.get_parameter("weight").data.mul_(initial_depth_scale)
         if initial_sigma is not None:
-            start_at(self.colour_head, slice(2, 5), initial_sigma)
+            start_at(self.colour_head, slice(0, 3) if paper_heads else slice(2, 5), initial_sigma)
             if classes is not None:
                 start_at(self.semantic_head, slice(0, 3), initial_sigma)
 
@@ -187,37 +201,37 @@ class SemGS(nn.Module):
         depth_range: Float[Tensor, "b v 2"],
         size: tuple[int, int],
     ) -> Encoding:
-        """As `forward`, for padded pictures of a batch, cropped back to `size`."""
+        """As `forward`, for padded pictures of a batch, cropped back to `size`.
+
+        Within autocast the layers compute in its half precision; depth, cameras and Gaussians stay in float32 or better.
+        """
         b, v = images.shape[:2]
         pictures = images.flatten(0, 1)
         shallow = self.cnn(pictures)
         colour = self._transformed(shallow, self.colour_transformer, "colour", cameras, depth_range)
 
-        bounds = depth_range.to(colour)
-        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(colour)
+        precise = torch.promote_types(colour.dtype, torch.float32)
+        bounds = depth_range.to(colour.device, precise)
+        candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(bounds)
         matched = unit_features(colour) if self.cosine_cost else colour
         cost = cost_volume(matched.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
-        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).softmax(1)
-        coarse = 1 / expected_depth(probabilities, candidates.flatten(0, 1), self.conventions.candidates)
-
-        factor = SHRINK // self.stride
-        features = self.colour_upsampler(torch.cat((colour, shallow), dim=1))
-        disparities = upsampled(coarse[:, None], factor, self.conventions.pixel_centres)[:, 0]
-        confidences = probabilities.amax(1).repeat_interleave(factor, -1).repeat_interleave(factor, -2)
+        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).to(precise).softmax(1)
+        confidences = probabilities.amax(1).repeat_interleave(self.factor, -1).repeat_interleave(self.factor, -2)
         small = nn.functional.avg_pool2d(pictures, self.stride) if self.stride > 1 else pictures
-        near, far = bounds.flatten(0, 1)[:, :, None, None].unbind(1)
-        unit = near if self.conventions.relative_disparity else torch.ones_like(near)
-        refined, raw = self.depth_refinement(small, features, disparities * unit, confidences, v)
-        disparities = (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
-        depths = 1 / disparities
+        planes = candidates.flatten(0, 1)
+        if self.paper_heads:
+            decoded = self._decoded_by_the_text(small, colour, probabilities, planes)
+        else:
+            decoded = self._decoded(
+                small, torch.cat((colour, shallow), dim=1), probabilities, planes, bounds.flatten(0, 1), confidences, v
+            )
+        depths = decoded.depths
 
-        grid = _shrunk(cameras, self.stride)
-        rays = Rays.of(grid.flatten(), depths)
-        attributes = self._colour_attributes(torch.cat((refined, small, features), dim=1))
+        rays = Rays.of(_shrunk(cameras, self.stride).flatten(), depths)
         kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
-        means = points(depths, attributes[:, :2], rays, self.conventions)
+        means = points(depths, decoded.offsets, rays, self.conventions)
         shown = small if self.colour_from_image else None
-        appearance = colour_appearance(attributes[:, 2:], shown, depths, rays, self.conventions)
+        appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
         semantic = None
         if self.classes is not None:
             semantic = self._semantic(pictures, small, shallow, depths, cameras, depth_range, rays)
@@ -226,13 +240,52 @@ class SemGS(nn.Module):
             maps = tensor.reshape(b, v, *depths.shape[-2:], *tensor.shape[2:])
             return maps[:, :, : kept[0], : kept[1]].flatten(1, 3)
 
-        flat = Gaussians(means.flatten(1, 2), raw[:, 1].sigmoid().flatten(1), appearance, semantic)
+        flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, semantic)
 
         def full(maps: Tensor) -> Tensor:
             wide = maps.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
             return wide[..., : size[0], : size[1]].unflatten(0, (b, v))
 
         return Encoding(flat.map(gathered), full(depths), full(confidences))
+
+    def _decoded(
+        self,
+        small: Float[Tensor, "n 3 h w"],
+        features: Float[Tensor, "n c h4 w4"],
+        probabilities: Float[Tensor, "n l h4 w4"],
+        candidates: Float[Tensor, "n l"],
+        bounds: Float[Tensor, "n 2"],
+        confidences: Float[Tensor, "n h w"],
+        views: int,
+    ) -> Decoded:
+        """MVSplat's form: disparity is corrected and opacity found by the refinement, whose features the colour head sees."""
+        sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
+        coarse = 1 / expected_depth(probabilities, candidates, sampling)
+        disparities = upsampled(coarse[:, None], self.factor, corners)[:, 0]
+        wide = self.colour_upsampler(features)
+        near, far = bounds[:, :, None, None].unbind(1)
+        unit = near if self.conventions.relative_disparity else torch.ones_like(near)
+        refined, raw = self.depth_refinement(small, wide, disparities * unit, confidences, views)
+        depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
+        attributes = drawn_attributes(self.colour_head, self.harmonics, torch.cat((refined, small, wide), dim=1))
+        return Decoded(depths, raw[:, 1].sigmoid(), attributes[:, 2:], attributes[:, :2])
+
+    def _decoded_by_the_text(
+        self,
+        small: Float[Tensor, "n 3 h w"],
+        features: Float[Tensor, "n c h4 w4"],
+        probabilities: Float[Tensor, "n l h4 w4"],
+        candidates: Float[Tensor, "n l"],
+    ) -> Decoded:
+        """The paper's form; upsampling is linear, so the expectation of the upsampled distribution is the upsampled one."""
+        sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
+        distribution = upsampled(probabilities, self.factor, corners)
+        wide = upsampled(features, self.factor, corners)
+        return Decoded(
+            expected_depth(distribution, candidates, sampling),
+            self.opacity_head(distribution)[:, 0].to(distribution.dtype).sigmoid(),
+            drawn_attributes(self.colour_head, self.harmonics, torch.cat((small, wide), dim=1)),
+        )
 
     def _transformed(
         self,
@@ -269,20 +322,11 @@ class SemGS(nn.Module):
         """The semantic branch."""
         refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
         features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
-        wide = self.semantic_upsampler(torch.cat((features, refined), dim=1))
+        if self.paper_heads:
+            wide = upsampled(features, self.factor, self.conventions.pixel_centres)
+        else:
+            wide = self.semantic_upsampler(torch.cat((features, refined), dim=1))
         return semantic_appearance(self.semantic_head(torch.cat((small, wide), dim=1)), depths, rays)
-
-    def _colour_attributes(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
-        """The colour head's output without the harmonics that are never drawn."""
-        if self.harmonics <= RENDERED_HARMONICS:
-            return self.colour_head(x)
-        first, activation, last = self.colour_head
-        assert isinstance(last, nn.Conv2d)
-        assert last.bias is not None
-        live = [*range(9), *(9 + self.harmonics * c + k for c in range(3) for k in range(RENDERED_HARMONICS))]
-        return nn.functional.conv2d(
-            activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
-        )
 
 
 def _flattened(views: Views, like: Tensor) -> Views:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from importlib.util import find_spec
 from types import ModuleType
 
 import numpy as np
@@ -17,8 +19,9 @@ from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.splats import Layer, Splats
 
-BACKENDS = ("auto", "numba", "reference")
-"""Who draws: `auto` is the fastest here, `numba` runs on the CPU, `reference` is slow and exact."""
+BACKENDS = ("auto", "numba", "gsplat", "reference")
+"""Who draws: `auto` is the fastest that there is where the Gaussians live, `numba` runs on the CPU, `gsplat` on CUDA,
+`reference` is slow and exact."""
 
 
 def render(
@@ -33,7 +36,7 @@ def render(
 
     Differentiable in every field of the Gaussians and in the background, not in the cameras. What light passes all
     Gaussians is the background's in `images` and spread evenly over the classes in `semantics`, so that those sum to 1.
-    Tensors on another device are drawn on the CPU and brought back.
+    What one back-end cannot draw where it is goes to the CPU and comes back. No autocast reaches in here.
 
     Args:
         gaussians: of one scene (no batch axis), or of a batch [*b].
@@ -41,16 +44,19 @@ def render(
         background: RGB behind everything.
         near: near bound of the scene [m], one for all or [*b v]; what has a z-depth of 0.2 near or less is not drawn. None
             leaves out what is closer than 2 % of the median depth in front of each camera.
-        backend: `auto`, `numba` or `reference`.
+        backend: `auto`, `numba`, `gsplat` or `reference`; `auto` is gsplat for Gaussians on a CUDA device, but for float64
+            ones, which gsplat cannot draw, and Numba for all others.
 
     Returns:
         Rendering in the dtype of the means (half precision is computed in float32).
 
     Raises:
-        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is not in 0..1, devices differ,
-            intrinsics have skew, near is not positive, or the back-end is unknown.
+        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is
+            not in 0..1, devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot
+            draw these Gaussians.
+        ImportError: gsplat is asked for and not installed.
     """
-    drawing = _backend(backend)
+    drawing, place = _backend(backend, gaussians.means)
     batch = tuple(gaussians.means.shape[:-2])
     if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
         raise ValueError(
@@ -59,18 +65,19 @@ def render(
     _check(gaussians)
     dtype, device = gaussians.means.dtype, gaussians.means.device
     working = dtype if dtype in (torch.float32, torch.float64) else torch.float32
-    backdrop = torch.as_tensor(background).to("cpu", working)
+    backdrop = torch.as_tensor(background, dtype=working, device=place)
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")
     bounds = _near_bounds(near, cameras.batch)
 
-    here = gaussians.to("cpu", working)
+    here = gaussians.to(place, working)
     drawn: list[Rendering] = []
-    for at in np.ndindex(batch):
-        scene = here.map(lambda tensor, at=at: tensor[at])
-        for view in range(cameras.batch[-1]):
-            camera = Pinhole.of(cameras[(*at, view)])
-            drawn.append(_view(scene, camera, bounds[len(drawn)], backdrop, drawing))
+    with torch.autocast(place.type, enabled=False):
+        for at in np.ndindex(batch):
+            scene = here.map(lambda tensor, at=at: tensor[at])
+            for view in range(cameras.batch[-1]):
+                camera = Pinhole.of(cameras[(*at, view)])
+                drawn.append(_view(scene, camera, bounds[len(drawn)], backdrop, drawing))
 
     def stacked(name: str) -> Tensor:
         return torch.cat([getattr(one, name) for one in drawn]).unflatten(0, cameras.batch).to(device, dtype)
@@ -110,17 +117,42 @@ def _view(scene: Gaussians, camera: Pinhole, near: float | None, background: Ten
     )
 
 
-def _backend(name: str) -> ModuleType:
-    """The module that draws: it has `depth_order` and `splat`."""
-    if name in ("auto", "numba"):
+def _backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
+    """The module that draws, which has `depth_order` and `splat`, and the device that it draws on.
+
+    gsplat is chosen by where the Gaussians are, never because a compiler is found.
+    """
+    if name not in BACKENDS:
+        raise ValueError(f"backend is {name!r}; expected one of {', '.join(BACKENDS)}")
+    on_cuda = means.device.type == "cuda" and torch.cuda.is_available() and means.dtype != torch.float64
+    if name == "gsplat" and not on_cuda:
+        raise ValueError(
+            f"backend is 'gsplat' but means is {means.dtype} on {means.device}; expected float32 or less on a CUDA device"
+        )
+    if name == "auto":
+        name = "gsplat" if on_cuda and _installed() else "numba"
+    if name == "gsplat":
+        from semgs.rendering import gsplat_backend
+
+        return gsplat_backend, means.device
+    if name == "numba":
         from semgs.rendering import numba_backend
 
-        return numba_backend
-    if name == "reference":
-        from semgs.rendering import reference
+        return numba_backend, torch.device("cpu")
+    from semgs.rendering import reference
 
-        return reference
-    raise ValueError(f"backend is {name!r}; expected one of {', '.join(BACKENDS)}")
+    return reference, torch.device("cpu")
+
+
+def _installed() -> bool:
+    """Whether gsplat is installed; a warning says what is missed where it is not."""
+    if find_spec("gsplat") is not None:
+        return True
+    warnings.warn(
+        'Gaussians on a CUDA device are drawn on the CPU, since gsplat is not installed; pip install "semgs[cuda]" for speed',
+        stacklevel=4,
+    )
+    return False
 
 
 def _check(gaussians: Gaussians) -> None:
@@ -145,8 +177,8 @@ def _check(gaussians: Gaussians) -> None:
 
 
 def _finite(tensor: Tensor) -> bool:
-    """Whether all numbers are finite, in one pass."""
-    return not tensor.numel() or bool(torch.linalg.vector_norm(tensor.detach(), torch.inf).isfinite())
+    """Whether all numbers are finite: so is their sum then, which takes one pass, unless it overflows."""
+    return bool(tensor.detach().sum().isfinite()) or bool(tensor.isfinite().all())
 
 
 def _near_bounds(near: float | int | Tensor | None, batch: tuple[int, ...]) -> list[float | None]:

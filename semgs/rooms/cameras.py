@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
-from semgs.rooms.plain import Room
+from semgs.rooms.room import Room
 from semgs.rooms.shading import centres, look, pixel_directions
 
 PROBE = (12, 16)
@@ -19,6 +19,14 @@ CLEARANCE = 0.5
 """Least distance to solids in the distance field [m]; the field errs by less than 0.1 m."""
 NEAREST = 0.5
 """Least z-depth of a probe ray [m]."""
+LOWEST = 0.3
+"""Least height above the floor [m]."""
+ROBOT, HAND = (0.32, 0.6), (1.0, 1.8)
+"""Heights at which robots and people carry cameras [m]."""
+ROBOTS = 0.2
+"""Share of the ways that are a robot's."""
+SMALL = (12, 16, 17, 18)
+"""Classes of small things in few rooms (desk, toilet, sink, bathtub); a view is liked better the more it shows of them."""
 RARE = (5, 9, 10, 12, 14, 16, 17, 19)
 """Classes that fill few pixels (sofa, bookshelf, picture, desk, refrigerator, toilet, sink, otherfurniture); a view that
 shows one is liked better."""
@@ -116,8 +124,9 @@ def draw_path(
         reach: the way must be free from s = -reach to s = reach.
     """
     paths: list[Path] = []
+    heights = ROBOT if rng.random() < ROBOTS else HAND
     for _ in range(6):
-        for middle in _free_places(rng, room, 150)[:60]:
+        for middle in _free_places(rng, room, heights, 150)[:60]:
             path = _draw(rng, room, middle, reach)
             if free(room, path, reach):
                 paths.append(path)
@@ -136,7 +145,8 @@ def free(room: Room, path: Path, reach: float) -> bool:
     length = 2 * reach * float(np.linalg.norm(path.travel))
     steps = np.linspace(-reach, reach, max(9, int(np.ceil(length / 0.15)) + 1))
     places = np.array([path.place(float(s)) for s in steps])
-    return bool(room.inside(places).all() and (room.clearance(places) >= CLEARANCE).all())
+    inside = room.inside(places).all() and (places[:, 2] >= LOWEST).all()
+    return bool(inside and (room.clearance(places) >= CLEARANCE).all())
 
 
 def overlap(
@@ -164,11 +174,12 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
     return centres(PROBE) * (size[1] / PROBE[1], size[0] / PROBE[0])
 
 
-def _free_places(rng: np.random.Generator, room: Room, count: int) -> Float64[np.ndarray, "n 3"]:
-    """Those of `count` random places that keep their distance, a quarter of them at a robot's height, the others at a hand's."""
+def _free_places(
+    rng: np.random.Generator, room: Room, heights: tuple[float, float], count: int
+) -> Float64[np.ndarray, "n 3"]:
+    """Those of `count` random places between two heights that keep their distance."""
     x, y, z = room.plan.size
-    low = rng.uniform(0, 1, count) < 0.25
-    height = np.where(low, rng.uniform(0.5, 0.9, count), rng.uniform(1.0, min(1.8, z - 0.6), count))
+    height = rng.uniform(heights[0], min(heights[1], z - 0.6), count)
     across = rng.uniform(-0.5, 0.5, (count, 2)) * (x - 1.0, y - 1.0)
     places = np.column_stack((across, height))
     return places[room.clearance(places) >= CLEARANCE]
@@ -186,6 +197,7 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
     distance = max(float(np.hypot(way[0], way[1])), 0.3)
     yaw = float(np.arctan2(way[1], way[0])) + rng.uniform(-0.35, 0.35)
     pitch = float(np.arctan2(way[2], distance)) * 0.6 + rng.uniform(-0.15, 0.12)
+    rise = 0.2 if middle[2] > ROBOT[1] else 0.02  # robots roll
     longest = min(0.4, 0.3 * float(np.hypot(x, y)) / (2 * reach))
     step = float(np.exp(rng.uniform(np.log(min(0.05, longest / 2)), np.log(longest))))
     look_way = rng.random()
@@ -194,13 +206,13 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
         + (np.pi / 2 * rng.choice([-1, 1]) if look_way < 0.65 else rng.choice([0.0, np.pi]))
         + rng.uniform(-0.5, 0.5)
     )
-    travel = step * np.array([np.cos(heading), np.sin(heading), rng.uniform(-0.2, 0.2)])
+    travel = step * np.array([np.cos(heading), np.sin(heading), rng.uniform(-rise, rise)])
     sideways = float(-np.sin(yaw) * travel[0] + np.cos(yaw) * travel[1])
     turn = -sideways / distance * rng.uniform(-0.2, 1.2) + rng.uniform(-0.06, 0.06)
     turn = float(np.clip(turn, -0.26, 0.26))
     if abs(turn) < 0.0175:
         turn = 0.0175 if turn >= 0 else -0.0175
-    bend = step * rng.uniform(-0.06, 0.06, 3) * (1, 1, 0.3)
+    bend = step * rng.uniform(-0.06, 0.06, 3) * (1, 1, rise)
     return Path(
         middle=(float(middle[0]), float(middle[1]), float(middle[2])),
         travel=(float(travel[0]), float(travel[1]), float(travel[2])),
@@ -233,6 +245,7 @@ def _score(
         shares = np.bincount(labels, minlength=IGNORE + 1)[:20] / len(labels)
         shown = np.flatnonzero(shares > 0.01)
         score += min(len(shown), 7) / 3 + 0.6 * min(sum(c in RARE for c in shown), 3) / 3
+        score += 8 * min(float(shares[list(SMALL)].sum()), 0.12)
         score -= 4 * max(0.0, shares[FLOOR_LABEL + 1 :].max() - 0.45)
         score -= 4 * max(0.0, shares[WALL_LABEL] - 0.45) + 2 * max(0.0, shares[FLOOR_LABEL] - 0.5)
         score -= 3 * max(0.0, 1 - shares.sum() - 0.2)

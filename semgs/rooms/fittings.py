@@ -13,8 +13,17 @@ from semgs.rooms.solids import BALL, CUSHION, CYLINDER, Part, Piece, Triple, blo
 
 def cabinet(rng: np.random.Generator) -> Piece:
     """A chest of drawers, a sideboard or a wardrobe."""
+    return _cabinet(rng, rng.random())
+
+
+def sideboard(rng: np.random.Generator) -> Piece:
+    """A long low cabinet."""
+    return _cabinet(rng, 0.5)
+
+
+def _cabinet(rng: np.random.Generator, look: float) -> Piece:
+    """A chest of drawers where `look` is below 0.4, a sideboard below 0.7, else a wardrobe."""
     label, body = LABEL["cabinet"], m.carpentry(rng)
-    look = rng.random()
     if look < 0.4:
         width, depth, height = rng.uniform(0.6, 1.1), rng.uniform(0.38, 0.5), rng.uniform(0.7, 1.1)
         columns, rows = int(rng.integers(1, 3)), int(rng.integers(3, 6))
@@ -330,6 +339,12 @@ def other(rng: np.random.Generator) -> Piece:
             block(own, cloth, (0.06, 0.0, 0.05), (side - 0.06, side * 0.7, height), BALL),
         ]
         return Piece("other", (side, side, height), tuple(parts))
+    return stove(rng)
+
+
+def stove(rng: np.random.Generator) -> Piece:
+    """A free-standing stove with an oven, which is other furniture."""
+    own = LABEL["otherfurniture"]
     skin = m.lacquer(rng) if rng.random() < 0.5 else m.metal(rng)
     dark, grip = m.row(rng, a=(0.015, 0.015, 0.018), gloss=0.6), m.metal(rng)
     width, depth, height = 0.6, 0.6, rng.uniform(0.85, 0.92)
@@ -343,4 +358,4 @@ def other(rng: np.random.Generator) -> Piece:
         block(own, grip, (x, depth, height - 0.1), (x + 0.035, depth + 0.025, height - 0.065))
         for x in np.linspace(0.08, width - 0.12, 5)
     ]
-    return Piece("other", (width, depth + 0.05, height), tuple(parts))
+    return Piece("stove", (width, depth + 0.05, height), tuple(parts))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
+
+Span = tuple[float, float, float, float]
+"""A part of a wall: left, right, lower and upper edge [m]."""
 
 
 def rectangle(x: float, y: float, width: float, depth: float, yaw: float) -> Float64[np.ndarray, "4 2"]:
@@ -26,17 +30,40 @@ def overlap(a: Float64[np.ndarray, "4 2"], b: Float64[np.ndarray, "4 2"]) -> boo
     return True
 
 
+def around(length: float, low: float, high: float, holes: Sequence[Span]) -> list[Span]:
+    """Rectangles that cover a strip of a wall from `low` to `high` but for its holes, none of which is above another."""
+    result: list[Span] = []
+    start = 0.0
+    for left, right, bottom, top in sorted(holes):
+        result += [(start, left, low, high), (left, right, low, min(bottom, high)), (left, right, max(top, low), high)]
+        start = right
+    result.append((start, length, low, high))
+    return [(left, right, bottom, top) for left, right, bottom, top in result if right > left and top > bottom]
+
+
 @dataclass
 class Wall:
     """A wall: where its own x axis starts when seen from the room, the yaw of that axis, its length, and what hangs on it.
 
     A piece set against it keeps its frame: y = 0 on the wall, y into the room.
+
+    Attributes:
+        start: [m].
+        yaw: [rad].
+        length: [m].
+        outer: whether day may come in through it.
+        built: whether something else is its body already, as for the sides of a projecting block.
+        taken: what hangs on it or stands before it.
+        holes: windows and doors.
     """
 
     start: tuple[float, float]
     yaw: float
     length: float
-    taken: list[tuple[float, float, float, float]] = field(default_factory=list)
+    outer: bool = True
+    built: bool = False
+    taken: list[Span] = field(default_factory=list)
+    holes: list[Span] = field(default_factory=list)
 
     def at(self, along: float, off: float = 0.0) -> tuple[float, float]:
         """The floor's point at a place along the wall and a distance off it."""
@@ -46,3 +73,7 @@ class Wall:
     def free(self, left: float, right: float, low: float, high: float) -> bool:
         """Whether nothing is on that part of the wall."""
         return all(right <= a or left >= b or high <= c or low >= d for a, b, c, d in self.taken)
+
+    def part(self, left: float, right: float) -> Wall:
+        """The wall between two places of it, with nothing on it."""
+        return Wall(self.at(left), self.yaw, right - left, self.outer, self.built)

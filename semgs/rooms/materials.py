@@ -47,7 +47,7 @@ def colour(
     value: Span = (0.15, 0.9),
 ) -> tuple[float, float, float]:
     """A random linear RGB colour; hue wraps around at 1, pale tones are more frequent than strong ones."""
-    strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 1.5
+    strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 2.2
     return linear(colorsys.hsv_to_rgb(rng.uniform(*hue) % 1, strength, rng.uniform(*value)))
 
 
@@ -262,7 +262,7 @@ def books(rng: np.random.Generator) -> Row:
 
 def artwork(rng: np.random.Generator) -> Row:
     """What hangs in a frame: a landscape, or patches of colour."""
-    if rng.random() < 0.4:
+    if rng.random() < 0.65:
         return row(rng, t.LANDSCAPE, colour(rng, (0.5, 0.65), (0.05, 0.5), (0.5, 0.95)), colour(rng, (0.08, 0.4), (0.2, 0.7), (0.15, 0.7)),
                    colour(rng, (0.2, 0.7), (0.1, 0.5), (0.2, 0.7)), scale=rng.uniform(0.15, 0.4), fine=0.08)  # fmt: skip
     return row(rng, t.ABSTRACT, colour(rng), colour(rng), colour(rng), scale=rng.uniform(0.04, 0.25), fine=rng.uniform(0.03, 0.15),

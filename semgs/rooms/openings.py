@@ -1,4 +1,4 @@
-"""What belongs to walls: doors, windows, curtains, pictures; and what lies about: clutter.
+"""What belongs to walls: doors, windows, curtains, radiators, mirrors, pictures.
 
 Pieces for walls have y = 0 on the wall's face and stand with z = 0 on the floor, unless said otherwise.
 """
@@ -11,20 +11,23 @@ from semgs.data.classes import IGNORE
 from semgs.rooms import materials as m
 from semgs.rooms.furniture import LABEL
 from semgs.rooms.materials import Row
-from semgs.rooms.solids import BALL, CYLINDER, Part, Piece, block
+from semgs.rooms.solids import Part, Piece, block
 from semgs.rooms.texture_kernels import TILES
 
 
 def door(rng: np.random.Generator, room_height: float) -> Piece:
-    """A closed leaf with panels or none, its frame and a handle."""
-    own = LABEL["door"]
+    """A closed leaf with panels or none, 5 cm behind the wall's face, its frame and a handle. The leaf is `door_hole` wide."""
+    own, back = LABEL["door"], -0.05
     width, height = rng.uniform(0.75, 1.0), min(rng.uniform(1.95, 2.15), room_height - 0.12)
     leaf = m.lacquer(rng) if rng.random() < 0.55 else m.wood(rng, 2)
     frame = leaf if rng.random() < 0.5 else m.lacquer(rng)
     bar = rng.uniform(0.05, 0.1)
-    parts = [block(own, leaf, (bar, 0, 0), (width + bar, 0.025, height))]
+    parts = [block(own, leaf, (bar, back, 0), (width + bar, back + 0.025, height))]
     parts += [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.04, height + bar)) for x in (0, width + bar)]
     parts.append(block(own, frame, (bar, 0, height), (width + bar, 0.04, height + bar)))
+    # The lining of the hole, from the wall's face to the leaf.
+    parts += [block(own, frame, (x, back - 0.01, 0), (x + 0.012, 0, height)) for x in (bar, width + bar - 0.012)]
+    parts.append(block(own, frame, (bar, back - 0.01, height - 0.012), (width + bar, 0, height)))
     if rng.random() < 0.6:
         rows, columns = int(rng.integers(1, 4)), int(rng.integers(1, 3))
         tall, wide = height / rows, width / columns
@@ -33,18 +36,75 @@ def door(rng: np.random.Generator, room_height: float) -> Piece:
         for i in range(rows):
             for j in range(columns):
                 x, z = bar + j * wide, i * tall
-                depth = 0.026 if glass else 0.034
-                parts.append(block(own, pane, (x + 0.1, 0.0, z + 0.1), (x + wide - 0.1, depth, z + tall - 0.08)))
+                front = back + (0.026 if glass else 0.034)
+                parts.append(block(own, pane, (x + 0.1, back, z + 0.1), (x + wide - 0.1, front, z + tall - 0.08)))
     steel, side = m.metal(rng), bar + (0.07 if rng.random() < 0.5 else width - 0.07)
-    parts.append(block(own, steel, (side - 0.02, 0.025, 0.98), (side + 0.02, 0.035, 1.16)))
+    parts.append(block(own, steel, (side - 0.02, back + 0.025, 0.98), (side + 0.02, back + 0.035, 1.16)))
     reach = 0.12 if side < width / 2 else -0.12
-    parts.append(block(own, steel, (min(side, side + reach), 0.06, 1.05), (max(side, side + reach), 0.08, 1.075)))
-    parts.append(block(own, steel, (side - 0.01, 0.025, 1.05), (side + 0.01, 0.08, 1.075)))
-    return Piece("door", (width + 2 * bar, 0.08, height + bar), tuple(parts))
+    parts.append(
+        block(own, steel, (min(side, side + reach), back + 0.06, 1.05), (max(side, side + reach), back + 0.08, 1.075))
+    )
+    parts.append(block(own, steel, (side - 0.01, back + 0.025, 1.05), (side + 0.01, back + 0.08, 1.075)))
+    return Piece("door", (width + 2 * bar, 0.04, height + bar), tuple(parts))
 
 
-def window(rng: np.random.Generator, width: float, height: float, light: float) -> Piece:
-    """Frame, mullions, panes that shine with the day outside, a sill, blinds at times; z = 0 is its lower edge."""
+def door_hole(piece: Piece) -> tuple[float, float]:
+    """How wide the frame of a door is on each side, and how high its leaf [m]."""
+    leaf = piece.parts[0]
+    return leaf.centre[0] - leaf.size[0] / 2, leaf.size[2]
+
+
+def passage(rng: np.random.Generator, width: float, height: float, thick: float) -> tuple[Piece, Piece | None]:
+    """The lining of an opening through a wall `thick`, and a leaf to stand open, if there is one.
+
+    The lining's x runs along the opening from 0 to `width`, its y from -thick - 0.02 to 0.02; the leaf's x runs from its hinge.
+    """
+    own = LABEL["door"]
+    wood = m.lacquer(rng) if rng.random() < 0.6 else m.wood(rng, 2)
+    bar, near, far = rng.uniform(0.02, 0.04), 0.015, -thick - 0.015
+    lining = [block(own, m.along(wood, 2), (x, far, 0), (x + bar, near, height)) for x in (0, width - bar)]
+    lining.append(block(own, wood, (bar, far, height - bar), (width - bar, near, height)))
+    for y in (near, far - 0.01):
+        lining += [
+            block(own, m.along(wood, 2), (x, y, 0), (x + 0.07, y + 0.01, height + 0.05)) for x in (-0.05, width - 0.02)
+        ]
+        lining.append(block(own, wood, (0.02, y, height - 0.02), (width - 0.02, y + 0.01, height + 0.05)))
+    frame = Piece("passage", (width, thick, height), tuple(lining))
+    if rng.random() < 0.35:
+        return frame, None
+    long, tall, steel = width - 2 * bar - 0.01, height - bar - 0.01, m.metal(rng)
+    leaf = [block(own, m.along(wood, 2), (0, 0, 0.01), (long, 0.04, tall))]
+    leaf += [block(own, steel, (long - 0.2, y, 1.03), (long - 0.06, y + 0.02, 1.055)) for y in (-0.05, 0.07)]
+    leaf.append(block(own, steel, (long - 0.08, -0.05, 1.03), (long - 0.06, 0.09, 1.055)))
+    return frame, Piece("leaf", (long, 0.04, tall), tuple(leaf))
+
+
+def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
+    """White ribs in front of a wall, as under windows; without a class."""
+    white = m.row(rng, a=m.colour(rng, (0.05, 0.2), (0, 0.08), (0.8, 0.97)), gloss=0.3, fine=0.01)
+    low, deep = 0.12, rng.uniform(0.06, 0.12)
+    parts = [block(IGNORE, white, (0, 0.03, low + 0.03), (width, 0.05 + deep / 3, height - 0.03))]
+    step = rng.uniform(0.045, 0.09)
+    parts += [
+        block(IGNORE, white, (x, 0.035, low), (x + 0.6 * step, 0.03 + deep, height))
+        for x in np.arange(0.0, width - 0.6 * step, step)
+    ]
+    return Piece("radiator", (width, 0.03 + deep, height), tuple(parts))
+
+
+def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
+    """Over a washbasin or a chest; without a class, as mirrors have none among the twenty. It shows the grey of a room."""
+    glass = m.row(rng, m.t.MARBLE, m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)), m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
+                  scale=rng.uniform(0.8, 1.6), gloss=0.7, fine=0.0)  # fmt: skip
+    parts = [
+        block(IGNORE, m.carpentry(rng), (0, 0, 0), (width, 0.02, height)),
+        block(IGNORE, glass, (0.02, 0, 0.02), (width - 0.02, 0.024, height - 0.02)),
+    ]
+    return Piece("mirror", (width, 0.024, height), tuple(parts))
+
+
+def window(rng: np.random.Generator, width: float, height: float, light: float, blind: float = 0.0) -> Piece:
+    """Frame, mullions, panes that shine with the day outside, a sill, a blind over that share; z = 0 is its lower edge."""
     own = LABEL["window"]
     frame = m.lacquer(rng) if rng.random() < 0.7 else m.wood(rng)
     bar = rng.uniform(0.04, 0.08)
@@ -59,11 +119,11 @@ def window(rng: np.random.Generator, width: float, height: float, light: float) 
     for z in np.linspace(0, height, rows + 1)[1:-1]:
         parts.append(block(own, frame, (bar, 0, z - thin / 2), (width - bar, 0.034, z + thin / 2)))
     if rng.random() < 0.6:
-        parts.append(block(own, frame, (-0.05, 0, -0.03), (width + 0.05, rng.uniform(0.06, 0.16), 0.0)))
-    if rng.random() < 0.2:
+        parts.append(block(own, frame, (-0.05, 0, -0.03), (width + 0.05, rng.uniform(0.06, 0.1), 0.0)))
+    if blind:
         colour, gap = m.colour(rng, saturation=(0, 0.2), value=(0.6, 0.95)), (0.12, 0.12, 0.12)
         slats = m.row(rng, TILES, colour, gap, scale=rng.uniform(0.03, 0.06), aspect=1e3, duty=0.8)
-        drop = height * rng.uniform(0.3, 1.0)
+        drop = height * blind
         parts.append(block(own, slats, (0.01, 0.052, height - drop), (width - 0.01, 0.06, height)))
     return Piece("window", (width, 0.1, height), tuple(parts))
 
@@ -72,9 +132,9 @@ def folds(
     rng: np.random.Generator, label: int, cloth: Row, width: float, low: float, high: float, y: float
 ) -> list[Part]:
     """A curtain from x = 0 to `width` in zigzag folds about depth `y`."""
-    count = max(3, round(width / rng.uniform(0.05, 0.11)))
+    count = max(3, round(width / rng.uniform(0.05, 0.085)))
     step = width / count
-    angle = rng.uniform(0.5, 1.0)
+    angle = rng.uniform(0.5, 0.9)
     long = step / np.cos(angle) + 0.008
     return [
         Part(
@@ -100,7 +160,7 @@ def shower_curtain(rng: np.random.Generator, width: float, room_height: float) -
     own, low = LABEL["shower curtain"], rng.uniform(0.1, 0.35)
     high = min(rng.uniform(1.85, 2.05), room_height - 0.1)
     parts = folds(rng, own, m.drapery(rng), width, low, high, 0.05)
-    parts.append(block(own, m.metal(rng), (-0.05, 0.04, high), (width + 0.05, 0.06, high + 0.02)))
+    parts.append(block(own, m.metal(rng), (0, 0.04, high), (width, 0.06, high + 0.02)))
     return Piece("shower curtain", (width, 0.1, high), tuple(parts))
 
 
@@ -121,56 +181,3 @@ def picture(rng: np.random.Generator) -> Piece:
         bar += mount
     parts.append(block(own, art, (bar, 0, bar), (width - bar, 0.016, height - bar)))
     return Piece("picture", (width, 0.03, height), tuple(parts))
-
-
-def clutter(rng: np.random.Generator, size: float) -> Piece:
-    """Some small thing of about that size [m] on a floor or a table: a box, a pile of books, a cup, a vase, a plant."""
-    look = int(rng.integers(6))
-    width, depth, height = (size * rng.uniform(0.5, 1.0) for _ in range(3))
-    if look == 0:
-        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, depth, height))]
-    elif look == 1:
-        height, parts = 0.0, []
-        for _ in range(int(rng.integers(1, 5))):
-            thick = size * rng.uniform(0.08, 0.2)
-            parts.append(
-                block(IGNORE, m.thing(rng), (0, 0, height), (width, depth, height + thick), yaw=rng.uniform(-0.3, 0.3))
-            )
-            height += thick
-    elif look == 2:
-        depth = width
-        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), CYLINDER)]
-    elif look == 3:
-        depth = width = size * 0.6
-        height = size * rng.uniform(1.0, 1.6)
-        parts = [
-            block(
-                IGNORE,
-                m.ceramic(rng),
-                (0.2 * width, 0.2 * width, 0),
-                (0.8 * width, 0.8 * width, height * 0.35),
-                CYLINDER,
-            )
-        ]
-        leaf = m.colour(rng, m.GREEN_HUES, (0.3, 0.8), (0.15, 0.6))
-        green = m.row(rng, a=leaf, fine=0.4, fine_scale=size * 0.05, blotch=0.4, blotch_scale=size * 0.15)
-        for _ in range(5):
-            x, y, z = width * rng.uniform(0.3, 0.7), width * rng.uniform(0.3, 0.7), height * rng.uniform(0.5, 0.85)
-            half = size * rng.uniform(0.12, 0.22)
-            parts.append(block(IGNORE, green, (x - half, y - half, z - half), (x + half, y + half, z + half), BALL))
-    elif look == 4:
-        depth = width
-        parts = [block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), BALL)]
-    else:
-        depth = width = size * 0.7
-        height = size * 1.3
-        middle, shade = (
-            width / 2,
-            m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=rng.choice([0.0, 1.2])),
-        )
-        parts = [
-            block(IGNORE, m.thing(rng), (middle * 0.6, middle * 0.6, 0), (middle * 1.4, middle * 1.4, height * 0.12), CYLINDER),
-            block(IGNORE, m.metal(rng), (middle * 0.9, middle * 0.9, 0), (middle * 1.1, middle * 1.1, height * 0.6), CYLINDER),
-            block(IGNORE, shade, (0, 0, height * 0.6), (width, width, height), CYLINDER),
-        ]  # fmt: skip
-    return Piece("clutter", (width, depth, height), tuple(parts))

@@ -6,23 +6,22 @@ what stands where, other choices of colour. Choices are made by it, so that no t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import fittings, furniture, openings
+from semgs.rooms import fittings, furniture, openings, things
 from semgs.rooms import materials as m
 from semgs.rooms import texture_kernels as t
-from semgs.rooms.footprints import Wall, overlap, rectangle
+from semgs.rooms.builder import Swap
+from semgs.rooms.footprints import Wall, around, overlap, rectangle
 from semgs.rooms.furniture import LABEL, Maker
 from semgs.rooms.materials import Row
-from semgs.rooms.plans import WALL, Opening, Plan
+from semgs.rooms.plans import WALL, Lamp, Opening, Plan
 from semgs.rooms.solids import CYLINDER, Part, Piece, block, moved
-
-Swap = Callable[[Piece], Piece]
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
 ZONE_LENGTH = 2.3
@@ -60,12 +59,12 @@ def draw_palette(rng: np.random.Generator) -> Palette:
     return Palette(wood, m.shade(rng, wood, 0.3, 0.6), paint, walls)
 
 
-def draw_other_plan(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
+def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
     """A random long room; `swap` may exchange each piece for another of the same footprint."""
     length, width = rng.uniform(4.6, 8.2), rng.uniform(2.7, 4.0)
     loft = _Loft(rng, (length, width, rng.uniform(2.5, 3.7)), swap)
-    loft.shell()
     loft.openings()
+    loft.shell()
     count = max(2, int(length / ZONE_LENGTH))
     zones = [str(zone) for zone in rng.choice(ZONES, count, replace=False)]
     for number, zone in enumerate(zones):
@@ -73,7 +72,14 @@ def draw_other_plan(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
     loft.row_of_pictures()
     loft.lamps()
     loft.things()
-    return Plan("+".join(zones), loft.size, tuple(loft.parts), tuple(loft.windows), tuple(loft.footprints))
+    return Plan(
+        " + ".join(zones),
+        loft.size,
+        tuple(loft.parts),
+        tuple(loft.windows),
+        tuple(loft.footprints),
+        lamps=tuple(loft.lit),
+    )
 
 
 class _Loft:
@@ -86,6 +92,7 @@ class _Loft:
         self.footprints: list[Float64[np.ndarray, "4 2"]] = []
         self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
         self.windows: list[Opening] = []
+        self.lit: list[Lamp] = []
         self.tops: list[tuple[float, float, float, float, float, float]] = []
         x, y = size[0] / 2, size[1] / 2
         self.walls = [
@@ -123,12 +130,19 @@ class _Loft:
                 blotch=rng.uniform(0.04, 0.12),
                 blotch_scale=0.5,
             )
-            parts = [block(own, paint, (-WALL, -WALL, 0), (wall.length + WALL, 0, z))]
+            parts = []
+            for left, right, bottom, top in around(wall.length, 0.0, z, wall.holes):
+                # The ends reach into the corners, behind the faces of the neighbours.
+                start = left - WALL if left == 0.0 else left
+                end = right + WALL if right == wall.length else right
+                parts.append(block(own, paint, (start, -WALL, bottom), (end, 0, top)))
             if lower is not None:
-                parts.append(block(own, lower, (0, 0, 0), (wall.length, 0.012, split)))
-                parts.append(
-                    block(own, m.row(rng, a=self.palette.paint), (0, 0, split), (wall.length, 0.025, split + 0.03))
-                )
+                rail = m.row(rng, a=self.palette.paint)
+                for cover, thick, floor, ceiling in ((lower, 0.012, 0.0, split), (rail, 0.025, split, split + 0.03)):
+                    parts += [
+                        block(own, cover, (left, 0, bottom), (right, thick, top))
+                        for left, right, bottom, top in around(wall.length, floor, ceiling, wall.holes)
+                    ]
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
     def _floor(self) -> Row:
@@ -149,7 +163,9 @@ class _Loft:
         door = openings.door(rng, height)
         end = self.walls[1]
         left = float(rng.choice([0.2, width - door.size[0] - 0.2]))
+        bar, leaf = openings.door_hole(door)
         self.hang(end, door, left, 0.0)
+        end.holes.append((left + bar, left + door.size[0] - bar, 0.0, leaf))
         self.kept_free.append(rectangle(*end.at(left), door.size[0], 0.75, end.yaw))
         light = rng.uniform(0.15, 1.6)
         if rng.random() < 0.7:
@@ -167,7 +183,7 @@ class _Loft:
             x, y = wall.at(left + wide / 2)
             along = (float(np.cos(wall.yaw)) * wide / 2, float(np.sin(wall.yaw)) * wide / 2, 0.0)
             facing = (-float(np.sin(wall.yaw)), float(np.cos(wall.yaw)), 0.0)
-            self.windows.append(Opening((x, y, low + tall / 2), facing, along, tall / 2))
+            self.windows.append(Opening((x, y, low + tall / 2), facing, along, tall / 2, light))
         if places and rng.random() < 0.45:
             for left in places:
                 drape = openings.curtain(
@@ -341,7 +357,8 @@ class _Loft:
     def lamps(self) -> None:
         """Globes in a row along the middle of the ceiling."""
         rng, (x, _, z) = self.rng, self.size
-        shade = m.row(rng, a=(0.9, 0.87, 0.8), emission=float(rng.choice([0.25, 1.2])))
+        lit = rng.random() < 0.5
+        shade = m.row(rng, a=(0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
         radius, drop = rng.uniform(0.08, 0.16), rng.uniform(0.35, 0.7)
         for along in np.linspace(-x / 2, x / 2, int(rng.integers(3, 5)))[1:-1]:
             self.parts.append(
@@ -353,6 +370,8 @@ class _Loft:
                     CYLINDER,
                 )
             )
+            if lit:
+                self.lit.append(Lamp((float(along), 0.0, z - drop - 0.08), float(rng.uniform(1.0, 3.0))))
             self.parts.append(block(IGNORE, m.metal(rng), (along - 0.006, -0.006, z - drop), (along + 0.006, 0.006, z)))
 
     def things(self) -> None:
@@ -361,7 +380,7 @@ class _Loft:
         for x, y, yaw, width, depth, height in self.tops:
             left = 0.05
             while rng.random() < 0.75:
-                thing = openings.clutter(rng, rng.uniform(0.1, 0.3))
+                thing = things.clutter(rng, rng.uniform(0.1, 0.3))
                 if left + thing.size[0] > width - 0.05 or thing.size[1] > depth - 0.06:
                     break
                 a, b = left, (depth - thing.size[1]) * rng.uniform(0.2, 0.8)
@@ -371,7 +390,7 @@ class _Loft:
                 left += thing.size[0] + rng.uniform(0.04, 0.25)
         for _ in range(int(rng.integers(0, 4))):
             self.at_wall(
-                openings.clutter(rng, rng.uniform(0.2, 0.5)),
+                things.clutter(rng, rng.uniform(0.2, 0.5)),
                 rng.uniform(-0.45, 0.45) * self.size[0],
                 int(rng.choice([ALONG, OPPOSITE])),
             )

@@ -1,191 +1,138 @@
-"""Plain rooms: furnished boxes from a seed, in the form that rays need."""
+"""The style `plain`: boxes with noise textures, thirteen classes. It is kept as the baseline that richer worlds are measured against."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Float64
 
-from semgs.data.raycast import Raycaster
-from semgs.rooms import shading_kernels as kernels
-from semgs.rooms import shell_kernels
-from semgs.rooms import texture_kernels as t
-from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.pictures import Pack
-from semgs.rooms.plans import WALL, Plan
-from semgs.rooms.shells import ShellTriangles, place_shells
-from semgs.rooms.solids import SHELL, Solids, gather, triangulate
-from semgs.rooms.styles import furnish
+from semgs.data.classes import IGNORE
+from semgs.rooms import materials as m
+from semgs.rooms.footprints import overlap, rectangle
+from semgs.rooms.furniture import LABEL
+from semgs.rooms.plans import WALL, Opening, Plan
+from semgs.rooms.solids import Part, Triple, block, moved
 
-FIELD_STEP = 0.1
-"""Spacing of the distance field's nodes [m]."""
-FIELD_REACH = 0.7
-"""Distances are exact up to here and cut off there [m]."""
+Boxes = tuple[tuple[Triple, Triple], ...]
+"""Opposite corners of boxes in shares of a piece's size."""
 
-SENT_BACK = 0.6
-"""Light on surfaces that are near others, as a share of the room's ambient light."""
-SCATTER = 0.05
-"""Spacing of the points of shells from which distances are taken [m]."""
+SEAT: Boxes = (((0, 0, 0.35), (1, 1, 0.5)), ((0, 0, 0.5), (1, 0.15, 1)), ((0.1, 0.1, 0), (0.9, 0.9, 0.35)))
+TOP: Boxes = (((0, 0, 0.9), (1, 1, 1)), ((0.05, 0.1, 0), (0.12, 0.9, 0.9)), ((0.88, 0.1, 0), (0.95, 0.9, 0.9)))
+WHOLE: Boxes = (((0, 0, 0), (1, 1, 1)),)
+BED: Boxes = (((0, 0, 0), (1, 1, 0.6)), ((0, 0, 0.6), (1, 0.05, 1)), ((0.1, 0.06, 0.6), (0.9, 0.25, 0.75)))
+SHELF: Boxes = (
+    ((0, 0, 0), (1, 0.2, 1)), ((0, 0.2, 0), (0.04, 1, 1)), ((0.96, 0.2, 0), (1, 1, 1)),
+    *(((0.04, 0.2, z), (0.96, 1, z + 0.03)) for z in (0, 0.32, 0.65, 0.97)),
+)  # fmt: skip
 
+STANDING: dict[str, tuple[Boxes, Triple, Triple]] = {
+    "cabinet": (WHOLE, (0.5, 0.4, 0.6), (1.6, 0.6, 2.0)),
+    "bed": (BED, (0.9, 1.9, 0.7), (1.8, 2.2, 1.1)),
+    "chair": (SEAT, (0.4, 0.4, 0.8), (0.55, 0.55, 1.0)),
+    "sofa": (SEAT, (1.4, 0.8, 0.7), (2.3, 1.0, 0.95)),
+    "table": (TOP, (0.8, 0.6, 0.4), (1.8, 1.0, 0.78)),
+    "bookshelf": (SHELF, (0.6, 0.25, 1.0), (1.4, 0.4, 2.1)),
+    "counter": (WHOLE, (1.0, 0.5, 0.85), (2.4, 0.7, 1.0)),
+    "desk": (TOP, (1.0, 0.55, 0.7), (1.7, 0.8, 0.78)),
+}
+"""The boxes of each kind of furniture, and its smallest and largest size [m]."""
 
-@dataclass(frozen=True)
-class Room:
-    """A room that can be looked at.
-
-    Attributes:
-        plan: what stands where.
-        solids: its parts as arrays.
-        owners: the part of each triangle.
-        planes: unit normal and offset of each triangle's plane (n . x = offset).
-        caster: its triangles.
-        field: distance of grid nodes to the nearest solid, at most `FIELD_REACH` [m].
-        corner: where the grid starts [m].
-        shifts: moves the texture of each part.
-        lights: rows for the shading kernels.
-        ambient: light from everywhere, linear RGB.
-        glow: what each part sends back to what is near it, linear RGB.
-        shells: the triangles that are not of solids, the last ones of all.
-        pictures: what materials of kind PICTURE show.
-        files: of the assets that are in it.
-    """
-
-    plan: Plan
-    solids: Solids
-    owners: Int64[np.ndarray, " t"]
-    planes: Float64[np.ndarray, "t 4"]
-    caster: Raycaster
-    field: Float64[np.ndarray, "x y z"]
-    corner: Float64[np.ndarray, 3]
-    shifts: Float64[np.ndarray, " p"]
-    lights: Float64[np.ndarray, "l 16"]
-    ambient: Float64[np.ndarray, 3]
-    glow: Float64[np.ndarray, "p 3"]
-    shells: ShellTriangles
-    pictures: Pack
-    files: tuple[str, ...] = ()
-
-    def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
-        """Distance of places in the room to the nearest solid, at most `FIELD_REACH` [m]."""
-        result = np.empty(len(places))
-        kernels.clearances(self.field, self.corner, FIELD_STEP, places, result)
-        return result
-
-    def inside(self, places: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        """Whether places are between the walls."""
-        half = np.array([self.plan.size[0] / 2, self.plan.size[1] / 2, self.plan.size[2] / 2])
-        return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
+HANGING: dict[str, tuple[Triple, Triple, float, float]] = {
+    "door": ((0.75, 0.04, 1.95), (1.0, 0.04, 2.1), 0.0, 0.0),
+    "window": ((0.7, 0.03, 0.7), (1.8, 0.03, 1.3), 0.7, 1.0),
+    "picture": ((0.3, 0.03, 0.3), (1.0, 0.03, 0.8), 1.2, 1.5),
+}
+"""Smallest and largest size, lowest and highest lower edge of what hangs on walls [m]."""
 
 
-def build_room(rng: np.random.Generator, library: Library | None = None, style: str = "home") -> Room:
-    """A random furnished room with its light.
-
-    Args:
-        rng: draws it. Without a library a home takes the same numbers as it always did.
-        library: meshes and pictures, of the split that suits the purpose; None is none.
-        style: "home", or "other", the world that is held out.
-
-    Raises:
-        ValueError: there is no such style.
-        InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
-    """
-    plan, gallery = furnish(rng, library, style)
-    solids = gather(plan.parts)
-    corners, owners = triangulate(solids)
-    placed = [(number, part.shell) for number, part in enumerate(plan.parts) if part.shell is not None]
-    shells = place_shells(placed, solids.rotations, solids.centres, len(corners))
-    corners, owners = np.concatenate((corners, shells.corners)), np.concatenate((owners, shells.owners))
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
-    planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
-    caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    field, corner = _distance_field(plan, solids, shells)
-    lights, ambient = _lighting(rng, plan)
-    pictures = gallery.pack()
-    return Room(
-        plan,
-        solids,
-        owners,
-        planes,
-        caster,
-        field,
-        corner,
-        shifts=rng.uniform(0, 50, len(plan.parts)),
-        lights=lights,
-        ambient=ambient,
-        glow=_glow(solids, ambient, pictures),
-        shells=shells,
-        pictures=pictures,
-        files=gallery.files,
-    )
+def draw_plain(rng: np.random.Generator) -> Plan:
+    """A random rectangular room with six to ten pieces at its walls or in the open."""
+    size = (rng.uniform(3.0, 6.5), rng.uniform(2.8, 5.0), rng.uniform(2.3, 2.9))
+    x, y, z = size
+    a, b = x / 2 + WALL, y / 2 + WALL
+    walls = (((-x / 2, -y / 2), 0.0, x), ((x / 2, -y / 2), np.pi / 2, y), ((x / 2, y / 2), np.pi, x), ((-x / 2, y / 2), -np.pi / 2, y))  # fmt: skip
+    parts = [
+        block(LABEL["floor"], _noise(rng), (-a, -b, -WALL), (a, b, 0)),
+        block(IGNORE, _noise(rng), (-a, -b, z), (a, b, z + WALL)),
+    ]
+    for start, yaw, length in walls:
+        parts += moved(
+            [block(LABEL["wall"], _noise(rng), (-WALL, -WALL, 0), (length + WALL, 0, z))], (*start, 0.0), yaw
+        )
+    hung: list[tuple[int, float, float]] = []
+    windows: list[Opening] = []
+    for name in ("door", "window", "window", "picture", "picture", "picture"):
+        smallest, largest, lowest, highest = HANGING[name]
+        width, thick, tall = _between(rng, smallest, largest)
+        low = rng.uniform(lowest, highest)
+        number = int(rng.integers(4))
+        start, yaw, length = walls[number]
+        left = rng.uniform(0.1, length - width - 0.1)
+        if low + tall > z - 0.05 or any(w == number and left < d and left + width > c for w, c, d in hung):
+            continue
+        hung.append((number, left, left + width))
+        turn = np.array([np.cos(yaw), np.sin(yaw)])
+        corner = np.array(start) + left * turn
+        glow = rng.uniform(0.4, 1.4) if name == "window" else 0.0
+        piece = block(LABEL[name], _noise(rng, glow), (0, 0, low), (width, thick, low + tall))
+        parts += moved([piece], (float(corner[0]), float(corner[1]), 0.0), yaw)
+        if name == "window":
+            middle, half = corner + turn * width / 2, turn * width / 2
+            windows.append(Opening((float(middle[0]), float(middle[1]), low + tall / 2), (-float(turn[1]), float(turn[0]), 0.0),
+                                   (float(half[0]), float(half[1]), 0.0), tall / 2))  # fmt: skip
+    footprints: list[Float64[np.ndarray, "4 2"]] = []
+    for name in rng.choice(list(STANDING), int(rng.integers(6, 11))):
+        _stand(rng, str(name), size, walls, footprints, parts)
+    return Plan("plain", size, tuple(parts), tuple(windows), tuple(footprints))
 
 
-def _distance_field(
-    plan: Plan, solids: Solids, shells: ShellTriangles
-) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
-    """Distance to the nearest solid on a grid that reaches half way into walls, floor and ceiling."""
-    size = np.array(plan.size)
-    corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
-    nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
-    field = np.full(tuple(nodes), FIELD_REACH)
-    whole = solids.shapes != SHELL
-    kernels.distance_field(
-        field, corner, FIELD_STEP, FIELD_REACH, solids.rotations[whole], solids.centres[whole], solids.sizes[whole]
-    )
-    if len(shells.corners):
-        points = shell_kernels.scatter(shells.corners, SCATTER)
-        shell_kernels.distance_to_points(field, corner, FIELD_STEP, FIELD_REACH, points)
-    return field, corner
+def _stand(
+    rng: np.random.Generator,
+    name: str,
+    room: tuple[float, float, float],
+    walls: Sequence[tuple[tuple[float, float], float, float]],
+    footprints: list[Float64[np.ndarray, "4 2"]],
+    parts: list[Part],
+) -> None:
+    """Add a piece where it finds room, with its back to a wall in two of three cases; leave it out where it finds none."""
+    shape, smallest, largest = STANDING[name]
+    width, depth, height = _between(rng, smallest, largest)
+    for _ in range(12):
+        start, yaw, length = walls[int(rng.integers(4))]
+        if rng.random() < 0.65:
+            along, off = rng.uniform(0.03, max(0.04, length - width - 0.03)), 0.05
+            x = start[0] + along * np.cos(yaw) - off * np.sin(yaw)
+            y = start[1] + along * np.sin(yaw) + off * np.cos(yaw)
+        else:
+            x, y = (rng.uniform(-0.4, 0.4) * side for side in room[:2])
+        footprint = rectangle(x, y, width, depth, yaw)
+        if (np.abs(footprint) > (room[0] / 2 - 0.01, room[1] / 2 - 0.01)).any():
+            continue
+        if any(overlap(rectangle(x, y, width, depth, yaw), other) for other in footprints):
+            continue
+        footprints.append(footprint)
+        scale = np.array([width, depth, height])
+        cover, body = _noise(rng), _noise(rng)
+        blocks = [
+            block(LABEL[name], body if i else cover, _triple(np.array(low) * scale), _triple(np.array(high) * scale))
+            for i, (low, high) in enumerate(shape)
+        ]
+        parts += moved(blocks, (float(x), float(y), 0.0), yaw)
+        return
 
 
-def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) -> Float64[np.ndarray, "p 3"]:
-    """What parts send back: their mean colour in the light that a near, half hidden surface gets, or what they emit."""
-    rows = solids.materials
-    first, second, third = (rows[:, start : start + 3] for start in (t.COLOUR_A, t.COLOUR_B, t.COLOUR_C))
-    kinds = rows[:, t.KIND]
-    colours = np.where((kinds == t.PLAIN)[:, None], first, (2 * first + second + third) / 4)
-    shown = np.flatnonzero(kinds == t.PICTURE)
-    colours[shown] = first[shown] * pictures.means[rows[shown, t.PICTURE_NUMBER].astype(int)]
-    emission = rows[:, t.EMISSION, None]
-    return np.where(emission > 0, colours * emission, np.minimum(colours, 0.9) * ambient * SENT_BACK)
+def _noise(rng: np.random.Generator, emission: float = 0.0) -> m.Row:
+    """Any colour with grain and blotches."""
+    return m.row(rng, a=m.colour(rng), fine=rng.uniform(0.05, 0.35), fine_scale=rng.uniform(0.01, 0.06),
+                 blotch=rng.uniform(0.1, 0.4), blotch_scale=rng.uniform(0.1, 0.6), emission=emission)  # fmt: skip
 
 
-def _lighting(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, 3]]:
-    """Lamps, windows, and at times the sun through one of them; at least one light, some rooms dim and warm, some bright."""
-    day = len(plan.windows) > 0 and rng.random() < 0.75
-    warm = np.array([1.0, rng.uniform(0.75, 0.95), rng.uniform(0.5, 0.85)])
-    cool = np.array([rng.uniform(0.85, 1.0), rng.uniform(0.93, 1.0), 1.0])
-    rows = []
-    if day:
-        for window in plan.windows[:2]:
-            place = np.array(window.middle) + 0.12 * np.array(window.facing)
-            area = 4 * np.hypot(*window.half_width[:2]) * window.half_height
-            power = rng.uniform(1.0, 3.0) * np.sqrt(area)
-            rows.append(_light(kernels.WINDOW, place, cool * power, window))
-        if rng.random() < 0.45:
-            window = plan.windows[0]
-            aside = np.array([-window.facing[1], window.facing[0], 0.0]) * rng.uniform(-1, 1)
-            way = np.array(window.facing) + aside + (0, 0, -rng.uniform(0.25, 0.9))
-            row = _light(
-                kernels.SUN, np.array(window.middle), np.array([1.0, 0.93, 0.82]) * rng.uniform(1.0, 3.0), window
-            )
-            row[7:10] = way / np.linalg.norm(way)
-            rows.append(row)
-    if not day or rng.random() < 0.5:
-        x, y, z = plan.size
-        spots = 1 + int(rng.random() < 0.3 and len(rows) < 2)
-        for _ in range(spots):
-            place = np.array([rng.uniform(-0.25, 0.25) * x, rng.uniform(-0.25, 0.25) * y, z - rng.uniform(0.15, 0.6)])
-            rows.append(_light(kernels.LAMP, place, warm * rng.uniform(1.0, 4.0) / spots, None))
-    ambient = rng.uniform(0.25, 0.8) * (0.5 * warm + 0.5 * cool if day else warm)
-    return np.array(rows), ambient
+def _between(rng: np.random.Generator, smallest: Triple, largest: Triple) -> Triple:
+    """A size between two sizes."""
+    return _triple(rng.uniform(smallest, largest))
 
 
-def _light(kind: int, place: np.ndarray, colour: np.ndarray, window) -> Float64[np.ndarray, 16]:
-    row = np.zeros(kernels.LIGHT_WIDTH)
-    row[0] = kind
-    row[1:4], row[4:7] = place, colour
-    if window is not None:
-        row[7:10], row[10:13], row[13] = window.facing, window.half_width, window.half_height
-    return row
+def _triple(values: Float64[np.ndarray, " 3"]) -> Triple:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

@@ -10,7 +10,7 @@ from jaxtyping import Float32, Float64, Int, UInt8
 from semgs.data.classes import IGNORE
 from semgs.rooms import light_kernels
 from semgs.rooms import shading_kernels as kernels
-from semgs.rooms.plain import Room
+from semgs.rooms.room import Room
 
 EDGE_RAYS = ((-0.27, 0.11), (0.19, 0.31), (0.12, -0.29))
 """Where the additional rays of pixels on an edge pass, from the pixel's centre [px]."""

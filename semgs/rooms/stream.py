@@ -1,4 +1,4 @@
-"""An endless stream of labelled views of plain rooms, each a pure function of (seed, index).
+"""An endless stream of labelled views of rooms, each a pure function of (seed, index).
 
 Streams of different seeds have nothing in common: rooms, ways and cameras are drawn from a hash of (seed, index). So
 training and validation differ by their seeds alone; neither may use the other's.
@@ -18,8 +18,9 @@ from semgs.geometry.cameras import Cameras
 from semgs.rooms.assets.library import Library
 from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
-from semgs.rooms.plain import Room, build_room
+from semgs.rooms.room import Room, build_room
 from semgs.rooms.shading import photograph
+from semgs.rooms.style import Style
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
@@ -36,7 +37,7 @@ def sample(
     contexts: int,
     targets: int,
     library: Library | None = None,
-    style: str = "home",
+    style: Style = "home",
 ) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 
@@ -50,10 +51,10 @@ def sample(
         contexts: number of context views, at least 1.
         targets: number of target views, may be 0.
         library: meshes and pictures to draw from, None for none.
-        style: "home", or "other", the world that is held out.
+        style: the world that the room is of.
 
     Raises:
-        ValueError: a count or a side is too small, seed or index is negative, or there is no such style.
+        ValueError: a count or a side is too small, seed or index is negative, or the style takes no library.
         InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
@@ -133,16 +134,27 @@ class RoomSamples(Dataset):
         length: number of samples.
         group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
             size of a batch that is filled in order.
+        library: meshes and pictures to draw from, None for none.
+        style: the world that the rooms are of.
 
     Raises:
         ValueError: a range is empty, or length or group is not positive.
     """
 
     def __init__(
-        self, seed: int, size: tuple[int, int], contexts: Count, targets: Count, length: int, group: int = 1
+        self,
+        seed: int,
+        size: tuple[int, int],
+        contexts: Count,
+        targets: Count,
+        length: int,
+        group: int = 1,
+        library: Library | None = None,
+        style: Style = "home",
     ) -> None:
         self.seed, self.size, self.length, self.group = seed, size, length, group
-        self.contexts, self.targets = _range(contexts), _range(targets)
+        self.library, self.style = library, style
+        self.contexts, self.targets = ranged(contexts), ranged(targets)
         if length < 1 or group < 1:
             raise ValueError(f"length is {length} and group {group}; expected positive numbers")
         for name, (low, high) in (("contexts", self.contexts), ("targets", self.targets)):
@@ -159,7 +171,9 @@ class RoomSamples(Dataset):
             IndexError: k is not in 0 .. length - 1.
         """
         contexts, targets = self.counts(k)
-        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets)
+        return sample(
+            self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library, style=self.style
+        )
 
     def counts(self, k: int) -> tuple[int, int]:
         """How many context and target views sample k has.
@@ -174,5 +188,6 @@ class RoomSamples(Dataset):
         return contexts, targets
 
 
-def _range(count: Count) -> tuple[int, int]:
+def ranged(count: Count) -> tuple[int, int]:
+    """Lowest and highest value."""
     return (count, count) if isinstance(count, int) else count

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Iterable
+from pathlib import Path
 
-import torch
 from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Batch, stack
+from semgs.data.workers import settle_worker
+from semgs.rooms.pool import PooledSamples
 from semgs.rooms.stream import RoomSamples
 from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 
@@ -20,35 +18,41 @@ class RoomBatches(Dataset):
     """Batch k of a stream of rooms: its samples k * scenes, k * scenes + 1, ..., with equal numbers of views.
 
     Args:
-        seed: the stream.
-        size: of the pictures, (height, width) [px].
-        contexts: fewest and most input views.
-        targets: views to render per scene.
+        samples: grouped by `scenes`.
         scenes: per batch.
-        length: number of batches.
     """
 
-    def __init__(
-        self, seed: int, size: tuple[int, int], contexts: tuple[int, int], targets: int, scenes: int, length: int
-    ) -> None:
-        self._seed, self._scenes, self._length = seed, scenes, length
-        self._samples = RoomSamples(seed, size, contexts, targets, length=length * scenes, group=scenes)
+    def __init__(self, samples: RoomSamples | PooledSamples, scenes: int) -> None:
+        self._samples, self._scenes = samples, scenes
 
     def __len__(self) -> int:
-        return self._length
+        return len(self._samples) // self._scenes
 
     def __getitem__(self, step: int) -> Batch:
         """The batch of a step."""
         indices = range(step * self._scenes, (step + 1) * self._scenes)
         contexts, targets = zip(*(self._samples[index] for index in indices), strict=True)
-        return Batch(stack(contexts), stack(targets), tuple(f"room {self._seed}/{index}" for index in indices))
+        return Batch(stack(contexts), stack(targets), tuple(f"room {self._samples.seed}/{index}" for index in indices))
 
 
-def training_batches(settings: TrainingSettings, start: int, workers: int) -> Iterable[Batch]:
-    """The batches of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one)."""
-    rooms = RoomBatches(
-        settings.seed, settings.size, settings.contexts, settings.targets, settings.batch, settings.steps
-    )
+def training_batches(settings: TrainingSettings, start: int, workers: int, pool: Path) -> Iterable[Batch]:
+    """The batches of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
+
+    Scenes that serve several samples are kept in the folder `pool`, which is made if it is needed.
+    """
+    length = settings.steps * settings.batch
+    samples: RoomSamples | PooledSamples
+    if settings.scene_reuse > 1:
+        samples = PooledSamples(
+            pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
+            served=settings.scene_reuse, group=settings.batch, style=settings.style,
+        )  # fmt: skip
+    else:
+        samples = RoomSamples(
+            settings.seed, settings.size, settings.contexts, settings.targets, length,
+            group=settings.batch, style=settings.style,
+        )  # fmt: skip
+    rooms = RoomBatches(samples, settings.batch)
     return DataLoader(
         rooms,
         batch_size=None,
@@ -57,7 +61,7 @@ def training_batches(settings: TrainingSettings, start: int, workers: int) -> It
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
         prefetch_factor=4 if workers else None,
-        worker_init_fn=_settle_worker,
+        worker_init_fn=settle_worker,
     )
 
 
@@ -67,25 +71,7 @@ def validation_batches(settings: TrainingSettings) -> list[Batch]:
     count = settings.validation_scenes
     if not count:
         return []
-    rooms = RoomBatches(VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, scenes=1, length=count)
+    rooms = RoomBatches(
+        RoomSamples(VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, length=count), scenes=1
+    )
     return [rooms[index] for index in range(count)]
-
-
-def _settle_worker(index: int) -> None:
-    """Settle a worker process: one thread, no signals that are meant for the run, and no life after it."""
-    torch.set_num_threads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_run, daemon=True).start()
-
-
-def _end_with_the_run() -> None:
-    """Wait until the process that trains is gone, then be gone.
-
-    The loader's own watch is for the parent, which is the fork server; that stays for as long as it has a child, so that
-    after a `kill -9` of the run both would wait for each other for ever.
-    """
-    run = multiprocessing.parent_process()
-    if run is not None:
-        run.join()
-        os._exit(0)

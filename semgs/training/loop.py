@@ -4,9 +4,11 @@
     RUN/log.jsonl              losses, speed and validations, a JSON object a line
     RUN/validation/*.png       strips of pictures: image, truth, classes, truth, depth, truth
     RUN/checkpoints/*          the last three whole states
+    RUN/rooms/*                scenes that serve several samples, where the settings say so
 
 A run is started, resumed and extended in time by the same call. Step k sees batch k of its seed, and batches are pure
-functions of (seed, k): on one process of one machine an interrupted run gives the same bits as one that never was.
+functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
+gradients are summed in no fixed order.
 """
 
 from __future__ import annotations
@@ -60,6 +62,7 @@ def train(
     settings: TrainingSettings,
     out: Path,
     *,
+    device: str = "cpu",
     minutes: float | None = None,
     workers: int = 1,
     save_minutes: float = 5.0,
@@ -70,6 +73,7 @@ def train(
     Args:
         settings: what to compute; a folder that holds a run of others is refused.
         out: the run folder.
+        device: where to compute, "cpu" or "cuda"; a run may go on on another, but not to the same bits.
         minutes: end after this time, cleanly; None is at the last step.
         workers: processes that prepare batches; 0 prepares them in this one.
         save_minutes: time between checkpoints.
@@ -81,10 +85,10 @@ def train(
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
     claim(out, settings)
-    model = load(settings.model, settings.weights, seed=settings.seed)
+    model = load(settings.model, settings.weights, seed=settings.seed).to(device)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     resume(state, out, console)
-    batches = training_batches(settings, state.step, workers)
+    batches = training_batches(settings, state.step, workers, out / "rooms")
     return fit(
         state, settings, out, batches, validation_batches(settings),
         minutes=minutes, save_minutes=save_minutes, console=console,

@@ -10,6 +10,7 @@ import tyro
 
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
+from semgs.rooms.style import Style
 
 
 def _size(given: list[str]) -> tuple[int, int]:
@@ -76,6 +77,11 @@ class TrainingSettings:
     """Where to start: random, or a file of weights."""
     seed: int = 0
     """Of the weights and of every sample."""
+    scene_reuse: int = 1
+    """Samples that a scene serves on average: 1 draws a room for each; more takes them from scenes of twelve frames that are kept
+    in RUN/rooms, which costs less and shows fewer rooms."""
+    style: Style = "home"
+    """The world that the rooms of the training are of; validation rooms are always homes."""
     validate_every: int = 1000
     """Steps between validations."""
     validation_scenes: int = 16
@@ -94,6 +100,7 @@ class TrainingSettings:
             "clip": (self.clip > 0, "a positive number"),
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "depth_weight": (self.depth_weight >= 0, "0 or more"),
+            "scene_reuse": (self.scene_reuse >= 1, "at least 1"),
             "seed": (
                 self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo.SEED),
                 f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",

@@ -70,7 +70,7 @@ def _descend(state: TrainingState, batch: Batch, settings: TrainingSettings, rat
     terms = losses(rendering, target, settings.losses, class_weights=settings.class_weights)
     depth = torch.zeros_like(terms.total)
     if settings.depth_weight and batch.context.depths is not None:
-        depth = depth_error(encoding.depths, batch.context.depths)
+        depth = depth_error(encoding.depths, batch.context.depths.to(encoding.depths.device))
     total = terms.total + settings.depth_weight * depth
     total.backward()
     norm = nn.utils.clip_grad_norm_(state.model.parameters(), settings.clip)
@@ -91,11 +91,12 @@ def _descend(state: TrainingState, batch: Batch, settings: TrainingSettings, rat
 def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:
     """The Gaussians of the contexts as the targets see them (and the contexts, if asked), and what they should see.
 
-    The near bound is the smallest of each scene's contexts, as for its encoding.
+    The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device.
     """
     target = _joined(batch.target, batch.context) if context_targets else batch.target
     near = batch.context.depth_range[..., 0].amin(-1, keepdim=True)
-    return render(encoding.gaussians, target.cameras, near=near.expand(target.cameras.batch)), target
+    rendering = render(encoding.gaussians, target.cameras, near=near.expand(target.cameras.batch))
+    return rendering, target.to(rendering.images.device)
 
 
 def learning_rate(step: int, steps: int, peak: float, warmup: float) -> float:

@@ -121,10 +121,11 @@ def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> No
             raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}", "none", key=name)
         if tensors[name].shape != tensor.shape:
             raise InputError(path, f"shape {tuple(tensor.shape)}", f"{tuple(tensors[name].shape)}", key=name)
-        if not torch.isfinite(tensors[name]).all():
-            raise InputError(path, "finite numbers", "one that is not", key=name)
     if extra := sorted(tensors.keys() - wanted.keys()):
         raise InputError(path, f"the {len(wanted)} tensors of {model.name}", "one more", key=extra[0])
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise InputError(path, "finite numbers", "one that is not", key=name)
     model.load_state_dict(tensors)
 
 

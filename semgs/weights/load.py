@@ -48,6 +48,38 @@ def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes
     return _mvsplats(name, path, seed, classes)
 
 
+def find(weights: str | Path) -> tuple[str, Path]:
+    """The network's name and the file of weights that a user called by name ("small") or by path.
+
+    A file that is not of ours is taken for MVSplat's checkpoint.
+
+    Raises:
+        ValueError: no weights of that name ship with the package.
+        InputError: there is no such file, or its header is broken.
+    """
+    path = Path(weights)
+    if str(weights) in presets.NAMES:
+        inside = shipped(str(weights))
+        if inside is None:
+            raise ValueError(f'no weights ship for "{weights}"; name a file')
+        return str(weights), inside
+    if not path.is_file():
+        names = [name for name in presets.NAMES if shipped(name)]
+        raise InputError(
+            path, f"a file of weights, or {' or '.join(names)}", "a folder" if path.is_dir() else "nothing"
+        )
+    return (str(read_header(path).settings.get("name")) if is_ours(path) else "mvsplat"), path
+
+
+def table_of(path: str | Path) -> ClassTable:
+    """The class table that a file of weights is made for; the package's own where it does not say.
+
+    Raises:
+        InputError: its header is broken.
+    """
+    return (read_header(path).classes if is_ours(path) else None) or SCANNET20
+
+
 def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
     """An untrained network of that name; the caller's random state is left as it was."""
     with torch.random.fork_rng(devices=[]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import torch
 from landmarks import looking
 from PIL import Image
 
-from semgs.data.scenes import open_scene
+from semgs.data.scenes import open_scene, open_scenes
 from semgs.data.views import resized
 from semgs.files.errors import InputError
 
@@ -107,6 +108,27 @@ def test_the_scene_one_folder_below_is_pointed_to(folder):
 def test_a_missing_folder_is_told(tmp_path):
     with pytest.raises(InputError, match="nothing there"):
         open_scene(tmp_path / "absent")
+
+
+def test_scenes_are_those_right_inside_a_folder_by_name(folder, tmp_path_factory):
+    data = tmp_path_factory.mktemp("data")
+    for name in ("b", "a", ".hidden", "c/deeper"):
+        shutil.copytree(folder, data / name)
+    (data / "empty").mkdir()
+    assert [scene.name for scene in open_scenes(data)] == ["a", "b"]
+    assert [scene.name for scene in open_scenes(data / "b")] == ["b"]
+    assert [scene.name for scene in open_scenes(data / "b" / "transforms.json")] == ["b"]
+
+
+def test_a_folder_without_any_scene_is_refused_and_a_broken_scene_is_not_passed_over(folder, tmp_path_factory):
+    data = tmp_path_factory.mktemp("data")
+    (data / "empty").mkdir()
+    with pytest.raises(InputError, match=r"a scene or a folder of scenes: transforms\.json"):
+        open_scenes(data)
+    shutil.copytree(folder, data / "a")
+    (data / "a" / "transforms.json").write_text("{")
+    with pytest.raises(InputError, match=r"a/transforms\.json"):
+        open_scenes(data)
 
 
 def test_the_fox_has_twelve_of_its_sixty_seven_pictures(shared):

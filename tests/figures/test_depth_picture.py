@@ -3,7 +3,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semgs.figures.depth import NOTHING, depth_bar, depth_limits, depth_picture, depth_ticks
+from semgs.figures.depth import (
+    NOTHING,
+    WORST_ERROR,
+    depth_bar,
+    depth_error_bar,
+    depth_error_picture,
+    depth_limits,
+    depth_picture,
+    depth_ticks,
+)
 
 
 def test_limits_span_what_has_depth_and_a_few_outliers_do_not_move_them() -> None:
@@ -41,3 +50,15 @@ def test_equal_depths_look_equal_nothing_is_grey_and_the_bar_has_the_same_colour
     assert (picture[1, 0] == NOTHING).all()
     assert bar[0, 40, 0] > bar[0, 40, 2]  # near is red
     assert bar[0, 220, 0] < bar[0, 220, 2]  # far is blue
+
+
+def test_errors_are_relative_those_beyond_the_worst_look_alike_and_unknown_truth_is_grey() -> None:
+    truth = np.array([[2.0, 2.0, 4.0, 4.0, 0.0]])
+    depths = np.array([[2.0, 2.0 * (1 + WORST_ERROR), 4.0 * (1 - WORST_ERROR / 2), 0.0, 3.0]])
+    picture = depth_error_picture(depths, truth)[0]
+    bar = depth_error_bar()[0]
+    assert (picture[0] == bar[0]).all()
+    assert (picture[1] == bar[-1]).all()
+    assert (picture[2] == bar[128]).all() or (picture[2] == bar[127]).all()
+    assert (picture[3] == bar[-1]).all()
+    assert (picture[4] == NOTHING).all()

@@ -10,10 +10,13 @@ from PIL import Image
 
 from semgs.figures.classes import LegendEntry
 from semgs.figures.page import (
+    Bar,
+    Bars,
     Facts,
     Gallery,
     Headline,
     Legend,
+    Matrix,
     Notes,
     Picture,
     Scale,
@@ -106,3 +109,40 @@ def test_unseen_is_in_the_legend_only_where_something_is_unseen() -> None:
 def test_small_shares_are_not_called_nothing() -> None:
     assert percent(0.1234) == "12.3 %"
     assert percent(0.0004) == "under 0.1 %"
+
+
+def test_bars_are_as_long_as_their_shares_with_ticks_where_they_have_one() -> None:
+    bars = Bars((Bar("sofa <1>", (1, 2, 3), 0.25, "0.250", mark=0.5), Bar("bed", (4, 5, 6), 1.0, "1.000")))
+    html = html_page("t", "l", [], [Section("s", "", (bars,))], "f")
+    Balanced().feed(html)
+    assert "sofa &lt;1&gt;" in html
+    assert 'style="width: 25.0%; background: rgb(1, 2, 3)"' in html
+    assert html.count('<u style="left: 50.0%"></u>') == html.count("<u ") == 1
+
+
+def test_a_matrix_shows_percentages_and_leaves_what_rounds_to_nothing_empty() -> None:
+    matrix = Matrix(("wall", "bed"), ("wall", "bed", "sofa"), ((0.9, 0.096, 0.004), (0.0, 1.0, 0.0)), "true and given")
+    html = html_page("t", "l", [], [Section("s", "", (matrix,))], "f")
+    Balanced().feed(html)
+    cells = re.findall(r"<td[^>]*>(\d*)</td>", html)
+    assert cells == ["90", "10", "", "", "100", ""]
+    assert html.count('class="strong"') == 2
+
+
+def test_a_folded_section_is_closed_until_it_is_opened_and_the_tags_are_balanced() -> None:
+    sections = [Section("open", "", ()), Section("closed", "why", (Notes(("a",)),), folded=True)]
+    html = html_page("t", "l", [], sections, "f")
+    parser = Balanced()
+    parser.feed(html)
+    assert parser.open == []
+    assert re.search(r"<details>\s*<summary><h2>closed</h2></summary>", html)
+    assert "<details open" not in html
+
+
+def test_a_lossy_picture_is_a_jpeg_close_to_its_pixels() -> None:
+    rows, columns = np.indices((40, 56))
+    pixels = np.stack((rows * 4, columns * 3, rows + columns), axis=-1).astype(np.uint8)
+    uri = Picture(pixels, "c", lossy=True).uri
+    assert uri.startswith("data:image/jpeg;base64,")
+    again = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))
+    assert np.abs(again.astype(int) - pixels).mean() < 3

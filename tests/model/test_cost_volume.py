@@ -5,7 +5,7 @@ import torch
 from posed import posed_cameras
 
 from semgs.geometry.cameras import Cameras, back_project, pixel_centres, project
-from semgs.geometry.plane_sweep import depth_candidates, expected_depth
+from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.conventions import MVSPLAT, OURS
 from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.heads import CostRegressor
@@ -81,42 +81,88 @@ def test_the_fused_kernel_equals_the_plain_form_in_value_and_gradient(convention
     assert (plain_grad - fast_grad).abs().max() < 1e-10
 
 
-@pytest.mark.parametrize("size", [(96, 128), (128, 96)])
-def test_on_a_plane_of_known_depth_the_peak_is_the_right_candidate(size):
-    cameras = posed_cameras(2, size, seed=7)
-    depth, candidates = 2.2, depth_candidates(torch.tensor([0.5, 10.0], dtype=torch.float64).expand(2, 2), 16)
-    h, w = size[0] // 4, size[1] // 4
-    # The plane z = 2.2 of the first camera carries a smooth unit-length pattern of its own position; no two texels are alike.
+def pattern(cameras: Cameras, depth: float, grid: tuple[int, int]) -> torch.Tensor:
+    """What each view sees of a plane that faces the first camera at `depth`: features of unit length, [views c h w].
+
+    They are a smooth function of the position on the plane that takes no value twice, so no two texels are alike.
+    """
+    (height, width), (h, w) = cameras.size, grid
     first = cameras.world_from_camera[0]
-    features = torch.zeros(2, 12, h, w, dtype=torch.float64)
-    centres = torch.cat((pixel_centres((h, w)) * 4, torch.ones(h, w, 1, dtype=torch.float64)), dim=-1)
-    for view in range(2):
+    texel = torch.tensor([width / w, height / h], dtype=torch.float64)
+    centres = torch.cat((pixel_centres(grid) * texel, torch.ones(h, w, 1, dtype=torch.float64)), dim=-1)
+    views = []
+    for view in range(cameras.batch[0]):
         relative = torch.linalg.inv(first) @ cameras.world_from_camera[view]
         rays = centres @ torch.linalg.inv(cameras.intrinsics[view]).T @ relative[:3, :3].T
         hit = relative[:3, 3] + rays * ((depth - relative[2, 3]) / rays[..., 2])[..., None]
-        angles = torch.cat([hit[..., :2] * f for f in (1.0, 2.0, 3.5)], dim=-1)
-        features[view] = torch.cat((angles.sin(), angles.cos()), dim=-1).permute(2, 0, 1) / math.sqrt(6)
-    cost = cost_volume(features[None], batched(cameras), torch.full((1, 2), 0.5), candidates[None])[0, 0]
-    inverse = 1 / candidates[0]
-    world = back_project(torch.full(size, depth, dtype=torch.float64)[None], cameras[:1])[0, 2::4, 2::4]
-    x, y, z = project(world.reshape(1, -1, 3), cameras[1:])[0].reshape(h, w, 3).unbind(-1)
-    seen = (z > 0) & (x > 4) & (x < size[1] - 4) & (y > 4) & (y < size[0] - 4)
-    assert seen.double().mean() > 0.3
-    error = (inverse[cost.argmax(0)] - 1 / depth).abs()[seen]
-    assert (error <= (inverse[1] - inverse[0]) / 2 + 1e-9).double().mean() > 0.97
+        angles = torch.cat([hit[..., :2] * frequency for frequency in (0.7, 2.0, 3.5, 5.5)], dim=-1)
+        views.append(torch.cat((angles.sin(), angles.cos()), dim=-1).permute(2, 0, 1) / math.sqrt(8))
+    return torch.stack(views)
 
 
-def test_candidates_run_from_far_to_near_and_each_sampling_has_its_own_expectation():
-    bounds = torch.tensor([0.5, 8.0], dtype=torch.float64)
-    inverse, linear = depth_candidates(bounds, 4, "inverse"), depth_candidates(bounds, 4, "linear")
-    assert torch.allclose(inverse, 1 / torch.tensor([0.125, 0.75, 1.375, 2.0], dtype=torch.float64))
-    assert torch.allclose(linear, torch.tensor([8.0, 5.5, 3.0, 0.5], dtype=torch.float64))
-    p = torch.tensor([0.1, 0.2, 0.3, 0.4], dtype=torch.float64)[:, None, None]
-    assert math.isclose(expected_depth(p, inverse, "inverse").item(), 1 / (0.0125 + 0.15 + 0.4125 + 0.8))
-    assert math.isclose(expected_depth(p, linear, "linear").item(), 0.8 + 1.1 + 0.9 + 0.2)
-    assert not math.isclose(
-        expected_depth(p, inverse, "linear").item(), expected_depth(p, inverse, "inverse").item(), rel_tol=0.1
-    )
+def seen_by(cameras: Cameras, depth: float, grid: tuple[int, int], margin: float) -> torch.Tensor:
+    """Which source views see the first view's texels at `depth`, at least `margin` texels inside: [sources h w]."""
+    (height, width), (h, w) = cameras.size, grid
+    world = back_project(torch.full((1, height, width), depth, dtype=torch.float64), cameras[:1])
+    # A texel's centre is where its four middle pixels meet.
+    world = torch.nn.functional.avg_pool2d(world[0].permute(2, 0, 1), 4).permute(1, 2, 0).reshape(1, -1, 3)
+    seen = []
+    for view in range(1, cameras.batch[0]):
+        x, y, z = project(world, cameras[view : view + 1])[0].reshape(h, w, 3).unbind(-1)
+        u, v = x * w / width - 0.5, y * h / height - 0.5
+        low, high = -0.5 + margin, -0.5 - margin
+        seen.append((z > 0) & (u > low) & (u < w + high) & (v > low) & (v < h + high))
+    return torch.stack(seen)
+
+
+def zoomed(cameras: Cameras) -> Cameras:
+    """The cameras with a longer focal length and another principal point in the second."""
+    k = cameras.intrinsics.clone()
+    k[1] = torch.tensor([[1.25, 0, 0.03 * k[1, 0, 2]], [0, 1.2, -0.05 * k[1, 1, 2]], [0, 0, 1]]) @ k[1]
+    return Cameras(cameras.world_from_camera, k, cameras.size)
+
+
+@pytest.mark.parametrize("fused", [False, True])
+@pytest.mark.parametrize("size", [(96, 128), (128, 96)])
+@pytest.mark.parametrize("different", [False, True])
+def test_on_a_plane_of_known_depth_the_peak_is_the_nearest_candidate(size, different, fused):
+    """Also where one source view cannot see the point; the baseline to each is long enough to tell depths apart."""
+    cameras = posed_cameras(3, size, seed=9, spread=0.35)
+    cameras = zoomed(cameras) if different else cameras
+    grid = (size[0] // 4, size[1] // 4)
+    bounds = torch.tensor([0.5, 10.0], dtype=torch.float64)
+    candidates = depth_candidates(bounds, 16)
+    inverse = 1 / candidates
+    step = float(inverse[1] - inverse[0])
+    depth = 1 / float(inverse[3] + 0.2 * step)
+    features = pattern(cameras, depth, grid)
+    assert torch.allclose(features.norm(dim=1), torch.ones(1, dtype=torch.float64))
+    texels = features[0].flatten(1).T
+    assert torch.pdist(texels).min() > 1e-2
+    every = candidates.expand(1, 3, -1)
+    cost = cost_volume(features[None], batched(cameras), bounds[:1].expand(1, 3), every, fused=fused)[0, 0]
+    certain, possible = seen_by(cameras, depth, grid, 1.0), seen_by(cameras, depth, grid, 0.0)
+    both, only_one = certain.all(0), certain.any(0) & (possible.sum(0) == 1)
+    assert both.sum() > 50
+    assert only_one.sum() > 50
+    error = (inverse[cost.argmax(0)] - 1 / depth).abs()
+    assert (error[both | only_one] <= step / 2).all()
+    # Correlation of unit features is 1 / sqrt(c) at the peak, whether one view sees the point or two.
+    peak = cost.amax(0)[both | only_one] * math.sqrt(features.shape[1])
+    assert (peak - 1).abs().max() < 0.05
+
+
+def test_where_no_view_sees_the_point_the_cost_is_zero():
+    size, grid = (96, 128), (24, 32)
+    cameras = posed_cameras(3, size, seed=7, spread=0.9)
+    depth = 2.2
+    features = pattern(cameras, depth, grid)
+    one = torch.full((1, 3, 1), depth, dtype=torch.float64)
+    cost = cost_volume(features[None], batched(cameras), torch.full((1, 3), 0.5), one)[0, 0, 0]
+    nobody = ~seen_by(cameras, depth, grid, -1e-6).any(0)
+    assert nobody.sum() > 20
+    assert (cost[nobody] == 0).all()
+    assert (cost[seen_by(cameras, depth, grid, 1e-6).any(0)] != 0).all()
 
 
 def test_the_custom_operation_follows_torchs_rules():

@@ -7,9 +7,8 @@ from golden import fill_golden
 from posed import posed_views
 
 from semgs.data.classes import SCANNET20
-from semgs.data.views import stack
+from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
-from semgs.geometry.rotations import covariance
 from semgs.model import presets
 from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
@@ -37,15 +36,6 @@ def difference(a: torch.Tensor, b: torch.Tensor) -> float:
     return float((a - b).norm() / b.norm())
 
 
-def compare(a: Encoding, b: Encoding, limit: float) -> None:
-    for x, y in ((a.gaussians.colour, b.gaussians.colour), (a.gaussians.semantic, b.gaussians.semantic)):
-        assert difference(x.scales, y.scales) < limit
-        assert difference(x.features, y.features) < limit
-        assert difference(covariance(x.quaternions, x.scales), covariance(y.quaternions, y.scales)) < limit
-    assert difference(a.gaussians.opacities, b.gaussians.opacities) < limit
-    assert difference(a.depths, b.depths) < limit
-
-
 def test_each_pixel_becomes_a_gaussian_on_its_ray(model):
     views = posed_views(2, SIZE, dtype=torch.float64)
     encoding = encode(model, views)
@@ -67,67 +57,6 @@ def test_depth_stays_within_its_range(model):
     encoding = encode(model, posed_views(2, SIZE, dtype=torch.float64))
     assert encoding.depths.min() >= 0.5 - 1e-9
     assert encoding.depths.max() <= 10 + 1e-9
-
-
-@pytest.mark.parametrize("views", [2, 3])
-def test_moving_the_world_moves_the_gaussians(model, views):
-    still = posed_views(views, SIZE, dtype=torch.float64)
-    motion = torch.eye(4, dtype=torch.float64)
-    motion[:3, :3] = torch.tensor([[0.0, 0.6, -0.8], [1, 0, 0], [0, -0.8, -0.6]], dtype=torch.float64)
-    motion[:3, 3] = torch.tensor([800.0, -600.0, 30.0])
-    cameras = Cameras(motion @ still.cameras.world_from_camera, still.cameras.intrinsics, SIZE)
-    a, b = encode(model, still), encode(model, replace(still, cameras=cameras))
-    means = a.gaussians.means @ motion[:3, :3].T + motion[:3, 3]
-    assert (b.gaussians.means - means).norm() / (a.gaussians.means - still.cameras.centres[0]).norm() < 1e-8
-    turned = motion[:3, :3] @ covariance(a.gaussians.colour.quaternions, a.gaussians.colour.scales) @ motion[:3, :3].T
-    assert difference(covariance(b.gaussians.colour.quaternions, b.gaussians.colour.scales), turned) < 1e-8
-    assert difference(b.depths, a.depths) < 1e-8
-    assert difference(b.gaussians.semantic.features, a.gaussians.semantic.features) < 1e-8
-
-
-def test_permuting_the_views_permutes_the_output(model):
-    views = posed_views(3, SIZE, dtype=torch.float64)
-    order = [2, 0, 1]
-    a, b = encode(model, views), encode(model, views.select(order))
-    assert difference(b.depths, a.depths[order]) < 1e-8
-    per_view = a.gaussians.opacities.reshape(3, -1)[order].flatten()
-    assert difference(b.gaussians.opacities, per_view) < 1e-8
-
-
-def test_scaling_world_and_bounds_scales_means_and_sizes(model):
-    views = posed_views(2, SIZE, dtype=torch.float64)
-    poses = views.cameras.world_from_camera.clone()
-    poses[:, :3, 3] *= 7
-    scaled = replace(views, cameras=Cameras(poses, views.cameras.intrinsics, SIZE), depth_range=views.depth_range * 7)
-    a, b = encode(model, views), encode(model, scaled)
-    assert difference(b.gaussians.means, 7 * a.gaussians.means) < 1e-8
-    assert difference(b.gaussians.semantic.scales, 7 * a.gaussians.semantic.scales) < 1e-8
-
-
-def test_a_batch_of_two_scenes_equals_two_batches_of_one(model):
-    first, second = (posed_views(2, SIZE, seed=seed, dtype=torch.float64) for seed in (1, 5))
-    both = encode(model, stack([first, second]))
-    for index, views in enumerate((first, second)):
-        alone = encode(model, views)
-        assert difference(both.depths[index], alone.depths) < 1e-10
-        assert difference(both.gaussians.means[index], alone.gaussians.means) < 1e-10
-
-
-@pytest.mark.parametrize("what", ["pose", "picture", "intrinsics"])
-def test_changing_only_the_other_view_changes_depth_and_classes(model, what):
-    views = posed_views(2, SIZE, dtype=torch.float64)
-    images, poses, k = views.images.clone(), views.cameras.world_from_camera.clone(), views.cameras.intrinsics.clone()
-    if what == "pose":
-        poses[1, :3, 3] += torch.tensor([0.3, 0.1, -0.2])
-    elif what == "picture":
-        images[1] = images[1].flip(-1)
-    else:
-        k[1, 0, 0] *= 1.3
-    changed = replace(views, images=images, cameras=Cameras(poses, k, SIZE))
-    a, b = encode(model, views), encode(model, changed)
-    count = len(a.gaussians) // 2
-    assert difference(b.depths[0], a.depths[0]) > 1e-2
-    assert difference(b.gaussians.semantic.features[:count], a.gaussians.semantic.features[:count]) > 1e-2
 
 
 def test_other_sizes_are_padded_with_their_camera(small):
@@ -163,22 +92,73 @@ def test_settings_rebuild_the_network(small):
     assert {k: v.shape for k, v in again.state_dict().items()} == {k: v.shape for k, v in small.state_dict().items()}
 
 
+TINY = {
+    "channels": 16, "cnn_widths": (8, 8, 16), "candidates": 8, "cost_width": 8, "upsampled_channels": 16,
+    "refine_width": 8, "refine_levels": 3, "projected_channels": 8, "colour_blocks": 2, "semantic_blocks": 2,
+}  # fmt: skip
+CAMERA_BLIND = {"camera_aware_colour": False, "camera_aware_semantic": False}
+
+
 @pytest.mark.parametrize(
     "switch",
     [
         {"shared_layers": False},
         {"windows": 1},
-        {"camera_aware_colour": False, "camera_aware_semantic": False},
+        CAMERA_BLIND,
+        {"shared_layers": False, "windows": 1, **CAMERA_BLIND},
         {"output_transform": False},
+        {"paper_heads": True},
     ],
+    ids=lambda switch: ", ".join(switch),
 )
 def test_the_ablations_switches_build_and_change_the_output(switch):
-    settings = {"channels": 16, "cnn_widths": (8, 8, 16), "candidates": 8, "cost_width": 8, "upsampled_channels": 16}
-    tiny = {**settings, "refine_width": 8, "refine_levels": 3, "projected_channels": 8}
-    plain, switched = fill_golden(SemGS(**tiny)), fill_golden(SemGS(**tiny, **switch))
+    plain, switched = fill_golden(SemGS(**TINY)), fill_golden(SemGS(**TINY, **switch))
     views = posed_views(2, SIZE)
     a, b = encode(plain, views), encode(switched, views)
     assert difference(b.gaussians.semantic.features, a.gaussians.semantic.features) > 1e-3
+    assert switched.settings == plain.settings | switch
+
+
+def moved(views: Views) -> Views:
+    poses = views.cameras.world_from_camera.clone()
+    poses[1, :3, 3] += torch.tensor([0.3, 0.1, -0.2])
+    return replace(views, cameras=Cameras(poses, views.cameras.intrinsics, SIZE))
+
+
+def test_without_camera_awareness_features_and_classes_are_blind_to_cameras_and_depth_sees_them_in_the_cost_volume():
+    views = posed_views(2, SIZE)
+    for switches, blind in (({}, False), (CAMERA_BLIND, True)):
+        model = fill_golden(SemGS(**TINY, **switches))
+        features: list[torch.Tensor] = []
+        model.colour_transformer.register_forward_hook(lambda m, i, o, kept=features: kept.append(o))
+        a, b = encode(model, views), encode(model, moved(views))
+        assert torch.equal(*features) is blind
+        assert torch.equal(a.gaussians.semantic.features, b.gaussians.semantic.features) is blind
+        assert difference(b.depths[0], a.depths[0]) > 1e-3
+
+
+@pytest.mark.parametrize("branch", ["colour", "semantic"])
+def test_each_branch_has_a_camera_switch_of_its_own(branch):
+    views = posed_views(2, SIZE)
+    model = fill_golden(SemGS(**TINY, **{f"camera_aware_{branch}": False}))
+    features: dict[str, list[torch.Tensor]] = {"colour": [], "semantic": []}
+    for name, kept in features.items():
+        model.get_submodule(f"{name}_transformer").register_forward_hook(lambda m, i, o, kept=kept: kept.append(o))
+    encode(model, views)
+    encode(model, moved(views))
+    for name, kept in features.items():
+        assert torch.equal(*kept) is (name == branch)
+
+
+def test_one_switch_shares_the_shallow_layers_and_another_gives_the_semantic_branch_its_own():
+    views = posed_views(2, SIZE)
+    for shared in (True, False):
+        model = fill_golden(SemGS(**TINY, shared_layers=shared))
+        before = encode(model, views).gaussians.semantic.features
+        with torch.no_grad():
+            model.cnn.layer3[1].conv2.weight.mul_(-1)
+        after = encode(model, views).gaussians.semantic.features
+        assert torch.equal(before, after) is not shared
 
 
 def test_base_has_the_papers_sizes():
@@ -189,3 +169,10 @@ def test_base_has_the_papers_sizes():
     assert base.cnn.conv2.out_channels == 128
     assert len([*base.cnn.layer1, *base.cnn.layer2, *base.cnn.layer3]) == 6
     assert len(base.semantic_refinement) == 2
+    for two_layers in (base.cost_regressor.head, base.colour_head, base.semantic_head):
+        assert [type(layer).__name__ for layer in two_layers] == ["Conv2d", "GELU", "Conv2d"]
+    assert len(base.classes) == 20
+    assert base.cnn(torch.zeros(1, 3, 32, 48)).shape == (1, 128, 8, 12)
+    for transformer in (base.colour_transformer, base.semantic_transformer):
+        assert transformer.windows == 2
+        assert all(hasattr(block, "self_attn") and hasattr(block, "cross_attn_ffn") for block in transformer.layers)

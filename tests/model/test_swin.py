@@ -30,14 +30,35 @@ def by_loop(q, k, v, shifted: bool, cross: bool) -> torch.Tensor:
     return out
 
 
-@pytest.mark.parametrize(
-    ("views", "shifted", "cross"), [(2, True, False), (2, False, True), (3, True, True), (4, True, True)]
-)
+@pytest.mark.parametrize("views", [2, 3, 4])
+@pytest.mark.parametrize("shifted", [False, True])
+@pytest.mark.parametrize("cross", [False, True])
 def test_windowed_attention_equals_a_loop_over_tokens(views, shifted, cross):
     grid = GRID if views == 2 else (4, 8)
     q, k, v = (torch.randn(1, views, *grid, D, dtype=torch.float64) for _ in range(3))
     fast = Windows(grid, COUNT, shifted, q).attend(q, k, v, cross)
     assert (fast - by_loop(q, k, v, shifted, cross)).abs().max() < 1e-10
+
+
+@pytest.mark.parametrize("views", [2, 3, 4])
+@pytest.mark.parametrize("cross", [False, True])
+def test_the_keys_of_a_token_are_its_window_in_its_own_view_or_in_all_others(views, cross):
+    """With one value channel for every token, the output is the weights themselves."""
+    grid = (4, 6)
+    tokens = views * grid[0] * grid[1]
+    v = torch.eye(tokens, dtype=torch.float64).reshape(1, views, *grid, tokens)
+    q = torch.randn(v.shape, dtype=torch.float64)
+    weights = Windows(grid, 2, True, q).attend(q, q, v, cross)[0].reshape(views, *grid, views, *grid)
+    for i in range(views):
+        used = (weights[i] > 1e-20).any(dim=(-1, -2))  # row, column, view of the keys
+        expected = [j != i if cross else j == i for j in range(views)]
+        assert (used == torch.tensor(expected)).all()
+        # Windows of 2x3, shifted by one token both ways: (1, 1) heads a whole one; (0, 0) is left alone in its corner.
+        inside = weights[i, 1, 1][[j for j in range(views) if expected[j]]] > 1e-20
+        assert inside.nonzero()[:, 1:].unique(dim=0).tolist() == [[1, 1], [1, 2], [1, 3], [2, 1], [2, 2], [2, 3]]
+        corner = weights[i, 0, 0][[j for j in range(views) if expected[j]]] > 1e-20
+        assert corner.nonzero()[:, 1:].unique(dim=0).tolist() == [[0, 0]]
+    assert torch.allclose(weights.sum((-1, -2, -3)), torch.ones(1, dtype=torch.float64))
 
 
 def test_giving_every_other_view_twice_changes_nothing_and_one_of_two_does():

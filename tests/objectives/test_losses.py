@@ -133,6 +133,30 @@ def test_the_total_is_the_weighted_sum_with_the_paper_s_weights_by_default():
     )
 
 
+def test_the_three_losses_of_a_view_of_3x4_pixels_worked_out_by_hand():
+    """Ten labelled pixels; two ignored ones count in the colour term alone.
+
+    L_sem: wall has probability 1/2 at its three pixels but 1/4 at the first, floor 1/4 at three, chair 1/8 at four:
+    (2 log 2 + log 4 + 3 log 4 + 4 log 8) / 10 = 22 log 2 / 10.
+    L_rs: the first pixel differs by 1/4 from the walls right of it and below it, all else is constant: (1/4 + 1/4) / 10.
+    L_c: two of the 36 numbers are wrong by 0.3, one of them at an ignored pixel: 2 * 0.09 / 36.
+    """
+    given = torch.empty(1, 3, 3, 4, dtype=torch.float64)
+    for label, distribution in enumerate(([0.5, 0.25, 0.25], [0.5, 0.25, 0.25], [0.5, 0.375, 0.125])):
+        given[0, :, label == LABELS] = torch.tensor(distribution, dtype=torch.float64)[:, None]
+    given[0, :, 0, 0] = torch.tensor([0.25, 0.5, 0.25])
+    given[0, :, LABELS == IGNORE] = torch.tensor([0.9, 0.05, 0.05], dtype=torch.float64)[:, None]
+    truth = torch.full((1, 3, 3, 4), 0.4, dtype=torch.float64)
+    images = truth.clone()
+    images[0, 1, 0, 2] += 0.3
+    images[0, 2, 1, 1] -= 0.3  # (1, 1) is ignored
+    result = losses(rendering(images, given), views(truth, LABELS[None]))
+    assert result.semantic.item() == pytest.approx(2.2 * math.log(2), rel=1e-12)
+    assert result.smoothness.item() == pytest.approx(0.05, rel=1e-12)
+    assert result.colour.item() == pytest.approx(0.005, rel=1e-12)
+    assert result.total.item() == pytest.approx(0.1 * 2.2 * math.log(2) + 1.0 * 0.005 + 0.001 * 0.05, rel=1e-12)
+
+
 def test_a_view_without_labels_adds_zero_and_is_counted():
     labels = torch.stack([LABELS, torch.full_like(LABELS, IGNORE)])
     images = torch.zeros(2, 3, 3, 4, dtype=torch.float64)

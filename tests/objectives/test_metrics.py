@@ -26,29 +26,49 @@ CLASSES = 5
 
 
 def label_maps(seed: int, images: int = 4) -> tuple[torch.Tensor, torch.Tensor]:
-    """Random predictions and truths: class 4 is never true, image 1 shows only classes 0 and 1, image 3 nothing."""
+    """Random predictions and truths.
+
+    Class 4 is never true but predicted, image 1 shows only classes 0 and 1, image 3 has no valid pixel, some true pixels
+    are ignored, and some predictions are "invalid" (a head with one logit more, a renderer that saw nothing): 255.
+    """
     generator = torch.Generator().manual_seed(seed)
     predicted = torch.randint(0, CLASSES, (images, 6, 9), generator=generator).to(torch.uint8)
     truth = torch.randint(0, CLASSES - 1, (images, 6, 9), generator=generator).to(torch.uint8)
     truth = torch.where(torch.rand(images, 6, 9, generator=generator) < 0.6, predicted.clamp(max=3), truth)
     truth[torch.rand(images, 6, 9, generator=generator) < 0.2] = IGNORE
+    predicted[torch.rand(images, 6, 9, generator=generator) < 0.1] = IGNORE
     truth[1] = torch.where(truth[1] == IGNORE, truth[1], truth[1] % 2)
     truth[3] = IGNORE
     return predicted, truth
 
 
 def scores_by_a_loop(pixels: list[tuple[int, int]]) -> tuple[float, float, float]:
-    """mIoU, class accuracy and accuracy of (predicted, true) pixels: ignored ones dropped, means over the true classes."""
-    valid = [(p, t) for p, t in pixels if t != IGNORE]
-    if not valid:
+    """mIoU, class accuracy and accuracy of (predicted, true) pixels, step by step as S-Ray and GSNeRF reckon an image.
+
+    1. Pixels without truth are dropped. 2. Of the rest, those predicted as invalid enter no count. 3. Accuracy is the
+    trace over the sum. 4. Class accuracy is the mean over the true classes of the share of their pixels that was hit.
+    5. IoU is hits over row plus column minus hits; its mean is over the true classes, so a class that is only predicted
+    adds no term. 6. Without a valid pixel all three are 0.
+    """
+    counts: dict[tuple[int, int], int] = {}
+    for predicted, true in pixels:
+        if true == IGNORE or predicted == IGNORE:
+            continue
+        counts[true, predicted] = counts.get((true, predicted), 0) + 1
+    everything = sum(counts.values())
+    if everything == 0:
         return 0.0, 0.0, 0.0
     ious, recalls = [], []
-    for label in sorted({t for _, t in valid}):
-        hit = sum(p == t == label for p, t in valid)
-        union = sum(label in (p, t) for p, t in valid)
-        ious.append(hit / union)
-        recalls.append(hit / sum(t == label for _, t in valid))
-    return sum(ious) / len(ious), sum(recalls) / len(recalls), sum(p == t for p, t in valid) / len(valid)
+    for label in range(CLASSES):
+        row = sum(n for (true, _), n in counts.items() if true == label)
+        column = sum(n for (_, predicted), n in counts.items() if predicted == label)
+        if row == 0:
+            continue
+        hits = counts.get((label, label), 0)
+        ious.append(hits / (row + column - hits))
+        recalls.append(hits / row)
+    trace = sum(counts.get((label, label), 0) for label in range(CLASSES))
+    return sum(ious) / len(ious), sum(recalls) / len(recalls), trace / everything
 
 
 def pixels(predicted: torch.Tensor, truth: torch.Tensor) -> list[tuple[int, int]]:
@@ -69,9 +89,12 @@ def test_scores_per_image_equal_a_loop_per_image_and_an_image_without_truth_coun
     predicted, truth = label_maps(seed)
     confusions = confusion_matrices(predicted, truth, CLASSES)
     single = [scores_by_a_loop(pixels(*pair)) for pair in zip(predicted, truth, strict=True)]
+    assert single[3] == (0, 0, 0)
     expected = [sum(one) / len(single) for one in zip(*single, strict=True)]
     found = [float(score(confusions)) for score in (miou_per_image, class_accuracy_per_image, accuracy_per_image)]
     assert found == pytest.approx(expected, rel=1e-12)
+    of_the_set = scores_by_a_loop(pixels(predicted, truth))
+    assert all(abs(a - b) > 1e-3 for a, b in zip(found, of_the_set, strict=True))  # the two kinds are not one
 
 
 def test_matrices_of_images_add_up_to_that_of_the_set():

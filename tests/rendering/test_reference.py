@@ -182,6 +182,34 @@ def test_the_covariance_of_the_projection_is_that_of_projected_samples() -> None
     assert (found - expected).norm() / expected.norm() < 0.02
 
 
+@pytest.mark.parametrize(
+    ("pixel", "inside"),
+    [((3.5, 4.25), True), ((34.9, 19.9), True), ((-5.2, 22.9), True), ((40.2, -2.9), True), ((-5.3, 8.0), False),
+     ((15.0, 23.1), False), ((40.3, -3.1), False)],
+)  # fmt: skip
+def test_the_jacobian_is_exact_within_the_image_and_15_percent_around_it_and_not_beyond(pixel, inside: bool) -> None:
+    """The derivative of the projection by autograd; the margin is 5.25 px left and right, 3 px above and below."""
+    camera = _camera()
+    z = 1.7
+    x, y = (pixel[0] - CX) / FX * z, (pixel[1] - CY) / FY * z
+    splats = _splats(camera, [[x, y, z]], [[0.3, 0.2, 0.4]], [1.0], [[1.0]])
+    quaternion = torch.tensor([[0.3, -0.5, 0.7, 0.2]], dtype=torch.float64)
+    splats = Splats(splats.means, quaternion, splats.scales, splats.opacities, splats.features)
+
+    def seen(mean: torch.Tensor) -> torch.Tensor:
+        a, b, c = camera.axes @ (mean - camera.centre)
+        return torch.stack((FX * a / c + CX, FY * b / c + CY))
+
+    ellipses = reference.project(splats, camera)
+    assert ellipses.centres[0].tolist() == pytest.approx(pixel, rel=1e-12)
+    j = torch.autograd.functional.jacobian(seen, splats.means[0])
+    expected = j @ covariance(quaternion, splats.scales)[0] @ j.mT + 0.3 * torch.eye(2, dtype=torch.float64)
+    xx, xy, yy = ellipses.conics[0]
+    found = torch.linalg.inv(torch.stack((xx, xy, xy, yy)).reshape(2, 2))
+    error = (found - expected).norm() / expected.norm()
+    assert error < 1e-12 if inside else error > 1e-3
+
+
 def test_gradients_of_the_reference_are_those_of_finite_differences() -> None:
     camera = _camera()
     generator = torch.Generator().manual_seed(1)

@@ -167,7 +167,7 @@ def test_by_itself_the_cpu_uses_numba(random_scene) -> None:
 
 def test_what_cannot_be_rendered_is_refused(random_scene) -> None:
     gaussians, cameras = random_scene(13, count=5)
-    with pytest.raises(ValueError, match=r"backend is 'cuda'; expected one of auto, numba, reference"):
+    with pytest.raises(ValueError, match=r"backend is 'cuda'; expected one of auto, numba, gsplat, reference"):
         render(gaussians, cameras, backend="cuda")
     with pytest.raises(ValueError, match=r"cameras have axes \(\) but Gaussians \(\)"):
         render(gaussians, cameras[0])

@@ -6,16 +6,17 @@ import torch
 
 pytest.importorskip("embreex")
 
+from semgs.rooms.assets.library import Library
 from semgs.rooms.footprints import overlap
-from semgs.rooms.other import draw_other_plan
-from semgs.rooms.plain import build_room
-from semgs.rooms.plans import draw_plan
+from semgs.rooms.home import draw_home
+from semgs.rooms.other import draw_other
+from semgs.rooms.room import build_room
 from semgs.rooms.stream import generator, sample
 
 
 @pytest.fixture(scope="module")
 def plans():
-    return [draw_other_plan(np.random.default_rng(seed)) for seed in range(30)]
+    return [draw_other(np.random.default_rng(seed)) for seed in range(30)]
 
 
 def test_furniture_of_the_other_world_neither_intersects_nor_leaves_the_room(plans):
@@ -31,7 +32,7 @@ def test_its_rooms_are_longer_than_those_of_homes(plans):
     def elongation(some):
         return np.median([max(plan.size[:2]) / min(plan.size[:2]) for plan in some])
 
-    homes = [draw_plan(np.random.default_rng(seed)) for seed in range(15)]
+    homes = [draw_home(np.random.default_rng(seed)) for seed in range(15)]
     assert elongation(plans) > 1.3 * elongation(homes)
 
 
@@ -48,6 +49,7 @@ def test_its_samples_are_the_same_bits_each_time_and_no_homes():
     assert not torch.equal(one.images, home.images)
 
 
-def test_a_style_that_does_not_exist_is_refused():
-    with pytest.raises(ValueError, match="style 'house'; expected one of home, other"):
-        build_room(generator(1, 1), style="house")
+def test_assets_in_plain_rooms_are_refused(asset_folder):
+    library = Library(asset_folder, "training", check=False)
+    with pytest.raises(ValueError, match="style 'plain' with assets; expected one that takes them: home, other"):
+        build_room(generator(1, 1), library, "plain")

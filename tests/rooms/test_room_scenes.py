@@ -22,7 +22,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_a_written_room_reads_back_as_it_was_drawn(folder):
-    drawn = draw_scene(7, 2, size=(48, 64), frames=4)
+    drawn = draw_scene(7, 2, size=(48, 64), frames=4).views
     scene = open_scene(folder)
     read = scene.read(range(4))
     assert scene.unit == "metric"
@@ -45,7 +45,7 @@ def test_poses_are_written_with_opengl_axes(folder):
 def test_the_same_seed_writes_the_same_bytes(folder, tmp_path):
     write_scene(tmp_path / "again", 7, size=(48, 64), frames=4, index=2)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    assert len(names) == 3 * 4 + 2
+    assert len(names) == 3 * 4 + 3
     for name in names:
         assert (folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 

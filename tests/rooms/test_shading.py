@@ -4,7 +4,7 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.rooms import materials, texture_kernels
-from semgs.rooms.plain import build_room
+from semgs.rooms.room import build_room
 from semgs.rooms.shading import centres, look, photograph, pixel_directions
 from semgs.rooms.stream import generator
 

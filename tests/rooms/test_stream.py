@@ -6,7 +6,7 @@ pytest.importorskip("embreex")
 
 from semgs.data.classes import IGNORE
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.plain import build_room
+from semgs.rooms.room import build_room
 from semgs.rooms.shading import look, pixel_directions
 from semgs.rooms.stream import RoomSamples, generator, sample
 
@@ -89,7 +89,7 @@ def test_cameras_move_by_hand_and_are_never_alike(sixty):
     assert min(steps) > 0.01
     assert 0.08 < np.median(steps) < 0.5
     heights = [float(c.cameras.centres[0, 2]) for c, _ in sixty]
-    assert 0.4 < min(heights) < 0.95 < 1.3 < max(heights) < 2.0
+    assert 0.3 < min(heights) < 0.6 < 1.3 < max(heights) < 2.0  # robots and people
     centres = torch.stack([c.cameras.intrinsics[0, :2, 2] for c, _ in sixty])
     assert (centres - torch.tensor([32.0, 24.0])).abs().amin() > 0
     ratio = torch.stack([c.cameras.focal_px[0, 0] / c.cameras.focal_px[0, 1] for c, _ in sixty])

@@ -12,6 +12,7 @@ import pytest
 import torch
 
 from semgs.objectives.weights import LossWeights
+from semgs.rooms.stream import sample
 from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
@@ -59,8 +60,8 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
 def test_step_k_sees_the_same_batch_wherever_the_run_began():
     pytest.importorskip("embreex")
     settings = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 4), targets=2)
-    whole = list(training_batches(settings, 0, workers=0))
-    rest = list(training_batches(settings, 2, workers=0))
+    whole = list(training_batches(settings, 0, workers=0, pool=Path("unused")))
+    rest = list(training_batches(settings, 2, workers=0, pool=Path("unused")))
     assert [batch.scenes for batch in whole[2:]] == [batch.scenes for batch in rest]
     for a, b in zip(whole[2:], rest, strict=True):
         assert torch.equal(a.context.images, b.context.images)
@@ -68,12 +69,23 @@ def test_step_k_sees_the_same_batch_wherever_the_run_began():
         assert len(a.context) in (2, 3, 4)
 
 
-def test_validation_rooms_do_not_depend_on_the_seed_of_the_run():
+def test_validation_rooms_depend_neither_on_the_seed_of_the_run_nor_on_its_style():
     pytest.importorskip("embreex")
     options = {"model": "small", "steps": 1, "size": (16, 24), "contexts": (2, 2), "validation_scenes": 1}
     (one,) = validation_batches(TrainingSettings(seed=1, **options))
-    (two,) = validation_batches(TrainingSettings(seed=2, **options))
+    (two,) = validation_batches(TrainingSettings(seed=2, style="plain", **options))
     assert torch.equal(one.target.images, two.target.images)
+
+
+def test_a_training_sees_rooms_of_its_style():
+    pytest.importorskip("embreex")
+    options = {"model": "small", "steps": 1, "batch": 1, "size": (16, 24), "contexts": (2, 2)}
+    (home,) = training_batches(TrainingSettings(**options), 0, workers=0, pool=Path("unused"))
+    (plain,) = training_batches(TrainingSettings(style="plain", **options), 0, workers=0, pool=Path("unused"))
+    assert torch.equal(
+        plain.context.images[0], sample(0, 0, size=(16, 24), contexts=2, targets=2, style="plain")[0].images
+    )
+    assert not torch.equal(home.context.images, plain.context.images)
 
 
 def processes_that_hold(path: Path) -> list[str]:
@@ -120,3 +132,19 @@ def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same
     assert whole.keys() == parts.keys()
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
     assert processes_that_hold(tmp_path / "cut.txt") == []
+
+
+def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    pytest.importorskip("embreex")
+    settings = TrainingSettings(
+        model="small", steps=3, batch=2, size=(16, 24), contexts=(2, 3), targets=1, scene_reuse=2
+    )
+    monkeypatch.setattr("semgs.rooms.pool.FRAMES", 5)
+    monkeypatch.setattr("semgs.rooms.pool.WINDOW", 3)
+    whole = list(training_batches(settings, 0, workers=0, pool=tmp_path / "one"))
+    (last,) = training_batches(settings, 2, workers=0, pool=tmp_path / "two")
+    assert torch.equal(whole[2].context.images, last.context.images)
+    assert torch.equal(whole[2].target.labels, last.target.labels)
+    assert {path.name[:6] for path in (tmp_path / "one").iterdir()} == {"scene_"}

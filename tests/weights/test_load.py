@@ -8,7 +8,10 @@ from semgs import load
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model import presets
+from semgs.model.conventions import Conventions
+from semgs.model.semgs import SemGS
 from semgs.weights.file import is_ours, read_header, save
+from semgs.weights.load import find, shipped, table_of
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +32,37 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
         assert torch.equal(again.state_dict()[name], tensor.bfloat16().float())
     assert again.origin == "mine.safetensors: a test"
     assert read_header(written).metadata["seed"] == "1"
+
+
+def test_weights_of_an_ablation_bring_its_switches_back(tmp_path):
+    plain = presets.small().settings
+    settings = plain | {
+        "conventions": Conventions(candidates="linear"), "cnn_widths": tuple(plain["cnn_widths"]), "paper_heads": True,
+        "windows": 1, "shared_layers": False, "camera_aware_semantic": False,
+    }  # fmt: skip
+    model = SemGS(**settings)
+    save(tmp_path / "ablation.safetensors", model, {})
+    again = load("small", weights=tmp_path / "ablation.safetensors")
+    assert again.settings == model.settings
+    assert again.state_dict().keys() == model.state_dict().keys()
+
+
+def test_weights_are_found_by_name_or_by_path(written, tmp_path):
+    assert find("small") == ("small", shipped("small"))
+    assert find(written) == ("small", written)
+    save_file({"encoder.x": torch.zeros(2)}, tmp_path / "foreign.safetensors")
+    assert find(tmp_path / "foreign.safetensors") == ("mvsplat", tmp_path / "foreign.safetensors")
+    with pytest.raises(ValueError, match='no weights ship for "base"'):
+        find("base")
+    with pytest.raises(InputError, match="expected a file of weights, or small, found nothing"):
+        find(tmp_path / "absent")
+
+
+def test_a_file_says_which_class_table_it_is_for(written, tmp_path):
+    assert table_of(written) == SCANNET20
+    table = ClassTable("mine", ("wall", "floor"), ((1, 2, 3), (4, 5, 6)), (1, 2))
+    save(tmp_path / "mine.safetensors", presets.small(table), {})
+    assert table_of(tmp_path / "mine.safetensors") == table
 
 
 def test_drawing_is_a_function_of_the_seed_and_leaves_the_callers_state(small):

@@ -1,4 +1,7 @@
 import ast
+import pickle
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +16,8 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.harmonics import basis
 from semgs.geometry.rotations import covariance
 from semgs.model import presets
-from semgs.weights.mvsplat import our_name
+from semgs.weights.file import fill
+from semgs.weights.mvsplat import our_name, renamed
 
 AGREEMENT = 1e-4
 
@@ -93,9 +97,12 @@ def test_colours_are_the_authors_from_every_direction(activations, fixture):
     assert (found - expected).norm() / expected.norm() < AGREEMENT
 
 
-def test_all_471_names_are_ours_too(state):
+def test_all_471_names_and_shapes_are_ours_too_and_base_s(state):
     assert len(state) == 471
-    assert {our_name(name) for name in state} == set(presets.mvsplat().state_dict())
+    shapes = {our_name(name): tensor.shape for name, tensor in state.items()}
+    assert shapes == {name: tensor.shape for name, tensor in presets.mvsplat().state_dict().items()}
+    base = {name: tensor.shape for name, tensor in presets.base().state_dict().items()}
+    assert {name: shape for name, shape in base.items() if not name.startswith("semantic_")} == shapes
 
 
 def test_safetensors_of_the_same_names_load_alike(state, checkpoint, tmp_path):
@@ -116,8 +123,26 @@ def test_base_takes_all_tensors_and_draws_its_semantic_branch(state, checkpoint)
     assert all(torch.equal(own[name], fresh.state_dict()[name]) for name in semantic)
 
 
+def test_every_one_of_the_471_is_missed_by_its_name_and_measured(state, monkeypatch):
+    """On a network whose tensors take no memory: what is missing or of another shape is told before any is looked at."""
+    with torch.device("meta"):
+        model = presets.mvsplat()
+    wanted = model.state_dict()
+    monkeypatch.setattr(model, "state_dict", lambda: wanted)
+    tensors = renamed(state, Path("re10k.ckpt"))
+    for name, tensor in tensors.items():
+        rest = {key: value for key, value in tensors.items() if key != name}
+        with pytest.raises(InputError, match=f"{re.escape(name)}: expected a tensor of shape"):
+            fill(model, rest, Path("re10k.ckpt"))
+        with pytest.raises(InputError, match=f"{re.escape(name)}: expected shape"):
+            fill(model, rest | {name: tensor[None]}, Path("re10k.ckpt"))
+    with pytest.raises(InputError, match=r"cnn\.surplus"):
+        fill(model, tensors | {"cnn.surplus": torch.zeros(2)}, Path("re10k.ckpt"))
+
+
+@pytest.mark.parametrize("network", ["mvsplat", "base"])
 @pytest.mark.parametrize("fault", ["missing", "extra", "shape"])
-def test_a_tensor_that_does_not_fit_is_named(state, tmp_path, fault):
+def test_a_tensor_that_does_not_fit_is_named(state, tmp_path, fault, network):
     broken = dict(state)
     name = "encoder.depth_predictor.proj_feature.bias"
     if fault == "missing":
@@ -128,14 +153,40 @@ def test_a_tensor_that_does_not_fit_is_named(state, tmp_path, fault):
         broken[name] = torch.zeros(31)
     torch.save({"state_dict": broken}, tmp_path / "broken.ckpt")
     with pytest.raises(InputError, match=(our_name(name) or name).replace(".", r"\.")):
-        load("mvsplat", weights=tmp_path / "broken.ckpt")
+        load(network, weights=tmp_path / "broken.ckpt")
 
 
 class Surprise:
-    """An object that a pickle would build."""
+    """An object that a pickle would build, by writing a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple:
+        return Path.touch, (self.path,)
 
 
-def test_what_needs_unpickling_is_refused(state, tmp_path):
-    torch.save({"state_dict": state, "surprise": Surprise()}, tmp_path / "pickle.ckpt")
-    with pytest.raises(InputError, match="weights_only"):
-        load("mvsplat", weights=tmp_path / "pickle.ckpt")
+@pytest.mark.parametrize("form", ["checkpoint", "old checkpoint", "bare pickle"])
+def test_what_needs_unpickling_is_refused_and_nothing_of_it_runs(state, tmp_path, form):
+    path, sprung = tmp_path / "pickle.ckpt", tmp_path / "sprung"
+    content = {"state_dict": state, "surprise": Surprise(sprung)}
+    if form == "bare pickle":
+        path.write_bytes(pickle.dumps({"surprise": Surprise(sprung)}))
+    else:
+        torch.save(content, path, _use_new_zipfile_serialization=form == "checkpoint")
+    for network in ("mvsplat", "base"):
+        with pytest.raises(InputError, match="weights_only" if form == "checkpoint" else "safetensors"):
+            load(network, weights=path)
+    assert not sprung.exists()
+
+
+@pytest.mark.parametrize("content", [{"epoch": 3}, {"state_dict": {"encoder.backbone": 1}}, [1, 2]])
+def test_a_checkpoint_without_tensors_is_refused(content, tmp_path):
+    torch.save(content, tmp_path / "empty.ckpt")
+    with pytest.raises(InputError, match="state_dict: expected a dictionary of tensors"):
+        load("mvsplat", weights=tmp_path / "empty.ckpt")
+
+
+def test_small_takes_no_weights_of_mvsplat(checkpoint):
+    with pytest.raises(InputError, match='weights of "small", written by semgs'):
+        load("small", weights=checkpoint)

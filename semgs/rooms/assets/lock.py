@@ -93,6 +93,11 @@ def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
         ) from None
 
 
+def lock_digest() -> str:
+    """What names the package's lock, and so the assets that satisfy it: the beginning of its SHA-256."""
+    return hashlib.sha256((Path(str(files("semgs.rooms.assets"))) / NAME).read_bytes()).hexdigest()[:16]
+
+
 def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
     """Compare every file that the lock names with it.
 

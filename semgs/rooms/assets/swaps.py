@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -63,7 +63,13 @@ RULES = {
     "refrigerator": Rule("refrigerator", low=0.8, stretch=1.15),
     "toilet": Rule("toilet", low=0.85),
     "bathtub": Rule("bathtub", low=0.85, stretch=1.15),
-    "other": Rule("otherfurniture", low=0.75, fill=0.5),
+    "other": Rule(
+        "otherfurniture",
+        ("bench", "tv_stand", "trash_can", "washing_machine", "ottoman", "dryer", "storage_trunk"),
+        low=0.75,
+        fill=0.5,
+    ),
+    "stove": Rule("otherfurniture", ("stove",), low=0.75),
     "door": Rule("door", low=0.8, high=1.25, stretch=1.3, hung=True),
     "window": Rule("window", low=0.5, high=2.0, stretch=1.8, hung=True),
     "curtain": Rule("curtain", ("curtain",)),
@@ -136,7 +142,10 @@ class Swaps:
         self._made: dict[tuple[str, Triple, bytes], Piece] = {}
 
     def __call__(self, piece: Piece) -> Piece:
-        """The piece that stands in its place: of the same name and footprint, made of triangles, or the piece itself."""
+        """The piece that stands in its place: of the same name and footprint, made of triangles, or the piece itself, as for
+        one that was exchanged before."""
+        if piece.parts[0].shape == SHELL:
+            return piece
         key = piece.name, piece.size, piece.parts[0].material.tobytes()
         if key not in self._made:
             self._made[key] = self._exchanged(piece)
@@ -161,8 +170,7 @@ class Swaps:
             scale, foot = _draped(panels, box, foot)
         self.coverings.gallery.use(row.file)
         parts = self._parts(panels, row, scale, foot)
-        if piece.name == "window":
-            parts += [part for part in piece.parts if part.material[t.KIND] == t.OUTDOOR]
+        parts += _kept(piece)
         surface = _surface(panels, row, scale) if piece.name in SURFACED else None
         return Piece(piece.name, piece.size, tuple(parts), surface)
 
@@ -282,6 +290,22 @@ def _draped(
     middle = scale * (lowest + highest) / 2
     off = DEPTHS["window"] + DEPTHS["curtain"] / 2
     return scale, np.array([foot[0] - middle[0], off - middle[1], foot[2] - scale[2] * lowest[2]])
+
+
+def _kept(piece: Piece) -> list[Part]:
+    """What stays behind a mesh, because it closes a hole in the wall: the leaf of a door; of a window its pane, as wide as the
+    hole, and its blind."""
+    if piece.name == "door":
+        return [piece.parts[0]]
+    if piece.name != "window":
+        return []
+    width, _, height = piece.size
+    pane = [part for part in piece.parts if part.material[t.KIND] == t.OUTDOOR]
+    wide = [
+        replace(part, centre=(width / 2, part.centre[1], height / 2), size=(width, part.size[1], height))
+        for part in pane
+    ]
+    return wide + [part for part in piece.parts if part.material[t.KIND] == t.TILES]
 
 
 def _is(name: str, words: tuple[str, ...]) -> bool:

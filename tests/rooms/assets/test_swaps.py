@@ -16,7 +16,7 @@ from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
 from semgs.rooms.furniture import LABEL
 from semgs.rooms.picture_kernels import PANORAMA, VIEW
-from semgs.rooms.plain import build_room
+from semgs.rooms.room import build_room
 from semgs.rooms.shading import look
 from semgs.rooms.solids import SHELL, Piece, block
 from semgs.rooms.stream import generator, sample

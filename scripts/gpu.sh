@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# What only a machine with a CUDA GPU can check: tests, times, training. Nothing is downloaded.
+#
+#   scripts/gpu.sh test                          the tests marked gpu (under 5 minutes, after gsplat has been compiled once)
+#   scripts/gpu.sh time                          milliseconds to encode, render and train with 2, 3 and 4 views
+#   scripts/gpu.sh train small runs/night 8      train for 8 minutes; the same command goes on from there
+#   scripts/gpu.sh all                           tests, then times
+#
+# PYTHON is an interpreter with torch for CUDA, 2.11 or newer (python3). What it lacks (gsplat, tyro, beartype, ...) may lie
+# as wheels in the folder WHEELS; they are installed to a folder of their own, build/gpu, and the interpreter stays as it was.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+python=${PYTHON:-python3}
+task=${1:-all}
+
+if [ -n "${WHEELS:-}" ]; then
+    "$python" -m pip install -q --disable-pip-version-check --no-index --no-deps --upgrade --target build/gpu "$WHEELS"/*.whl
+    export PYTHONPATH="$PWD/build/gpu${PYTHONPATH:+:$PYTHONPATH}"
+fi
+export PYTHONPATH="$PWD${PYTHONPATH:+:$PYTHONPATH}" PYTHONUNBUFFERED=1
+
+"$python" - <<'CHECK'
+import sys
+import torch
+
+if not torch.cuda.is_available():
+    sys.exit(f"torch {torch.__version__} finds no CUDA device here")
+print(f"torch {torch.__version__} on {torch.cuda.get_device_name()}")
+CHECK
+TORCH_CUDA_ARCH_LIST=${TORCH_CUDA_ARCH_LIST:-$("$python" -c 'import torch; print("%d.%d" % torch.cuda.get_device_capability())')}
+export TORCH_CUDA_ARCH_LIST
+# Compiles the extension of gsplat, once a machine.
+"$python" -c 'from semgs.rendering.gsplat_backend import rasterizer; rasterizer()' \
+    || echo 'gsplat cannot draw here; what needs it is skipped or drawn on the CPU' >&2
+
+case $task in
+    test) "$python" -m pytest -m gpu -rs ;;
+    time) "$python" scripts/time_gpu.py ;;
+    train) "$python" -c 'import sys; from semgs.cli.main import main; sys.exit(main())' train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
+    all) "$python" -m pytest -m gpu -rs && "$python" scripts/time_gpu.py ;;
+    *) echo "unknown task $task: test, time, train or all" >&2; exit 2 ;;
+esac

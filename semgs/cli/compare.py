@@ -1,0 +1,57 @@
+"""`semgs compare`: reports of evaluations in, a table out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.files.errors import InputError
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Print a table of reports that semgs evaluate wrote.
+
+    All reports must be of the same frames, at the same size, with the same truth; what differs is told.
+
+    Examples
+    - semgs compare eval/small/report.json
+    - semgs compare eval/*/report.json --format latex
+    - semgs compare eval/before/report.json eval/after/report.json --layout difference
+    """
+
+    reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...")]
+    """The reports, or the folders that they are in; differences are to the first."""
+    layout: Literal["paper", "difference"] = "paper"
+    """paper has the columns of the paper's tables; difference subtracts the first report from each other one, with
+    paired 95 % bootstrap intervals."""
+    format: Literal["text", "markdown", "latex"] = "text"
+    """For a terminal, a page or a paper (LaTeX with booktabs)."""
+
+    def run(self) -> None:
+        """Print the table.
+
+        Raises:
+            InputError: a report cannot be read, or is of other frames.
+            UsageError: differences of a single report are asked for.
+        """
+        if not self.reports:
+            raise UsageError("no report given; expected report.json of one or more evaluations")
+        for path in self.reports:
+            if not path.exists():
+                raise InputError(path, "the report.json of an evaluation", "nothing there")
+        if self.layout == "difference" and len(self.reports) < 2:
+            raise UsageError("--layout difference needs two reports or more")
+        from semgs.evaluation.compare import check_comparable, difference_grids, paper_grid
+        from semgs.evaluation.report import read_report
+        from semgs.evaluation.tables import printed
+
+        reports = [read_report(path) for path in self.reports]
+        check_comparable(reports)
+        with what_the_user_gave():
+            grids = [paper_grid(reports)] if self.layout == "paper" else difference_grids(reports)
+        print("\n\n".join(printed(grid, self.format) for grid in grids))

@@ -1,0 +1,216 @@
+"""`semgs evaluate`: weights or predictions and scenes in, a folder with scores, maps and a report out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from semgs.cli.arguments import parse_size
+from semgs.cli.device import check_device, chosen_device
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.progress import show_progress, show_stage
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder, own_folder
+from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from semgs.data.classes import ClassTable
+    from semgs.data.scene import Scene
+    from semgs.evaluation.plan import Plan
+    from semgs.evaluation.predictions import Method
+    from semgs.evaluation.report import Subject
+
+KNOWN = ("neighbours", "peers", "pinned FILE")
+"""The protocols, as they are typed."""
+
+NETWORKS = ("small", "base", "mvsplat")
+"""Names that weights may ship under."""
+
+VIEWS = (2, 3, 4)
+"""Numbers of contexts that are taken where none are asked for: the paper's."""
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Score weights, or anybody's predictions, on frames that are named, beside trivial rows.
+
+    DIR after --data is a scene, or a folder of scenes. Which frames are compared, and from which others each is drawn:
+    - neighbours: every inner frame, from the nearest in file order, alternately before and after
+    - peers: the test frames and sources of S-Ray; with --gsnerf-distance those that GSNeRF's code would choose
+    - pinned FILE: those of a frames.json or report.json of an earlier evaluation
+
+    The output folder holds
+    - report.html: one page to look at: tables, confusion matrices, bars per class, best and worst frames
+    - report.json: all its numbers, with 95 % intervals; semgs compare prints tables of several
+    - frames.json: the frames by name, for --protocol pinned
+    - predictions/: what was drawn, in the form that --predictions reads; truth/: the true labels at the same size
+
+    Every table has the nearest context copied, the contexts warped with true depth, and the most frequent class.
+    docs/evaluate.md defines every number. It appears only when it is complete.
+
+    Examples
+    - semgs evaluate small --data scenes --out eval/small
+    - semgs evaluate runs/mine/weights.safetensors --data scenes --views 2 --out eval/mine
+    - semgs evaluate small --data scannet --protocol peers --views 2 3 4 --out eval/peers
+    - semgs evaluate --predictions theirs --data scenes --protocol pinned eval/small/frames.json --out eval/theirs
+    """
+
+    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """A scene or a folder of scenes."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
+    """"small" for those inside the package, or a file of weights."""
+    predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    """In place of WEIGHTS, somebody's label maps: DIR/N2/SCENE/STEM.png, a class per pixel, 255 = none given."""
+    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    """neighbours, peers, or pinned FILE."""
+    views: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N ...]", help_behavior_hint="")] = ()
+    """How many frames go in. By default 2, 3 and 4; those in the file, or those that predictions are there for."""
+    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    """Height x width to compare at. By default 240x320, 320x240 for portrait scenes, or what the pinned file says."""
+    gsnerf_distance: bool = False
+    """With peers: rank source frames as GSNeRF's code does, by world-to-camera translations."""
+    name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
+    """What tables call it; by default the name of the network or of the folder of predictions."""
+    workers: int = 0
+    """Processes that evaluate side by side, each on one thread; 0 uses this process with all its threads."""
+    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    """Where the network computes; auto takes a CUDA GPU where there is one."""
+    overwrite: bool = False
+    """Replace the output folder if an earlier run wrote it, once the new one is complete."""
+
+    def run(self) -> None:
+        """Evaluate, write the folder, and print the table.
+
+        Raises:
+            InputError: data, weights, predictions or the output folder cannot be used.
+            UsageError: an option asks for what cannot be.
+        """
+        self._check()
+        with show_stage("Starting"):
+            # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
+            from semgs.evaluation.environment import hardware, versions
+            from semgs.evaluation.evaluate import evaluate
+            from semgs.evaluation.notes import notes
+            from semgs.evaluation.report import Evaluation
+
+            scenes, classes = _scenes(self.data)
+        plan = self._plan(scenes)
+        device = chosen_device(self.device)
+        with show_stage("Loading"):
+            method, subject = self._method(plan, classes, device)
+        with own_folder(self.out, self.overwrite) as folder:
+            with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
+                rows = evaluate(plan, method, folder, save=self.predictions is None, workers=self.workers, done=done)
+            evaluation = Evaluation(
+                subject=subject,
+                data=str(self.data),
+                plan=plan,
+                rows=tuple(rows),
+                classes=classes,
+                versions=versions(),
+                hardware=hardware(device),
+                notes=tuple(notes(plan, scenes, rows, self.workers)),
+            )
+            with show_stage("Writing the report"):
+                from semgs.cli.evaluation_results import summary, write_results
+
+                write_results(folder, evaluation, self.predictions)
+                told = summary(folder, evaluation, self.out)
+        print(told)
+
+    def _check(self) -> None:
+        """Refuse what can be refused before torch is imported."""
+        if bool(self.weights) == (self.predictions is not None):
+            raise UsageError("expected WEIGHTS or --predictions DIR, and not both; see semgs evaluate --help")
+        existing_folder(self.data)
+        if self.weights and self.weights not in NETWORKS and not Path(self.weights).is_file():
+            found = "a folder" if Path(self.weights).is_dir() else "nothing there"
+            raise InputError(self.weights, "a file of weights, or small for those inside the package", found)
+        if self.predictions is not None and not self.predictions.is_dir():
+            found = "a file" if self.predictions.exists() else "nothing there"
+            raise InputError(self.predictions, "a folder of predictions", found)
+        check_folder(self.out, self.overwrite)
+        parse_size(self.size)
+        check_device(self.device)
+        name, *file = self.protocol or ("",)
+        if name not in [known.split()[0] for known in KNOWN]:
+            raise UsageError(f"--protocol is {name!r}; expected one of {', '.join(KNOWN)}")
+        if len(file) != (name == "pinned"):
+            given = " ".join(self.protocol)
+            raise UsageError(f"--protocol is {given!r}; expected one of {', '.join(KNOWN)}")
+        if file and not Path(file[0]).is_file():
+            raise InputError(file[0], "a frames.json or report.json", "no such file")
+        if self.gsnerf_distance and name != "peers":
+            raise UsageError("--gsnerf-distance is for --protocol peers alone")
+        if any(views < 2 for views in self.views):
+            raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
+        if self.workers < 0:
+            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
+
+    def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
+        """What is compared."""
+        from semgs.evaluation.plan import make_plan, pinned_plan
+        from semgs.evaluation.protocols import neighbours, peers
+        from semgs.evaluation.saved import views_in
+
+        size = parse_size(self.size)
+        held = views_in(self.predictions) if self.predictions is not None else ()
+        if self.protocol[0] == "pinned":
+            return pinned_plan(self.protocol[1], scenes, self.views or held, size)
+        views = self.views or held or VIEWS
+        if self.protocol[0] == "neighbours":
+            return make_plan("neighbours", neighbours, scenes, views, size)
+        if self.gsnerf_distance:
+            return make_plan(
+                "peers, GSNeRF's distance", lambda scene, count: peers(scene, count, "gsnerf"), scenes, views, size
+            )
+        return make_plan("peers", peers, scenes, views, size)
+
+    def _method(self, plan: Plan, classes: ClassTable | None, device: str) -> tuple[Method, Subject]:
+        """What is evaluated, and what the report says of it."""
+        from semgs.evaluation.report import Subject
+
+        if self.predictions is not None:
+            from semgs.evaluation.saved import SavedPredictions
+
+            folder = self.predictions
+            saved = SavedPredictions(folder, self.name or folder.absolute().name)
+            saved.check(plan)
+            return saved, Subject(saved.name, "predictions", str(folder))
+        from semgs.evaluation.network import NetworkMethod
+        from semgs.files.hashes import sha256
+        from semgs.weights.load import find, load, table_of
+
+        with what_the_user_gave():
+            name, path = find(self.weights)
+            model = load(name, path, classes=classes or table_of(path))
+        parameters = sum(parameter.numel() for parameter in model.parameters())
+        subject = Subject(self.name or model.name, "weights", model.origin, sha256(path), parameters)
+        return NetworkMethod(model.eval(), device, subject.name), subject
+
+
+def _scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
+    """The scenes, and the table of their labels.
+
+    Raises:
+        InputError: there are none, or their labels are of different tables.
+    """
+    from semgs.data.scenes import open_scenes
+
+    scenes = open_scenes(data)
+    labelled = [scene for scene in scenes if scene.classes is not None]
+    for scene in labelled[1:]:
+        if scene.classes != labelled[0].classes:
+            tables = [one.classes.name for one in (labelled[0], scene) if one.classes is not None]
+            raise InputError(
+                scene.path,
+                f"labels of table {tables[0]}, as {labelled[0].name} has",
+                tables[1],
+                advice="evaluate scenes of different tables by themselves",
+            )
+    return scenes, labelled[0].classes if labelled else None

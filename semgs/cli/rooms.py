@@ -1,0 +1,152 @@
+"""`semgs rooms`: a labelled data set of synthetic rooms from a seed, or a contact sheet of them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.arguments import parse_size
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.progress import show_progress
+from semgs.rooms.style import Style
+
+if TYPE_CHECKING:
+    from semgs.rooms.assets.library import Library
+    from semgs.rooms.dataset import Recipe
+
+
+@dataclass(frozen=True)
+class Rooms:
+    """Draw synthetic rooms with exact labels of ScanNet's 20 classes, exact depth and poses.
+
+    OUT becomes a folder of scenes, each a walk through a furnished room that no other seed or number has:
+    - scene_00000/transforms.json: cameras, in nerfstudio's layout, metric; semgs reconstruct takes the folder
+    - scene_00000/images/: JPEG pictures
+    - scene_00000/depth/: z-depth in millimetres, 16-bit PNG
+    - scene_00000/labels/: class number per pixel, 8-bit PNG, 255 = ignore
+    - scene_00000/room.json: the kind of room and how many pixels each class has
+    - index.json: the same for all scenes together; settings.json: what was asked for
+
+    Scene k of a seed is the same however many are drawn, by how many workers, wherever and whenever. The same command
+    goes on where an interrupted one stopped; a larger --scenes adds to what is there. What is drawn without --assets is CC0:
+    do with it what you like; with them ATTRIBUTION.md says whose work is in the pictures, and under which licences.
+
+    Examples
+    - semgs rooms data/rooms --scenes 100
+    - semgs rooms data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
+    - semgs rooms data/furnished --scenes 1000 --assets assets
+    - semgs rooms --sheet rooms.png --seed 3
+    """
+
+    out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")] = None
+    """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
+    scenes: int = 10
+    """How many rooms."""
+    seed: int = 0
+    """Of the stream of rooms; streams of different seeds have nothing in common."""
+    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
+    """Height x width of the pictures [px]."""
+    frames: int = 12
+    """Pictures of each room, along one walk."""
+    style: Style = "home"
+    """The world: home is furnished as people live, with all 20 classes; plain is boxes with noise textures, 13 classes,
+    a baseline; other is a second world that is held out: choose by it, do not train in it."""
+    render: Literal["shaded"] = "shaded"
+    """How frames are lit: sun, sky, lamps and shadows, a tenth of a second a frame."""
+    assets: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Folder of meshes and pictures, which is checked once against the list in the package: half of the homes are furnished with
+    its meshes, most get its pictures. Other uses files of its own. None needs nothing."""
+    workers: int | None = None
+    """Processes that draw; by default as many as this process may use cores. 0 draws in this one."""
+    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
+    """Draw 48 random frames of the seed's and style's rooms with their labels on one picture, to look at. Needs no OUT."""
+
+    def run(self) -> None:
+        """Draw the data set, the sheet, or both, and say what there is.
+
+        Raises:
+            InputError: OUT is a folder of something else, or the assets are missing or altered.
+            UsageError: an option asks for what cannot be, or an extra that rooms need is not installed.
+            OSError: the disk is full.
+        """
+        self._check()
+        from semgs.rooms.dataset import Recipe
+
+        size = parse_size(self.size)
+        assert size is not None
+        library = self._library()
+        with what_the_user_gave():
+            recipe = Recipe(self.seed, size, self.frames, self.style, self.render, library)
+        try:
+            if self.out is not None:
+                self._write(self.out, recipe)
+            if self.sheet is not None:
+                self._draw_sheet(self.sheet, library)
+        except ImportError as error:
+            raise UsageError(str(error)) from error
+
+    def _check(self) -> None:
+        """Refuse what can be refused before torch is imported."""
+        if self.out is None and self.sheet is None:
+            raise UsageError(
+                "expected a folder to write, as in semgs rooms OUT, or --sheet FILE.png; see semgs rooms --help"
+            )
+        if parse_size(self.size) is None:
+            raise UsageError("--size is auto; expected height x width in pixels, such as 240x320")
+        if self.scenes < 1:
+            raise UsageError(f"--scenes is {self.scenes}; expected 1 or more")
+        if self.workers is not None and self.workers < 0:
+            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
+        if self.sheet is not None and self.sheet.suffix.lower() != ".png":
+            raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
+        if self.sheet is not None and (self.sheet.is_dir() or not self.sheet.absolute().parent.is_dir()):
+            raise UsageError(f"--sheet is {self.sheet}; expected a file in a folder that is there")
+
+    def _library(self) -> Library | None:
+        if self.assets is None:
+            return None
+        from semgs.rooms.assets.library import open_library
+
+        with what_the_user_gave():
+            return open_library(self.assets, self.style)
+
+    def _write(self, out: Path, recipe: Recipe) -> None:
+        from semgs.rooms.dataset import ATTRIBUTION, INDEX, claim, write_dataset
+
+        with what_the_user_gave():
+            claim(out, recipe, self.scenes)
+        workers = _cores() if self.workers is None else self.workers
+        with show_progress("Drawing rooms", self.scenes) as done:
+            index = write_dataset(out, recipe, self.scenes, workers=workers, done=done)
+        labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
+        frames = self.scenes * self.frames
+        print(
+            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} pictures of {self.size}), style {self.style}, seed {self.seed}"
+        )
+        shares = sorted(
+            ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True
+        )
+        print("classes, % of labelled pixels: " + ", ".join(f"{name} {100 * share:.1f}" for share, name in shares))
+        if self.assets is not None:
+            print(f"{out / ATTRIBUTION} says whose work is in the pictures; keep it beside them")
+        print(
+            f"{out / INDEX} counts them for every scene. Look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"
+        )
+
+    def _draw_sheet(self, path: Path, library: Library | None) -> None:
+        from semgs.files.pictures import write_png
+        from semgs.rooms.sheet import FRAMES, contact_sheet
+
+        with show_progress("Drawing frames", FRAMES) as done:
+            picture = contact_sheet(self.seed, self.style, library, done=done)
+        write_png(path, picture)
+        print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each with its labels beside it")
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

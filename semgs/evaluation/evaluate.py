@@ -1,0 +1,175 @@
+"""Evaluate: a plan and a method in; scores of every target, its own and those of the trivial rows, out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from torch.utils.data import DataLoader, Dataset
+
+from semgs.data.classes import SCANNET20
+from semgs.data.scene import joined
+from semgs.data.views import Views, resized
+from semgs.data.workers import settle_worker
+from semgs.evaluation.baselines import copied, majority, warped
+from semgs.evaluation.plan import Plan, Task
+from semgs.evaluation.predictions import Inputs, Method, Prediction, write_maps, write_prediction
+from semgs.evaluation.protocols import nearest_first
+from semgs.evaluation.scores import FrameScores, score
+from semgs.evaluation.similarity import perceptual_distance
+from semgs.files.errors import InputError
+
+PREDICTIONS = "predictions"
+"""Folder of what a method said, in the form that `--predictions` reads."""
+TRUTH = "truth"
+"""Folder of the true labels at the size of the evaluation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The scores of all targets of one number of views, in the order of the plan.
+
+    Attributes:
+        views: the number of contexts.
+        method: the scores of what is evaluated.
+        trivial: those of the trivial rows, by the names of `semgs.evaluation.baselines.NAMES`; a row that some scene
+            lacks the truth for has fewer targets, or is absent.
+        truth: a hash of the true labels and depths that the targets were compared with; not of the pictures, whose
+            resizing may differ in the last bit between machines.
+    """
+
+    views: int
+    method: tuple[FrameScores, ...]
+    trivial: dict[str, tuple[FrameScores, ...]]
+    truth: str
+
+
+def evaluate(
+    plan: Plan,
+    method: Method,
+    folder: Path,
+    *,
+    save: bool = True,
+    workers: int = 0,
+    done: Callable[[int], object] = lambda count: None,
+) -> list[Rows]:
+    """Score a method and the trivial rows on every target of a plan.
+
+    Args:
+        plan: what to compare.
+        method: what to evaluate.
+        folder: existing; true labels are written to `truth/` in it and, with `save`, predictions to `predictions/`.
+        save: write what the method says.
+        workers: processes that evaluate targets side by side, each on one thread; 0 uses this process and its threads.
+        done: told after each target how many there have been.
+
+    Raises:
+        InputError: a frame or prediction cannot be used.
+        OSError: the disk is full.
+    """
+    targets = DataLoader(
+        _Targets(plan.tasks, method, folder, save),
+        batch_size=None,
+        num_workers=workers,
+        # A forked process in which numba has run its threads dies at its next kernel.
+        multiprocessing_context="forkserver" if workers else None,
+        worker_init_fn=settle_worker,
+    )
+    judged = []
+    for one in targets:
+        if isinstance(one, Exception):
+            raise one
+        judged.append(one)
+        done(len(judged))
+    return [_rows(views, [one for one in judged if len(one.method.contexts) == views]) for views in plan.views]
+
+
+def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
+    """A frame of the task's scene as one view at the size of the evaluation.
+
+    Raises:
+        InputError: a file of it cannot be used.
+    """
+    return resized(task.scene.frames[position].read(bounds, task.scene.classes), task.size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """One target: the method's scores, those of copy and warp, and a hash of the truth."""
+
+    method: FrameScores
+    copy: FrameScores
+    warp: FrameScores | None
+    truth: str
+
+
+class _Targets(Dataset):
+    """The targets of a plan, judged when they are asked for.
+
+    A file that cannot be used, or a full disk, is returned and not raised: a loader hands on no more than an error's text.
+    """
+
+    def __init__(self, tasks: Sequence[Task], method: Method, folder: Path, save: bool) -> None:
+        self._tasks, self._method, self._folder, self._save = tuple(tasks), method, folder, save
+        self._perceptual = perceptual_distance()
+
+    def __len__(self) -> int:
+        return len(self._tasks)
+
+    def __getitem__(self, index: int) -> _Judged | InputError | OSError:
+        """Judge a target."""
+        try:
+            return self._judge(self._tasks[index])
+        except (InputError, OSError) as error:
+            return error
+
+    def _judge(self, task: Task) -> _Judged:
+        """Read, predict, write, score."""
+        found = task.scene.depth_range(task.sample.contexts)
+        bounds = (found.near, found.far)
+        views = {
+            position: read_frame(task, position, bounds) for position in (*task.sample.contexts, task.sample.target)
+        }
+        target = views[task.sample.target]
+        contexts = joined([views[index] for index in task.sample.contexts], task.scene.classes or SCANNET20)
+        given = Views(contexts.images, contexts.cameras, contexts.depth_range, classes=contexts.classes)
+        prediction = self._method.predict(Inputs(task, given, target.cameras))
+        if self._save:
+            write_prediction(self._folder / PREDICTIONS, task, prediction)
+        if target.labels is not None:
+            write_maps(self._folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
+        ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
+        moved = warped(ordered, target)
+        return _Judged(
+            method=score(task, prediction, target, self._perceptual),
+            copy=score(task, copied(ordered[0]), target, self._perceptual),
+            warp=None if moved is None else score(task, moved, target, self._perceptual),
+            truth=_digest(target),
+        )
+
+
+def _rows(views: int, judged: Sequence[_Judged]) -> Rows:
+    """The rows of one number of views."""
+    trivial = {"copy": tuple(one.copy for one in judged)}
+    if any(one.warp is not None for one in judged):
+        trivial["warp"] = tuple(one.warp for one in judged if one.warp is not None)
+    labelled = [(one.copy, one.copy.truth) for one in judged if one.copy.truth is not None]
+    if labelled:
+        matrices = majority([truth for _, truth in labelled])
+        trivial["majority"] = tuple(
+            FrameScores(frame.scene, frame.target, frame.contexts, confusion=matrix, truth=truth)
+            for (frame, truth), matrix in zip(labelled, matrices, strict=True)
+        )
+    together = hashlib.sha256("".join(one.truth for one in judged).encode()).hexdigest()
+    return Rows(views, tuple(one.method for one in judged), trivial, together)
+
+
+def _digest(view: Views) -> str:
+    """A hash of a view's labels and depths."""
+    digest = hashlib.sha256()
+    for maps in (view.labels, view.depths):
+        digest.update(b"none" if maps is None else np.ascontiguousarray(maps.numpy()).tobytes())
+    return digest.hexdigest()

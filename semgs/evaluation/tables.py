@@ -1,0 +1,135 @@
+"""Tables as text, Markdown or LaTeX: the one place where columns become lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Format = Literal["text", "markdown", "latex"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell: its text, whether it is the best of its column, and whether it is marked."""
+
+    text: str
+    best: bool = False
+    marked: bool = False
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table.
+
+    Attributes:
+        title: above it.
+        groups: headings over columns, each with how many it spans; the first column has none. Empty for no such line.
+        head: of each column; the first one is that of the names.
+        rows: equally long; the first cell is the name.
+        rule: the row before which a line is drawn, None for none.
+        mark: what stands behind a marked cell.
+        notes: below it, a sentence each.
+    """
+
+    title: str
+    groups: tuple[tuple[str, int], ...]
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    rule: int | None = None
+    mark: str = "†"
+    notes: tuple[str, ...] = ()
+
+
+def printed(grid: Grid, form: Format) -> str:
+    """The table in one of the forms, without a line end behind it."""
+    return {"text": _text, "markdown": _markdown, "latex": _latex}[form](grid)
+
+
+def _text(grid: Grid) -> str:
+    """For a terminal: columns aligned, numbers at the right; groups below each other, as a terminal is narrow."""
+    blocks, start = [], 1
+    for heading, span in grid.groups or (("", len(grid.head) - 1),):
+        columns = [0, *range(start, start + span)]
+        blocks.append(_block(grid, heading, columns))
+        start += span
+    return "\n".join([grid.title, "\n\n".join(blocks), *grid.notes])
+
+
+def _block(grid: Grid, heading: str, columns: list[int]) -> str:
+    """Some columns of a table, with rules around them."""
+    head = [heading or grid.head[0], *[grid.head[column] for column in columns[1:]]]
+    rows = [[row[column].text + (grid.mark if row[column].marked else "") for column in columns] for row in grid.rows]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+
+    def line(cells: list[str]) -> str:
+        numbers = [text.rjust(width) for text, width in zip(cells[1:], widths[1:], strict=True)]
+        return "  ".join([cells[0].ljust(widths[0]), *numbers]).rstrip()
+
+    rule = "─" * (sum(widths) + 2 * (len(widths) - 1))
+    lines = [rule, line(head), rule]
+    for number, row in enumerate(rows):
+        lines += [rule] if number == grid.rule else []
+        lines.append(line(row))
+    return "\n".join([*lines, rule])
+
+
+def _markdown(grid: Grid) -> str:
+    """For a page of Markdown; groups become a part of each column's heading, as it has no spanning cells."""
+    head = list(grid.head)
+    start = 1
+    for heading, span in grid.groups:
+        for column in range(start, start + span):
+            head[column] = f"{heading}: {head[column]}"
+        start += span
+
+    def shown(cell: Cell) -> str:
+        text = cell.text.replace("|", "\\|") + (grid.mark if cell.marked else "")
+        return f"**{text}**" if cell.best else text
+
+    lines = [f"**{grid.title}**", "", "| " + " | ".join(head) + " |"]
+    lines.append("|" + "|".join(["---", *["---:"] * (len(head) - 1)]) + "|")
+    lines += ["| " + " | ".join(map(shown, row)) + " |" for row in grid.rows]
+    if grid.notes:
+        lines += ["", *[f"{note}  " for note in grid.notes[:-1]], grid.notes[-1]]
+    return "\n".join(lines)
+
+
+def _latex(grid: Grid) -> str:
+    """For a paper that loads booktabs."""
+
+    def shown(cell: Cell) -> str:
+        text = _escaped(cell.text) + (r"$^\dagger$" if cell.marked else "")
+        return rf"\textbf{{{text}}}" if cell.best else text
+
+    spans = [span for _, span in grid.groups] or [len(grid.head) - 1]
+    lines = [
+        r"\begin{table*}[t]",
+        r"\centering",
+        rf"\caption{{{_escaped(' '.join((grid.title.rstrip('.') + '.', *grid.notes)))}}}",
+        rf"\begin{{tabular}}{{l{''.join('|' + 'c' * span for span in spans)}}}",
+        r"\toprule",
+    ]
+    if grid.groups:
+        last = len(grid.groups) - 1
+        cells = [
+            rf"\multicolumn{{{span}}}{{{'c' if number == last else 'c|'}}}{{{_escaped(heading)}}}"
+            for number, (heading, span) in enumerate(grid.groups)
+        ]
+        lines.append(" & ".join(["", *cells]).strip() + r" \\")
+    lines += [" & ".join(map(_escaped, grid.head)) + r" \\", r"\midrule"]
+    for number, row in enumerate(grid.rows):
+        lines += [r"\midrule"] if number == grid.rule else []
+        lines.append(" & ".join(map(shown, row)) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table*}"])
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "−": "$-$", "†": r"$^\dagger$", "δ": r"$\delta$",
+    "<": "$<$", ">": "$>$", "↑": r"$\uparrow$", "↓": r"$\downarrow$", "±": r"$\pm$",
+}  # fmt: skip
+
+
+def _escaped(text: str) -> str:
+    """Text as LaTeX prints it."""
+    return "".join(_LATEX.get(letter, letter) for letter in text)

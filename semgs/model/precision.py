@@ -1,0 +1,28 @@
+"""Precision: geometry computes in float32 or better, whatever autocast says to the layers around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+import torch
+from torch import Tensor
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def outside_autocast(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """A function that computes as if there were no autocast on the device of its first tensor.
+
+    Autocast would round the operands of every matrix product to half precision: positions to a 256th of themselves.
+    """
+
+    @wraps(function)
+    def precise(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        first = next(one for one in args if isinstance(one, Tensor))
+        with torch.autocast(first.device.type, enabled=False):
+            return function(*args, **kwargs)
+
+    return precise

@@ -1,0 +1,81 @@
+"""Splatting on CUDA by gsplat 1.5.3, whose rules `reference` writes out; equal to it but for float32.
+
+Three things are done before gsplat sees the Gaussians, so that it decides as `reference` does. Positions are taken relative
+to the optical centre in float64, since its float32 would lose digits far from the world's origin. The near plane is applied
+(gsplat keeps what lies on it). And Gaussians come in order of depth: gsplat sorts by float32 depth with a stable sort, so
+those that it cannot tell apart keep that order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from semgs.geometry.rotations import covariance
+from semgs.rendering.pinhole import Pinhole, near_plane
+from semgs.rendering.rules import BLUR_PX2
+from semgs.rendering.splats import Layer, Splats
+
+
+def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
+    """The Gaussians that are drawn, nearest first; equal depths keep the order of their index."""
+    with torch.no_grad():
+        depths = (means.double() - camera.centre.to(means.device)) @ camera.axes[2].to(means.device)
+        drawn = (depths > near_plane(depths, near)).nonzero()[:, 0]
+        return drawn[torch.argsort(depths[drawn], stable=True)]
+
+
+def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
+    """Features blended at every pixel, and the light that is left there.
+
+    Raises:
+        ImportError: gsplat is not installed, or could not be compiled.
+    """
+    height, width = camera.size
+    features = splats.features[order]
+    if not len(order):  # gsplat divides by the number of Gaussians
+        picture = features.sum(0)[:, None, None].expand(-1, height, width)
+        return Layer(picture, features.new_ones(height, width))
+    view = torch.eye(4, dtype=torch.float64)
+    view[:3, :3] = camera.axes
+    (fx, fy), (cx, cy) = camera.focal_px, camera.principal_px
+    pictures, alphas, _ = rasterizer()(
+        means=camera.offsets(splats.means[order]),
+        quats=None,
+        scales=None,
+        covars=covariance(splats.quaternions[order], splats.scales[order]),
+        opacities=splats.opacities[order],
+        colors=features,
+        viewmats=view[None].to(features),
+        Ks=features.new_tensor([[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]]),
+        width=width,
+        height=height,
+        near_plane=0.0,
+        far_plane=math.inf,
+        eps2d=BLUR_PX2,
+        packed=False,
+    )
+    return Layer(pictures[0].permute(2, 0, 1), 1 - alphas[0, ..., 0])
+
+
+def rasterizer() -> Callable:
+    """gsplat's function; the first call on a machine compiles its extension, which takes minutes.
+
+    Raises:
+        ImportError: as `splat`.
+    """
+    try:
+        from gsplat import rasterization
+        from gsplat.cuda._backend import _C
+    except ImportError as error:
+        raise ImportError('splatting on CUDA needs gsplat; pip install "semgs[cuda]"', name="gsplat") from error
+    if _C is None:
+        raise ImportError(
+            "gsplat found no CUDA toolkit (nvcc) to compile itself with; install one, or uninstall gsplat to draw on the CPU",
+            name="gsplat",
+        )
+    return rasterization

@@ -1,0 +1,315 @@
+"""Whole evaluations of methods that are known to the pixel."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from semgs.data.classes import SCANNET20
+from semgs.data.scene import Scene
+from semgs.evaluation.compare import check_comparable, difference_grids, overview_grid, paper_grid
+from semgs.evaluation.environment import hardware, versions
+from semgs.evaluation.evaluate import Rows, evaluate, read_frame
+from semgs.evaluation.network import NetworkMethod
+from semgs.evaluation.notes import notes
+from semgs.evaluation.plan import Plan, make_plan
+from semgs.evaluation.predictions import Inputs, Prediction
+from semgs.evaluation.protocols import neighbours
+from semgs.evaluation.report import Evaluation, SavedReport, Subject, read_report, report_numbers
+from semgs.evaluation.report_page import report_page
+from semgs.evaluation.saved import SavedPredictions
+from semgs.evaluation.summary import summary
+from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
+from semgs.weights.load import load
+
+MakeScene = Callable[..., Scene]
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What intervals are is tested elsewhere; here they only have to be there, and soon."""
+    monkeypatch.setattr("semgs.evaluation.intervals.RESAMPLES", 100)
+
+
+class Oracle:
+    """A method that reads the truth, wrong in the first `wrong` rows."""
+
+    name = "oracle"
+
+    def __init__(self, wrong: int = 0) -> None:
+        self.wrong = wrong
+        self.given: list[Inputs] = []
+
+    def predict(self, inputs: Inputs) -> Prediction:
+        self.given.append(inputs)
+        truth = read_frame(inputs.task, inputs.task.sample.target, (0.5, 10.0))
+        assert truth.labels is not None
+        assert truth.depths is not None
+        labels = truth.labels[0].clone()
+        labels[: self.wrong] = 19
+        image = (truth.images[0] + 0.1 * (self.wrong > 0)).clamp(0, 1)
+        return Prediction(labels, image, truth.depths[0], torch.zeros(36, 48, dtype=torch.bool), 0.5, 0.125)
+
+
+@pytest.fixture
+def plan(make_scene: MakeScene) -> Plan:
+    scenes = [make_scene("attic", frames=4), make_scene("hall", frames=5)]
+    return make_plan("neighbours", neighbours, scenes, (2, 3), (36, 48))
+
+
+def done(plan: Plan, rows: list[Rows], name: str = "oracle") -> Evaluation:
+    subject = Subject(name, "weights", "known by heart", "0" * 64, 1)
+    told = tuple(notes(plan, plan.scenes, rows, 0))
+    return Evaluation(subject, "scenes", plan, tuple(rows), SCANNET20, versions(), hardware("cpu"), told)
+
+
+def report(folder: Path, plan: Plan, rows: list[Rows], name: str = "oracle") -> SavedReport:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / "report.json", report_numbers(done(plan, rows, name)))
+    return read_report(folder)
+
+
+def test_the_truth_scores_exactly_one(plan: Plan, tmp_path: Path):
+    rows = evaluate(plan, Oracle(), tmp_path)
+    assert [(one.views, len(one.method)) for one in rows] == [(2, 5), (3, 5)]
+    for one in rows:
+        found = summary(one.method)
+        for name in (
+            "miou", "miou_per_image", "accuracy", "accuracy_per_image", "class_accuracy", "class_accuracy_per_image",
+            "depth_delta_125",
+        ):  # fmt: skip
+            assert found[name] == 1.0, name
+        assert (found["not_given"], found["depth_abs_rel"], found["unseen"]) == (0, 0, 0)
+        assert found["psnr"] == float("inf")
+
+
+def test_saved_maps_give_the_reported_miou_to_ten_lines_of_anybodys(plan: Plan, tmp_path: Path):
+    numbers = report_numbers(done(plan, evaluate(plan, Oracle(wrong=9), tmp_path)))
+    for entry in numbers["results"]:
+        pairs = [
+            (np.array(Image.open(path)), np.array(Image.open(tmp_path / "truth" / path.parent.name / path.name)))
+            for path in sorted((tmp_path / f"predictions/N{entry['views']}").glob("*/???.png"))
+        ]
+        given, true = (np.concatenate([one.ravel() for one in maps]) for maps in zip(*pairs, strict=True))
+        ious = [
+            ((given == c) & (true == c)).sum() / (((given == c) | (true == c)) & (true != 255)).sum()
+            for c in np.unique(true[true != 255])
+        ]
+        assert entry["miou"] == pytest.approx(np.mean(ious), rel=1e-12)
+        assert entry["miou"] < 0.9
+
+
+def test_a_copy_of_the_nearer_context_scores_as_the_trivial_row_does(plan: Plan, tmp_path: Path):
+    class Copier:
+        name = "copier"
+
+        def predict(self, inputs: Inputs) -> Prediction:
+            scene, sample = inputs.task.scene, inputs.task.sample
+            centres = {
+                index: scene.frames[index].world_from_camera[:3, 3] for index in (*sample.contexts, sample.target)
+            }
+            near = min(
+                sample.contexts, key=lambda index: float(np.linalg.norm(centres[index] - centres[sample.target]))
+            )
+            labels = read_frame(inputs.task, near, (0.5, 10.0)).labels
+            assert labels is not None
+            return Prediction(labels=labels[0])
+
+    for one in evaluate(plan, Copier(), tmp_path):
+        found, copy = summary(one.method), summary(one.trivial["copy"])
+        assert {name: copy[name] for name in found} == found
+        assert "psnr" in copy
+        assert 0 < found["not_given"] < 0.2
+
+
+def test_a_method_is_given_neither_the_truth_nor_the_target(plan: Plan, tmp_path: Path):
+    oracle = Oracle()
+    evaluate(plan, oracle, tmp_path, save=False)
+    for inputs in oracle.given:
+        assert (inputs.contexts.labels, inputs.contexts.depths) == (None, None)
+        assert len(inputs.contexts) == inputs.task.views
+        for position, centre in zip(inputs.task.sample.contexts, inputs.contexts.cameras.centres, strict=True):
+            assert centre.numpy() == pytest.approx(inputs.task.scene.frames[position].world_from_camera[:3, 3])
+        target = inputs.task.scene.frames[inputs.task.sample.target].world_from_camera[:3, 3]
+        assert inputs.camera.centres[0].numpy() == pytest.approx(target)
+    assert not (tmp_path / "predictions").exists()
+
+
+def without_times(value: object) -> object:
+    """A report without what a clock says."""
+    if isinstance(value, dict):
+        return {key: without_times(one) for key, one in value.items() if not key.startswith(("seconds", "fps"))}
+    return [without_times(one) for one in value] if isinstance(value, list) else value
+
+
+def network() -> NetworkMethod:
+    return NetworkMethod(load("small", "random").eval(), "cpu", "small")
+
+
+def test_evaluating_a_network_twice_gives_the_same_bits(plan: Plan, tmp_path: Path):
+    few = Plan(plan.protocol, plan.tasks[:2] + plan.tasks[-1:])
+    found = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        found.append(without_times(report_numbers(done(few, evaluate(few, network(), tmp_path / name)))))
+    assert found[0] == found[1]
+    files = sorted(path.relative_to(tmp_path / "first") for path in (tmp_path / "first").rglob("*.*"))
+    assert len(files) == 3 * 4 + 3
+    for path in files:
+        assert (tmp_path / "first" / path).read_bytes() == (tmp_path / "second" / path).read_bytes()
+
+
+def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: Plan, tmp_path: Path):
+    few = Plan(plan.protocol, plan.tasks[:1])
+    rows = evaluate(few, network(), tmp_path)
+    stem = tmp_path / "predictions/N2/attic/001"
+    labels, unseen = (np.array(Image.open(f"{stem}{end}")) for end in (".png", ".unseen.png"))
+    assert labels.max() < 20
+    assert set(np.unique(unseen)) <= {0, 255}
+    assert rows[0].method[0].unseen == (unseen == 255).mean()
+    assert rows[0].method[0].confusion is not None
+    assert rows[0].method[0].truth is not None
+    assert rows[0].method[0].confusion.sum() == rows[0].method[0].truth.sum()
+    assert rows[0].method[0].seconds_encode is not None
+
+
+@pytest.mark.long
+def test_two_workers_give_the_same_numbers(plan: Plan, tmp_path: Path):
+    found = []
+    for workers in (0, 2):
+        (tmp_path / str(workers)).mkdir()
+        rows = evaluate(plan, network(), tmp_path / str(workers), workers=workers)
+        found.append([summary(one.method) for one in rows])
+    for alone, together in zip(*found, strict=True):
+        assert together == pytest.approx(alone, rel=1e-4)
+
+
+def test_progress_is_told_after_every_target_and_a_broken_file_ends_the_work(plan: Plan, tmp_path: Path):
+    told: list[int] = []
+    evaluate(plan, Oracle(), tmp_path, save=False, done=told.append)
+    assert told == list(range(1, len(plan.tasks) + 1))
+    picture = plan.tasks[3].scene.frames[2].picture_path
+    picture.write_bytes(picture.read_bytes()[:200])
+    with pytest.raises(InputError, match=r"hall.*images.*002\.png"):
+        evaluate(plan, Oracle(), tmp_path, save=False)
+
+
+def test_scenes_without_labels_count_in_colour_and_depth_only_and_it_is_said(make_scene: MakeScene, tmp_path: Path):
+    class Blind(Oracle):
+        def predict(self, inputs: Inputs) -> Prediction:
+            views = read_frame(inputs.task, inputs.task.sample.target, (0.5, 10.0))
+            return Prediction(
+                torch.zeros(36, 48).byte(), views.images[0] * 0.9, None if views.depths is None else views.depths[0]
+            )
+
+    scenes = [make_scene("attic", frames=4), make_scene("bare", frames=4, labels=False, depth=False)]
+    plan = make_plan("neighbours", neighbours, scenes, (2,), (36, 48))
+    (rows,) = evaluate(plan, Blind(), tmp_path)
+    assert [frame.confusion is None for frame in rows.method] == [False, False, True, True]
+    assert len(rows.trivial["majority"]) == 2
+    assert len(rows.trivial["warp"]) == 2
+    alone = evaluate(make_plan("neighbours", neighbours, scenes[:1], (2,), (36, 48)), Blind(), tmp_path)[0]
+    found, expected = summary(rows.method), summary(alone.method)
+    assert found["miou_per_image"] == expected["miou_per_image"]
+    assert found["psnr"] != expected["psnr"]
+    told = " ".join(notes(plan, scenes, [rows], 0))
+    assert "No labels in bare: they count in metrics of colour and depth only." in told
+    assert "No depth in bare" in told
+
+
+def test_a_report_survives_its_file(plan: Plan, tmp_path: Path):
+    rows = evaluate(plan, Oracle(wrong=9), tmp_path)
+    saved = report(tmp_path / "a", plan, rows)
+    for one in rows:
+        again = saved.results[one.views]
+        assert summary(again.frames) == pytest.approx(summary(one.method), rel=1e-12)
+        assert again.numbers["miou"] == summary(one.method)["miou"]
+        assert again.numbers["fps_encoding_each"] == pytest.approx(1 / 0.625)
+        assert again.numbers["fps_encoding_shared"] == pytest.approx(8)
+        assert set(again.trivial) == {"copy", "warp", "majority"}
+        assert [scene["scene"] for scene in again.numbers["per_scene"]] == ["attic", "hall"]
+        assert len(again.numbers["per_class"]) == 20
+        low, high = again.numbers["intervals"]["miou"]
+        assert low <= again.numbers["miou"] <= high
+        assert again.numbers["intervals_over"] == "frames"
+    text = json.loads((tmp_path / "a/report.json").read_text())
+    for key in ("protocol", "frames", "versions", "hardware", "method"):
+        assert text[key]
+
+
+def test_a_score_below_the_copy_is_marked(plan: Plan, tmp_path: Path):
+    rows = evaluate(plan, Oracle(wrong=30), tmp_path)
+    saved = report(tmp_path / "a", plan, rows)
+    found = saved.results[2]
+    worse = [name for name in ("miou", "accuracy") if found.numbers[name] < found.trivial["copy"][name]]
+    assert set(worse) <= set(found.numbers["below_copy"])
+    assert "depth_abs_rel" not in found.numbers["below_copy"]
+    grid = overview_grid(saved)
+    first = dict(zip(grid.head, grid.rows[0], strict=True))
+    assert first["acc."].marked == ("accuracy" in found.numbers["below_copy"])
+    assert any(cell.marked for cell in grid.rows[0])
+    assert "worse than copying the nearest context" in " ".join(notes(plan, plan.scenes, rows, 0))
+
+
+def test_reports_of_other_frames_sizes_or_truth_are_not_compared(plan: Plan, make_scene: MakeScene, tmp_path: Path):
+    def of(plan: Plan, name: str) -> SavedReport:
+        return report(tmp_path / name, plan, evaluate(plan, Oracle(), tmp_path, save=False), name)
+
+    base = of(plan, "base")
+    check_comparable([base, of(Plan("pinned: neighbours", plan.of(2)), "some")])
+    tasks = plan.tasks
+    with pytest.raises(InputError, match="4 targets instead of 5"):
+        check_comparable([base, of(Plan("n", tasks[1:5]), "fewer")])
+    with pytest.raises(InputError, match=r"target attic/images/002\.png instead of attic/images/001\.png"):
+        check_comparable([base, of(Plan("n", (tasks[1], tasks[0], *tasks[2:5])), "other")])
+    labels = tasks[0].scene.frames[1].label_path
+    assert labels is not None
+    Image.fromarray(np.zeros((36, 48), np.uint8)).save(labels)
+    with pytest.raises(InputError, match=r"changed.*the same targets as .*base.*other true labels or depths"):
+        check_comparable([base, of(plan, "changed")])
+
+
+def test_tables_of_several_reports(plan: Plan, tmp_path: Path):
+    reports = [
+        report(tmp_path / name, plan, evaluate(plan, Oracle(wrong), tmp_path, save=False), "oracle")
+        for name, wrong in (("poor", 18), ("good", 4))
+    ]
+    paper = paper_grid(reports)
+    assert [row[0].text for row in paper.rows] == [
+        "oracle (poor)", "oracle (good)", "nearest context copied", "warped with true depth", "most frequent class",
+    ]  # fmt: skip
+    assert paper.groups == (("2 input views", 4), ("3 input views", 4))
+    assert paper.rule == 2
+    value = reports[1].results[3].numbers["miou_per_image"]
+    assert paper.rows[1][5].text == f"{value:.3f}"
+    assert [cell.best for cell in paper.rows[1][1:4]] == [True] * 3
+    assert not any(cell.best for cell in paper.rows[0][1:4])
+    (grid,) = difference_grids(reports)
+    assert grid.head == ("metric", "views", "oracle (poor)", "oracle (good)", "difference", "95 % interval")
+    first = grid.rows[0]
+    before, after = (one.results[2].numbers["miou"] for one in reports)
+    assert [cell.text for cell in first[:5]] == ["mIoU", "2", f"{before:.3f}", f"{after:.3f}", f"+{after - before:.3f}"]
+    assert first[4].marked
+
+
+def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: Plan, tmp_path: Path):
+    rows = evaluate(plan, Oracle(wrong=9), tmp_path)
+    page = report_page(
+        done(plan, rows), report(tmp_path / "a", plan, rows), SavedPredictions(tmp_path / "predictions", "x")
+    )
+    assert page.count('class="bars"') == page.count('class="matrix"') == 2
+    assert page.count('class="gallery"') == 10
+    for text in (
+        "oracle on scenes", "Best 1: ", "Worst 1: ", "nearest context copied", "known by heart", "0" * 64, "attic",
+        "mIoU from 2 views", "bootstrap over frames", "depth error", "PSNR",
+    ):  # fmt: skip
+        assert text in page, text
+    assert "<script" not in page
+    assert "http" not in page

@@ -1,0 +1,466 @@
+"""The errors that `tests/mutants.py` plants: what each replaces, and the tests that are there to notice.
+
+Each is a mistake that someone has made or will make: a transpose, half a pixel, one camera for another. A replacement's
+text must occur exactly once in its file; a test of every run (`test_mutants.py`) says so when code has moved on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One planted error.
+
+    Attributes:
+        name: what is wrong.
+        file: where, from the root.
+        before: the text that is replaced, once in its file.
+        after: what stands there instead.
+        tests: files of tests (or tests) that should fail, from the root.
+    """
+
+    name: str
+    file: str
+    before: str
+    after: str
+    tests: tuple[str, ...]
+
+
+CAMERAS = "semgs/geometry/cameras.py"
+ROTATIONS = "semgs/geometry/rotations.py"
+HARMONICS = "semgs/geometry/harmonics.py"
+SWEEP = "semgs/geometry/plane_sweep.py"
+ATTENTION = "semgs/model/camera_attention.py"
+SWIN = "semgs/model/swin.py"
+COST = "semgs/model/cost_volume.py"
+HEADS = "semgs/model/heads.py"
+NETWORK = "semgs/model/semgs.py"
+REFERENCE = "semgs/rendering/reference.py"
+RENDER = "semgs/rendering/render.py"
+PINHOLE = "semgs/rendering/pinhole.py"
+RULES = "semgs/rendering/rules.py"
+PROJECTION = "semgs/rendering/projection_kernels.py"
+GSPLAT = "semgs/rendering/gsplat_backend.py"
+CORRELATION = "semgs/model/correlation_kernels.py"
+LOSSES = "semgs/objectives/losses.py"
+METRICS = "semgs/objectives/metrics.py"
+
+OF_CAMERAS = ("tests/geometry/test_cameras.py",)
+OF_HARMONICS = ("tests/geometry/test_harmonics.py",)
+OF_ATTENTION = ("tests/model/test_camera_attention.py",)
+OF_SWIN = ("tests/model/test_swin.py",)
+OF_SWEEP = ("tests/geometry/test_sweep_grid.py",)
+OF_COST = ("tests/model/test_cost_volume.py::test_the_cost_equals_a_loop_over_pixels_and_planes",)
+OF_UNSEEN = ("tests/model/test_unseen.py",)
+OF_PROJECTIONS = ("tests/model/test_projections.py",)
+OF_PLACEMENT = ("tests/model/test_placement.py",)
+OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_its_ray",)
+OF_PRECISION = ("tests/model/test_precision.py",)
+OF_PINHOLE = ("tests/rendering/test_pinhole.py",)
+OF_ONE_GAUSSIAN = ("tests/rendering/test_reference.py::test_one_gaussian_on_the_axis_is_what_the_formula_says",)
+OF_JACOBIAN = (
+    "tests/rendering/test_reference.py::test_the_jacobian_sees_the_position_clamped_to_the_image_and_15_percent",
+    "tests/rendering/test_reference.py::test_a_clamped_gaussian_beside_the_image_is_drawn_with_the_clamped_covariance",
+)
+OF_ASIDE = ("tests/rendering/test_aside.py",)
+OF_CLASS_MAP = ("tests/rendering/test_render.py::test_the_class_map_sums_to_one_at_every_pixel_empty_ones_too",)
+OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
+OF_LOSSES = ("tests/objectives/test_losses.py",)
+OF_METRICS = ("tests/objectives/test_metrics.py",)
+OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
+
+MUTANTS = (
+    # Cameras and rotations
+    Mutant(
+        "points are placed with the transposed rotation", CAMERAS,
+        "directions = cameras.world_from_camera[..., :3, :3] @", "directions = cameras.world_from_camera[..., :3, :3].mT @",
+        OF_CAMERAS,
+    ),
+    Mutant(
+        "a point is projected with camera-to-world for world-to-camera", CAMERAS,
+        "pose = cameras.camera_from_world.to(points)", "pose = cameras.world_from_camera.to(points)", OF_CAMERAS,
+    ),
+    Mutant(
+        "the inverse of a pose forgets to turn its translation", CAMERAS,
+        "= -rotation.mT @ translation", "= -translation", OF_CAMERAS,
+    ),
+    Mutant(
+        "pixel centres lie on the corner", CAMERAS,
+        "rows = torch.arange(height, dtype=dtype) + 0.5", "rows = torch.arange(height, dtype=dtype)", OF_CAMERAS,
+    ),
+    Mutant(
+        "pixel centres have rows before columns", CAMERAS,
+        "torch.meshgrid(columns, rows, indexing=\"xy\")", "torch.meshgrid(rows, columns, indexing=\"ij\")", OF_CAMERAS,
+    ),
+    Mutant(
+        "quaternions are read with w last", ROTATIONS,
+        "w, x, y, z = torch.nn.functional.normalize", "x, y, z, w = torch.nn.functional.normalize",
+        ("tests/geometry/test_rotations.py",),
+    ),
+    Mutant(
+        "a covariance is R^T S S^T R", ROTATIONS,
+        "axes = matrix_from_quaternion(quaternions) * scales", "axes = matrix_from_quaternion(quaternions).mT * scales",
+        ("tests/geometry/test_rotations.py",),
+    ),
+    Mutant(
+        "a rotation after another is taken before it", ROTATIONS,
+        "    aw, ax, ay, az = a.unbind(-1)\n    bw, bx, by, bz = b.unbind(-1)",
+        "    aw, ax, ay, az = b.unbind(-1)\n    bw, bx, by, bz = a.unbind(-1)",
+        ("tests/geometry/test_rotations.py",),
+    ),
+    Mutant(
+        "a harmonic of the first degree has the other sign", HARMONICS,
+        "values += [-c * y, c * z, -c * x]", "values += [c * y, c * z, -c * x]", OF_HARMONICS,
+    ),
+    Mutant(
+        "a colour forgets its offset of one half", HARMONICS,
+        "return (0.5 + torch.einsum(", "return (torch.einsum(", OF_HARMONICS,
+    ),
+    Mutant(
+        "harmonics are turned the other way", "semgs/geometry/harmonics_rotation.py",
+        "turned = directions @ rotations ", "turned = directions @ rotations.mT ",
+        ("tests/geometry/test_harmonics_rotation.py",),
+    ),
+    # Plane sweep and cost volume
+    Mutant(
+        "depth candidates run from near to far", SWEEP,
+        "1 / (1 / far + steps * (1 / near - 1 / far))", "1 / (1 / near + steps * (1 / far - 1 / near))", OF_SWEEP,
+    ),
+    Mutant(
+        "the expectation of depth is linear where candidates are inverse", SWEEP,
+        "return 1 / (probabilities / d).sum(-3)", "return (probabilities * d).sum(-3)", OF_SWEEP,
+    ),
+    Mutant(
+        "the expectation of depth is inverse where candidates are linear", SWEEP,
+        "return (probabilities * d).sum(-3)", "return 1 / (probabilities / d).sum(-3)", OF_SWEEP,
+    ),
+    Mutant(
+        "the other view is projected with the reference's K", SWEEP,
+        "reference.intrinsics\n    source_k = shift @ to_grid @ source.intrinsics",
+        "reference.intrinsics\n    source_k = shift @ to_grid @ reference.intrinsics", OF_COST,
+    ),
+    Mutant(
+        "feature maps are scaled by height for width", SWEEP,
+        "grid[1] / width, grid[0] / height, 1.0", "grid[0] / height, grid[1] / width, 1.0", OF_SWEEP,
+    ),
+    Mutant(
+        "texel centres are half a texel off in the sweep", SWEEP,
+        "shift[0, 2] = shift[1, 2] = -0.5", "shift[0, 2] = shift[1, 2] = 0.0", OF_COST,
+    ),
+    Mutant(
+        "the plain sweep samples half a texel off", COST,
+        "((2 * u + 1) / w - 1, (2 * v + 1) / h - 1)", "(2 * u / w - 1, 2 * v / h - 1)", OF_COST,
+    ),
+    Mutant(
+        "the cost is the mean over all other views, seen or not", COST,
+        "return (sums / count.clamp(min=1))", "return (sums / (v - 1))", OF_COST,
+    ),
+    Mutant(
+        "the cost is not divided by the root of the channels", COST,
+        ".sum(2) / math.sqrt(c)", ".sum(2)", OF_COST,
+    ),
+    Mutant(
+        "what is behind a camera counts as seen, plain", COST,
+        "visible = (z > limit) & (u >= -0.5)", "visible = (u >= -0.5)", OF_UNSEEN,
+    ),
+    Mutant(
+        "the compiled sweep swaps its bilinear weights", CORRELATION,
+        "wx0, wx1, wy0, wy1 = 1 - a, a, 1 - b, b", "wx0, wx1, wy0, wy1 = a, 1 - a, 1 - b, b",
+        ("tests/model/test_cost_volume.py::test_the_fused_kernel_equals_the_plain_form_in_value_and_gradient",),
+    ),
+    Mutant(
+        "what is behind a camera counts as seen, compiled", CORRELATION,
+        "inside = z > smallest[i] and -0.5 <= u <= w - 0.5 and -0.5 <= v <= h - 0.5\n                seen[",
+        "inside = -0.5 <= u <= w - 0.5 and -0.5 <= v <= h - 0.5\n                seen[", OF_UNSEEN,
+    ),
+    # Camera-aware attention
+    Mutant(
+        "keys get G^T for G^-1", ATTENTION,
+        "return self._apply(k, self.inverse.mT, 1)", "return self._apply(k, self.projection, 1)", OF_ATTENTION,
+    ),
+    Mutant(
+        "the output is not multiplied by G", ATTENTION,
+        "return self._apply(o, self.projection.mT, -1) if self.output else o", "return o", OF_ATTENTION,
+    ),
+    Mutant(
+        "rows and columns change places in the rotary angles", ATTENTION,
+        "torch.cat((by_column, by_column, by_row, by_row), dim=-1)", "torch.cat((by_row, by_row, by_column, by_column), dim=-1)",
+        OF_ATTENTION,
+    ),
+    Mutant(
+        "the rotary rotation runs the other way", ATTENTION,
+        "sign * (swapped * self.sines)", "-sign * (swapped * self.sines)", OF_ATTENTION,
+    ),
+    Mutant(
+        "focal lengths are divided by the wrong side", ATTENTION,
+        "fx, fy = k[..., 0, 0] / width, k[..., 1, 1] / height", "fx, fy = k[..., 0, 0] / height, k[..., 1, 1] / width",
+        OF_PROJECTIONS,
+    ),
+    Mutant(
+        "the principal point is measured from the corner in attention", ATTENTION,
+        "k[..., 0, 2] / width - 0.5", "k[..., 0, 2] / width", OF_PROJECTIONS,
+    ),
+    Mutant(
+        "attention's cameras are camera-to-world", ATTENTION,
+        "there, back = camera_from_first.clone(), first_from_camera.clone()",
+        "there, back = first_from_camera.clone(), camera_from_first.clone()", OF_PROJECTIONS,
+    ),
+    Mutant(
+        "attention's cameras stay in the frame of the world", ATTENTION,
+        "first_from_camera = inverse_rigid(poses[:, :1]) @ poses", "first_from_camera = poses", OF_PROJECTIONS,
+    ),
+    Mutant(
+        "attention's translations keep the unit of the world", ATTENTION,
+        "there[..., :3, 3] /= unit\n    back[..., :3, 3] /= unit", "there[..., :3, 3] /= 1\n    back[..., :3, 3] /= 1",
+        OF_PROJECTIONS,
+    ),
+    Mutant(
+        "autocast rounds cameras to bfloat16", "semgs/model/precision.py",
+        "enabled=False", "enabled=True", OF_PRECISION,
+    ),
+    # Windows
+    Mutant(
+        "the mask of shifted windows is off by one", SWIN,
+        "(position >= side - shift)", "(position > side - shift)", OF_SWIN,
+    ),
+    Mutant(
+        "shifted windows have no mask", SWIN,
+        "(labels[:, :, None] != labels[:, None, :]).to(like) * MASKED",
+        "(labels[:, :, None] != labels[:, None, :]).to(like) * 0", OF_SWIN,
+    ),
+    Mutant(
+        "cross-attention sees the view itself", SWIN,
+        "[[j for j in range(views) if j != i] for i in range(views)]",
+        "[[j for j in range(views) if j != (i + 1) % views] for i in range(views)]", OF_SWIN,
+    ),
+    Mutant(
+        "the mask repeats by token for more than two views", SWIN,
+        "mask.repeat(1, 1, views - 1)", "mask.repeat_interleave(views - 1, dim=2)", OF_SWIN,
+    ),
+    Mutant(
+        "windows roll back the wrong way", SWIN,
+        "return joined.roll(self.shift, (2, 3))", "return joined.roll((-self.shift[0], -self.shift[1]), (2, 3))", OF_SWIN,
+    ),
+    # Dual Gaussians
+    Mutant(
+        "depth is the distance along the ray", HEADS,
+        "if not conventions.z_depth:", "if conventions.z_depth:", OF_PLACEMENT,
+    ),
+    Mutant(
+        "Gaussians lie half a pixel beside their pixel", HEADS,
+        "(offsets.sigmoid() - 0.5)", "offsets.sigmoid()", OF_PLACEMENT,
+    ),
+    Mutant(
+        "sizes do not grow with depth", HEADS,
+        "rays.pixel[:, None, None] * depths", "rays.pixel[:, None, None] * torch.ones_like(depths)", OF_PLACEMENT,
+    ),
+    Mutant(
+        "the network's quaternions are read with w first", HEADS,
+        "(quaternions / length).roll(1, dims=1)", "(quaternions / length)", OF_PLACEMENT,
+    ),
+    Mutant(
+        "axes are turned by the camera on the wrong side", HEADS,
+        "quaternion_product(rays.quaternion[:, None, None], own)", "quaternion_product(own, rays.quaternion[:, None, None])",
+        OF_PLACEMENT,
+    ),
+    Mutant(
+        "harmonics stay in the frame of their camera", HEADS,
+        "(harmonics * damping[:, None]).flatten(1, 2), rays.rotation,",
+        "(harmonics * damping[:, None]).flatten(1, 2), torch.eye(3).to(rays.rotation).expand_as(rays.rotation),", OF_PLACEMENT,
+    ),
+    Mutant(
+        "MVSplat's harmonics are read as ours", HEADS,
+        "mvsplat_basis=not conventions.standard_harmonics", "mvsplat_basis=False", OF_PLACEMENT,
+    ),
+    Mutant(
+        "classes are a softmax over pixels", HEADS,
+        "raw[:, 7:].softmax(1)", "raw[:, 7:].softmax(2)", OF_PLACEMENT,
+    ),
+    Mutant(
+        "smaller pictures keep their camera", NETWORK,
+        "intrinsics=cameras.intrinsics * scale[:, None]", "intrinsics=cameras.intrinsics", OF_NETWORK,
+    ),
+    Mutant(
+        "Gaussians come column by column", NETWORK,
+        "return maps[:, :, : kept[0], : kept[1]].flatten(1, 3)",
+        "return maps[:, :, : kept[0], : kept[1]].transpose(2, 3).flatten(1, 3)", OF_NETWORK,
+    ),
+    Mutant(
+        "the refinement reads disparity in 1/m", NETWORK,
+        "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", ("tests/model/test_near_bounds.py",),
+    ),
+    Mutant(
+        "the near bound is that of the first view alone", NETWORK,
+        "depth_range[..., 0].amin(-1),", "depth_range[..., 0, 0],", ("tests/model/test_near_bounds.py",),
+    ),
+    # Splatting
+    Mutant(
+        "the camera of splatting turns the wrong way", PINHOLE,
+        "axes=pose[:3, :3].mT", "axes=pose[:3, :3]", OF_PINHOLE,
+    ),
+    Mutant(
+        "the Jacobian's limits take height for width", PINHOLE,
+        "margin_x, margin_y = CLAMP_MARGIN * width, CLAMP_MARGIN * height",
+        "margin_x, margin_y = CLAMP_MARGIN * height, CLAMP_MARGIN * width", OF_PINHOLE,
+    ),
+    Mutant(
+        "the principal point is the middle of the picture", PINHOLE,
+        "principal_px=(float(k[0, 2]), float(k[1, 2]))", "principal_px=(camera.size[1] / 2, camera.size[0] / 2)",
+        OF_PINHOLE,
+    ),
+    Mutant(
+        "the near plane is the near bound", PINHOLE,
+        "return NEAR_FRACTION * near", "return near", OF_PINHOLE,
+    ),
+    Mutant(
+        "the back Gaussian is drawn before the front one", REFERENCE,
+        "drawn[torch.argsort(depths[drawn], stable=True)]", "drawn[torch.argsort(-depths[drawn], stable=True)]", ("tests/rendering/test_reference.py::test_the_front_gaussian_hides_the_back_one_whatever_their_order",),
+    ),
+    Mutant(
+        "light falls before a Gaussian is added", REFERENCE,
+        "(alpha * light[:, :-1]) @ features", "(alpha * light[:, 1:]) @ features", OF_ONE_GAUSSIAN,
+    ),
+    Mutant(
+        "a Gaussian falls off linearly", REFERENCE,
+        "torch.exp(-sigma)", "(1 - sigma).clamp(min=0)", OF_ONE_GAUSSIAN,
+    ),
+    Mutant(
+        "the Jacobian is not clamped outside the picture", REFERENCE,
+        "clamped = slopes.clamp(limits[:, 0], limits[:, 1])", "clamped = slopes", OF_JACOBIAN,
+    ),
+    Mutant(
+        "the Jacobian forgets depth's row", REFERENCE,
+        "-clamped[..., None]), dim=-1)", "0 * clamped[..., None]), dim=-1)", OF_JACOBIAN,
+    ),
+    Mutant(
+        "no blur is added to a projected Gaussian", REFERENCE,
+        "+ BLUR_PX2 * torch.eye(2)", "+ 0 * torch.eye(2)", OF_ONE_GAUSSIAN,
+    ),
+    Mutant(
+        "the pixel that is full takes one Gaussian more", REFERENCE,
+        "torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE",
+        "torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE**2", ("tests/rendering/test_reference.py::test_a_pixel_is_finished_before_transmittance_would_fall_to_1e_4_and_stays_so",),
+    ),
+    Mutant(
+        "alpha may reach 0.99 only", RULES, "MAX_ALPHA = 0.999", "MAX_ALPHA = 0.99",
+        ("tests/rendering/test_reference.py::test_no_alpha_exceeds_0_999",),
+    ),
+    Mutant(
+        "the background is ignored", RENDER,
+        "colour.transmittance.to(dtype) * background[:, None, None]", "0 * colour.transmittance.to(dtype) * background[:, None, None]",
+        ("tests/rendering/test_render.py::test_weights_and_transmittance_sum_to_one",),
+    ),
+    Mutant(
+        "classes are drawn with the shapes of colour", RENDER,
+        "classes = layer(scene.semantic, scene.semantic.features)", "classes = layer(scene.colour, scene.semantic.features)",
+        ("tests/rendering/test_render.py::test_colour_does_not_know_the_semantic_covariances",),
+    ),
+    Mutant(
+        "light that passes is not spread over the classes", RENDER,
+        "semantics = classes.picture + (classes.transmittance / len(classes.picture)).to(dtype)", "semantics = classes.picture",
+        OF_CLASS_MAP,
+    ),
+    Mutant(
+        "the light of the colour pass is spread over the classes", RENDER,
+        "(classes.transmittance / len(classes.picture))", "(colour.transmittance / len(classes.picture))", OF_CLASS_MAP,
+    ),
+    Mutant(
+        "rendered depth is not divided by the weights", RENDER,
+        "colour.picture[3] / torch.where(seen, alphas, 1)", "colour.picture[3]", OF_ASIDE,
+    ),
+    Mutant(
+        "rendered depth is a distance", RENDER,
+        "depths = offsets @ camera.axes[2].to(offsets)", "depths = offsets.norm(dim=-1)", OF_ASIDE,
+    ),
+    Mutant(
+        "colour is seen from the other side", RENDER,
+        "torch.nn.functional.normalize(offsets, dim=-1)", "torch.nn.functional.normalize(-offsets, dim=-1)", OF_ASIDE,
+    ),
+    Mutant(
+        "autocast reaches into rendering", RENDER,
+        "with torch.autocast(place.type, enabled=False):", "with torch.autocast(place.type, enabled=torch.is_autocast_enabled(place.type)):",
+        OF_GSPLAT,
+    ),
+    Mutant(
+        "gsplat is given camera-to-world", GSPLAT, "view[:3, :3] = camera.axes", "view[:3, :3] = camera.axes.mT", OF_GSPLAT,
+    ),
+    Mutant(
+        "gsplat takes fx for fy", GSPLAT,
+        "[[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]]", "[[[fx, 0, cx], [0, fx, cy], [0, 0, 1]]]", OF_GSPLAT,
+    ),
+    Mutant(
+        "a compiled gradient misses the clamp of the Jacobian", PROJECTION,
+        "if camera[16] <= x / z <= camera[17]:", "if True:", OF_KERNELS,
+    ),
+    Mutant(
+        "a compiled gradient of rotations has a wrong sign", PROJECTION,
+        "(vw - along * w) / norm", "(vw + along * w) / norm", OF_KERNELS,
+    ),
+    Mutant(
+        "compiled kernels swap the principal point", PROJECTION,
+        "u = camera[12] * x / z + camera[14]", "u = camera[12] * x / z + camera[15]", OF_KERNELS,
+    ),
+    # Losses and metrics
+    Mutant(
+        "ignored pixels count as labelled", LOSSES,
+        "[..., 0, :, :], labels != IGNORE", "[..., 0, :, :], labels <= IGNORE", OF_LOSSES,
+    ),
+    Mutant(
+        "smoothness reaches across borders", LOSSES,
+        "down = (labels[..., 1:, :] == labels[..., :-1, :]) & labelled[..., 1:, :]", "down = labelled[..., :-1, :] & labelled[..., 1:, :]",
+        OF_LOSSES,
+    ),
+    Mutant(
+        "smoothness looks right alone", LOSSES,
+        "(probability.diff(dim=-2).abs() * down)", "(0 * probability.diff(dim=-2).abs() * down)", OF_LOSSES,
+    ),
+    Mutant(
+        "the mean runs over the pixels of all views, not over views", LOSSES,
+        "return sums / labelled.sum((-2, -1)).clamp(min=1)",
+        "return (sums.sum() / labelled.sum().clamp(min=1)).expand_as(sums)", OF_LOSSES,
+    ),
+    Mutant(
+        "cross-entropy is of log 2", LOSSES,
+        "(probability.dtype).tiny).log()", "(probability.dtype).tiny).log2()", OF_LOSSES,
+    ),
+    Mutant(
+        "the semantic loss weighs as much as colour", "semgs/objectives/weights.py",
+        "semantic: float = 0.1", "semantic: float = 1.0", OF_LOSSES,
+    ),
+    Mutant(
+        "the union counts hits twice", METRICS,
+        "confusion.sum(-1) + confusion.sum(-2) - hits)", "confusion.sum(-1) + confusion.sum(-2))", OF_METRICS,
+    ),
+    Mutant(
+        "mean IoU counts classes that are only predicted", METRICS,
+        "counted = confusion.sum(-1) > 0 if present is None", "counted = confusion.sum(-1) + confusion.sum(-2) > 0 if present is None",
+        OF_METRICS,
+    ),
+    Mutant(
+        "class accuracy is a precision", METRICS,
+        "_ratio(hits, confusion.sum(-1))", "_ratio(hits, confusion.sum(-2))", OF_METRICS,
+    ),
+    Mutant(
+        "mean IoU of images is that of their sum", METRICS,
+        "return miou(confusions, present).mean()", "return miou(confusions.sum(0)).mean()", OF_METRICS,
+    ),
+    Mutant(
+        "validation scores the mean of scenes for that of pixels", "semgs/training/validation.py",
+        "counts if confusion is None else confusion + counts", "counts", ("tests/training/test_validation.py",),
+    ),
+    Mutant(
+        "PSNR is of the square of the error", METRICS,
+        "return -10 * (images.clamp(0, 1) - truth)", "return -20 * (images.clamp(0, 1) - truth)", OF_METRICS,
+    ),
+    # Files that carry Gaussians
+    Mutant(
+        "a PLY holds scales for their logarithm", "semgs/export/ply.py",
+        "scales.clamp(min=_SMALLEST_SCALE).log()", "scales.clamp(min=_SMALLEST_SCALE)", ("tests/export/test_ply.py",),
+    ),
+    Mutant(
+        "a PLY holds its harmonics coefficient by coefficient", "semgs/export/ply.py",
+        "full[:, 1:].mT.flatten(1)", "full[:, 1:].flatten(1)", ("tests/export/test_ply.py",),
+    ),
+)  # fmt: skip

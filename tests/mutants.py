@@ -1,0 +1,272 @@
+"""Plant errors, one at a time, in a copy of the source, and see that the tests meant for each one fail.
+
+    python tests/mutants.py               all of them (`make mutants`)
+    python tests/mutants.py depth swin    those whose name or file holds one of these words
+    python tests/mutants.py --page        the table for docs/testing.md
+
+There is a copy for each of two runs at a time, in build/mutants. Before anything is planted the named tests must pass in
+each, which also fills its caches. Tests run in processes that are forked off one that has imported torch, which takes
+longer than most of them. Where an error is inside a kernel, or in a number that kernels are compiled with, kernels run
+uncompiled: compiling one anew for every error would take longer still.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+
+from mutant_table import MUTANTS, Mutant
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILD = ROOT / "build" / "mutants"
+NOT_COPIED = {".git", ".venv", "build", "dist", "runs", "out", "demo", ".mypy_cache", ".ruff_cache", ".pytest_cache"}
+"""What lies in the root beside the source."""
+
+SECONDS = 30.0
+"""The longest that the tests of one error may take, where --seconds says nothing else: of a processor's time, so that a
+busy machine does not fail them."""
+
+PATIENCE = 5
+"""How much longer by the clock than by the processor."""
+
+MINUTES = 20
+"""The longest that all may take."""
+
+SURVIVORS = 1
+"""How many errors may be missed by every test."""
+
+COMPILED = re.compile(r"_kernels\.py$|rendering/rules\.py$")
+"""Files whose content is compiled."""
+
+IMPORTED = ["torch", "torchmetrics.functional.classification", "beartype", "pytest"]
+"""What every run of tests would import, but for what pytest wants to see first."""
+
+forked = multiprocessing.get_context("forkserver")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What tests said.
+
+    Attributes:
+        failed: the first test that failed, "" if all passed.
+        seconds: that they took.
+        late: whether they were cut off.
+    """
+
+    failed: str
+    seconds: float
+    late: bool = False
+
+    def __str__(self) -> str:
+        return self.failed or ("NOT IN TIME" if self.late else "SURVIVED")
+
+
+def planted(mutant: Mutant, root: Path) -> str:
+    """The text of the mutant's file with its error.
+
+    Raises:
+        ValueError: the text that it replaces is not there exactly once.
+    """
+    text = (root / mutant.file).read_text(encoding="utf-8")
+    found = text.count(mutant.before)
+    if found != 1:
+        raise ValueError(f"{mutant.name!r}: {mutant.file} holds {mutant.before!r} {found} times; expected once")
+    return text.replace(mutant.before, mutant.after)
+
+
+def main() -> int:
+    """Run what is asked for and print a table; 1 if too many errors survive, 2 if tests fail without one."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("words", nargs="*", help="parts of names or files; none is all")
+    parser.add_argument("--page", action="store_true", help="print the table of docs/testing.md and end")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="the longest that the tests of one error may take"
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="how many errors to try at a time")
+    given = parser.parse_args()
+    if given.page:
+        print(page())
+        return 0
+    mutants = [one for one in MUTANTS if not given.words or any(word in one.name + one.file for word in given.words)]
+    for mutant in mutants:
+        planted(mutant, ROOT)
+    os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    forked.set_forkserver_preload(IMPORTED)
+    return tried_all(mutants, given.seconds, given.jobs)
+
+
+def tried_all(mutants: Sequence[Mutant], seconds: float, jobs: int) -> int:
+    """Try each error in a copy of its own; the exit code."""
+    began = time.monotonic()
+    copies: SimpleQueue[Path] = SimpleQueue()
+
+    def left() -> float:
+        return began + 60 * MINUTES - time.monotonic()
+
+    def tried(mutant: Mutant, tests: Sequence[str], limit: float) -> Outcome:
+        copy = copies.get()
+        try:
+            with error_in(copy, mutant):
+                return outcome(copy, tests, limit, min(PATIENCE * limit, left()), compiled=runs_compiled(mutant))
+        finally:
+            copies.put(copy)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        made = list(pool.map(copied, range(jobs)))
+        print("their tests without an error ...", flush=True)
+        for compiled in (True, False):
+            tests = sorted({test for one in mutants if runs_compiled(one) == compiled for test in one.tests})
+
+            def without_an_error(copy: Path, tests: Sequence[str] = tests, compiled: bool = compiled) -> Outcome:
+                return outcome(copy, tests, left(), left(), compiled=compiled)
+
+            for result in pool.map(without_an_error, made if tests else ()):
+                if result.failed or result.late:
+                    print(f"must pass first, but: {result}", file=sys.stderr)
+                    return 2
+        print(f"pass in {time.monotonic() - began:.0f} s\n", flush=True)
+        for copy in made:
+            copies.put(copy)
+        results = pool.map(lambda one: tried(one, one.tests, seconds), mutants)
+        missed = shown(mutants, results, "")
+        survivors = shown(missed, pool.map(lambda one: tried(one, ("tests",), left()), missed), ", all tests")
+    print(
+        f"\n{len(mutants)} errors, {len(mutants) - len(missed)} caught by their own tests, {len(survivors)} by none, "
+        f"in {(time.monotonic() - began) / 60:.1f} minutes"
+    )
+    for mutant in missed:
+        print(f"missed by its own tests: {mutant.name} ({mutant.file})")
+    return int(len(survivors) > SURVIVORS)
+
+
+def runs_compiled(mutant: Mutant) -> bool:
+    """Whether kernels are compiled in the tests of an error."""
+    return not COMPILED.search(mutant.file)
+
+
+def shown(mutants: Sequence[Mutant], results: Iterator[Outcome], what: str) -> list[Mutant]:
+    """Print each result as it comes; the errors that no test caught."""
+    missed = []
+    for mutant, result in zip(mutants, results, strict=True):
+        print(f"{result.seconds:5.1f} s  {mutant.name}{what}: {result}", flush=True)
+        if not result.failed:
+            missed.append(mutant)
+    return missed
+
+
+@contextmanager
+def error_in(copy: Path, mutant: Mutant) -> Iterator[None]:
+    """An error planted in a copy, which is then as it was; neither leaves bytecode to the other."""
+    path = copy / mutant.file
+    whole, stat = path.read_text(encoding="utf-8"), path.stat()
+
+    def forget() -> None:
+        for bytecode in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+            bytecode.unlink()
+
+    path.write_text(planted(mutant, copy), encoding="utf-8")
+    forget()
+    try:
+        yield
+    finally:
+        path.write_text(whole, encoding="utf-8")
+        os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))  # compiled kernels are known by it
+        forget()
+
+
+def outcome(copy: Path, tests: Sequence[str], seconds: float, clock: float, *, compiled: bool) -> Outcome:
+    """Run tests in a copy up to the first that fails.
+
+    Raises:
+        RuntimeError: they could not even be collected: the planted text is no program.
+    """
+    began = time.monotonic()
+    run = forked.Process(target=run_tests, args=(copy, tests, compiled, max(1, round(seconds))))
+    run.start()
+    run.join(max(1.0, clock))
+    if run.is_alive():
+        run.kill()
+        with suppress(ProcessLookupError):  # it had not come so far as to lead a group
+            os.killpg(run.pid, signal.SIGKILL)  # type: ignore[arg-type]
+        run.join()
+    if run.exitcode in (-signal.SIGKILL, -signal.SIGXCPU):
+        return Outcome("", time.monotonic() - began, late=True)
+    said = (copy.parent / "said").read_text(encoding="utf-8", errors="replace")
+    failed = re.search(r"^(?:FAILED|ERROR) (\S.*?)(?: - .*)?$", said, re.MULTILINE)
+    if run.exitcode != (1 if failed else 0):
+        raise RuntimeError(f"pytest ended with {run.exitcode}:\n{said}")
+    return Outcome(failed[1] if failed else "", time.monotonic() - began)
+
+
+def run_tests(copy: Path, tests: Sequence[str], compiled: bool, seconds: int) -> None:
+    """Be pytest in a copy: its output goes to a file beside the copy, its verdict is the exit code."""
+    os.setpgid(0, 0)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    threading.Thread(target=end_with_the_run, daemon=True).start()
+    os.chdir(copy)
+    with (copy.parent / "said").open("w", encoding="utf-8") as said:
+        os.dup2(said.fileno(), 1)
+        os.dup2(said.fileno(), 2)
+    os.environ |= {
+        "PYTHONPATH": str(copy),
+        "NUMBA_CACHE_DIR": str(copy.parent / "compiled"),
+        "NUMBA_DISABLE_JIT": "0" if compiled else "1",
+    }
+    sys.path[:] = [str(copy), *(one for one in sys.path if one not in ("", str(ROOT), str(ROOT / "tests")))]
+    import pytest
+
+    # The tests of the table itself would notice every error.
+    options = ["-x", "-q", "-rfE", "--tb=no", "-p", "no:cacheprovider", "--deselect=tests/test_mutants.py"]
+    sys.exit(int(pytest.main([*options, "-m", "not long and not gpu", *tests])))
+
+
+def end_with_the_run() -> None:
+    """Wait until what started these tests is gone, then be gone with all that they started."""
+    run = multiprocessing.parent_process()
+    if run is not None:
+        run.join()
+        os.killpg(0, signal.SIGKILL)
+
+
+def copied(number: int) -> Path:
+    """A copy made anew, with the times of its files, by which compiled kernels are known; `shared` is beside it."""
+    copy = BUILD / str(number) / "semgs"
+    if copy.exists():
+        shutil.rmtree(copy)
+
+    def left_out(folder: str, names: list[str]) -> set[str]:
+        return {"__pycache__"} | (NOT_COPIED if Path(folder) == ROOT else set())
+
+    shutil.copytree(ROOT, copy, ignore=left_out)
+    beside, shared = copy.parent / "shared", ROOT.parent / "shared"
+    if shared.is_dir() and not beside.exists():
+        beside.symlink_to(shared)
+    return copy
+
+
+def page() -> str:
+    """The table of docs/testing.md."""
+    rows = ["| error | planted in | caught by |", "|---|---|---|"]
+    for one in MUTANTS:
+        tests = ", ".join(f"`{test.removeprefix('tests/')}`" for test in one.tests)
+        rows.append(f"| {one.name} | `{one.file.removeprefix('semgs/')}` | {tests} |")
+    return "\n".join(rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

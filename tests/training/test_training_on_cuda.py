@@ -1,0 +1,55 @@
+"""Training on a GPU: a step measures what it measures on the CPU, and a run goes on where it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from golden import fill_golden
+from posed import posed_views
+
+from semgs.data.views import Batch, stack
+from semgs.model import presets as networks
+from semgs.training import presets
+from semgs.training.loop import train
+from semgs.training.run import export_weights
+from semgs.training.state import TrainingState
+from semgs.training.step import training_step
+from semgs.training.validation import validate
+from semgs.weights.load import load
+
+pytestmark = [pytest.mark.gpu, pytest.mark.usefixtures("real_rendering", "gsplat")]
+
+
+def labelled(seed: int) -> Batch:
+    generator = torch.Generator().manual_seed(seed)
+    views = posed_views(3, (32, 48), seed=seed)
+    labels = torch.randint(0, 20, (3, 32, 48), generator=generator).to(torch.uint8)
+    depths = 1 + 3 * torch.rand(3, 32, 48, generator=generator)
+    both = stack([replace(views, labels=labels, depths=depths)] * 2)
+    return Batch(both.select([0, 1]), both.select([2]), ("a", "b"))
+
+
+def test_a_step_measures_the_same_on_both_devices(cuda) -> None:
+    reports = []
+    for device in ("cpu", cuda):
+        state = TrainingState.begin(fill_golden(networks.small()).to(device), 1e-3, 0.99)
+        reports.append(training_step(state, labelled(0), presets.small()))
+        assert validate(state.average.module, [labelled(1)]).pictures is not None
+    here, there = reports
+    assert there.moved
+    for name in ("total", "semantic", "colour", "smoothness", "depth", "psnr"):
+        assert getattr(there, name) == pytest.approx(getattr(here, name), rel=1e-3)
+    assert there.gradient_norm == pytest.approx(here.gradient_norm, rel=1e-2)
+
+
+def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    settings = replace(
+        presets.small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validate_every=2, validation_scenes=1
+    )
+    steps = [train(settings, tmp_path / "run", device="cuda", workers=0, minutes=0.0).step for _ in range(2)]
+    assert steps == [1, 2]
+    load("small", export_weights(tmp_path / "run", tmp_path / "weights.safetensors"))
