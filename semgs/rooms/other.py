@@ -93,6 +93,7 @@ class _Loft:
         self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
         self.windows: list[Opening] = []
         self.lit: list[Lamp] = []
+        self.rail = 0.0  # top of the panels [m]
         self.tops: list[tuple[float, float, float, float, float, float]] = []
         x, y = size[0] / 2, size[1] / 2
         self.walls = [
@@ -120,6 +121,7 @@ class _Loft:
             lower = m.boards(rng, self.palette.paint)
         elif look < 0.5:
             lower = m.tiles(rng, small=True)
+        self.rail = 0.0 if lower is None else split + 0.03
         for number, wall in enumerate(self.walls):
             colour = self.palette.walls[number % 2]
             paint = m.row(
@@ -138,7 +140,7 @@ class _Loft:
                 parts.append(block(own, paint, (start, -WALL, bottom), (end, 0, top)))
             if lower is not None:
                 rail = m.row(rng, a=self.palette.paint)
-                for cover, thick, floor, ceiling in ((lower, 0.012, 0.0, split), (rail, 0.025, split, split + 0.03)):
+                for cover, thick, floor, ceiling in ((lower, 0.006, 0.0, split), (rail, 0.025, split, split + 0.03)):
                     parts += [
                         block(own, cover, (left, 0, bottom), (right, thick, top))
                         for left, right, bottom, top in around(wall.length, floor, ceiling, wall.holes)
@@ -180,6 +182,7 @@ class _Loft:
         make = int(rng.integers(1 << 30))
         for left in places:
             self.hang(wall, openings.window(np.random.default_rng(make), wide, tall, light), left, low)
+            wall.holes.append((left, left + wide, low, low + tall))
             x, y = wall.at(left + wide / 2)
             along = (float(np.cos(wall.yaw)) * wide / 2, float(np.sin(wall.yaw)) * wide / 2, 0.0)
             facing = (-float(np.sin(wall.yaw)), float(np.cos(wall.yaw)), 0.0)
@@ -338,7 +341,7 @@ class _Loft:
         rng = self.rng
         for wall in self.walls:
             piece = openings.picture(rng)
-            gap, low = rng.uniform(0.08, 0.3), 1.55 - piece.size[2] / 2
+            gap, low = rng.uniform(0.08, 0.3), max(1.55 - piece.size[2] / 2, self.rail + 0.03)
             left = rng.uniform(0.2, 0.8)
             for _ in range(int(rng.integers(1, 5))):
                 right = left + piece.size[0]
