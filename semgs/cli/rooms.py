@@ -56,7 +56,7 @@ class Rooms:
     """The world: home is furnished as people live, with all 20 classes; plain is boxes with noise textures, 13 classes,
     a baseline; other is a second world that is held out: choose by it, do not train in it."""
     render: Literal["shaded"] = "shaded"
-    """How frames are lit: sun, sky, lamps and shadows, a tenth of a second a frame."""
+    """How frames are lit: sun, sky, lamps and shadows, a fifth of a second a frame."""
     assets: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Folder of meshes and pictures, which is checked once against the list in the package: half of the homes are furnished with
     its meshes, most get its pictures. Other uses files of its own. None needs nothing."""
