@@ -15,6 +15,7 @@ from semgs.cli.progress import show_progress
 from semgs.rooms.style import Style
 
 if TYPE_CHECKING:
+    from semgs.rooms.assets.library import Library
     from semgs.rooms.dataset import Recipe
 
 
@@ -31,12 +32,13 @@ class Rooms:
     - index.json: the same for all scenes together; settings.json: what was asked for
 
     Scene k of a seed is the same however many are drawn, by how many workers, wherever and whenever. The same command
-    goes on where an interrupted one stopped; a larger --scenes adds to what is there. What is drawn is CC0: do with it
-    what you like.
+    goes on where an interrupted one stopped; a larger --scenes adds to what is there. What is drawn without --assets is CC0:
+    do with it what you like; with them ATTRIBUTION.md says whose work is in the pictures, and under which licences.
 
     Examples
     - semgs rooms data/rooms --scenes 100
     - semgs rooms data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
+    - semgs rooms data/furnished --scenes 1000 --assets assets
     - semgs rooms --sheet rooms.png --seed 3
     """
 
@@ -52,9 +54,12 @@ class Rooms:
     """Pictures of each room, along one walk."""
     style: Style = "home"
     """The world: home is furnished as people live, with all 20 classes; plain is boxes with noise textures, 13 classes,
-    a baseline."""
+    a baseline; other is a second world that is held out: choose by it, do not train in it."""
     render: Literal["shaded"] = "shaded"
-    """How frames are lit: sun, sky, lamps and shadows, a tenth of a second a frame."""
+    """How frames are lit: sun, sky, lamps and shadows, a fifth of a second a frame."""
+    assets: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Folder of meshes and pictures, which is checked once against the list in the package: half of the homes are furnished with
+    its meshes, most get its pictures. Other uses files of its own. None needs nothing."""
     workers: int | None = None
     """Processes that draw; by default as many as this process may use cores. 0 draws in this one."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
@@ -64,7 +69,7 @@ class Rooms:
         """Draw the data set, the sheet, or both, and say what there is.
 
         Raises:
-            InputError: OUT is a folder of something else, or the sheet has no folder.
+            InputError: OUT is a folder of something else, or the assets are missing or altered.
             UsageError: an option asks for what cannot be, or an extra that rooms need is not installed.
             OSError: the disk is full.
         """
@@ -73,13 +78,14 @@ class Rooms:
 
         size = parse_size(self.size)
         assert size is not None
+        library = self._library()
         with what_the_user_gave():
-            recipe = Recipe(self.seed, size, self.frames, self.style, self.render)
+            recipe = Recipe(self.seed, size, self.frames, self.style, self.render, library)
         try:
             if self.out is not None:
                 self._write(self.out, recipe)
             if self.sheet is not None:
-                self._draw_sheet(self.sheet)
+                self._draw_sheet(self.sheet, library)
         except ImportError as error:
             raise UsageError(str(error)) from error
 
@@ -100,8 +106,16 @@ class Rooms:
         if self.sheet is not None and (self.sheet.is_dir() or not self.sheet.absolute().parent.is_dir()):
             raise UsageError(f"--sheet is {self.sheet}; expected a file in a folder that is there")
 
+    def _library(self) -> Library | None:
+        if self.assets is None:
+            return None
+        from semgs.rooms.assets.library import open_library
+
+        with what_the_user_gave():
+            return open_library(self.assets, self.style)
+
     def _write(self, out: Path, recipe: Recipe) -> None:
-        from semgs.rooms.dataset import INDEX, claim, write_dataset
+        from semgs.rooms.dataset import ATTRIBUTION, INDEX, claim, write_dataset
 
         with what_the_user_gave():
             claim(out, recipe, self.scenes)
@@ -117,16 +131,18 @@ class Rooms:
             ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True
         )
         print("classes, % of labelled pixels: " + ", ".join(f"{name} {100 * share:.1f}" for share, name in shares))
+        if self.assets is not None:
+            print(f"{out / ATTRIBUTION} says whose work is in the pictures; keep it beside them")
         print(
             f"{out / INDEX} counts them for every scene. Look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"
         )
 
-    def _draw_sheet(self, path: Path) -> None:
+    def _draw_sheet(self, path: Path, library: Library | None) -> None:
         from semgs.files.pictures import write_png
         from semgs.rooms.sheet import FRAMES, contact_sheet
 
         with show_progress("Drawing frames", FRAMES) as done:
-            picture = contact_sheet(self.seed, self.style, done=done)
+            picture = contact_sheet(self.seed, self.style, library, done=done)
         write_png(path, picture)
         print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each with its labels beside it")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,8 @@ from semgs.rooms.plans import WALL, Lamp, Opening
 from semgs.rooms.solids import Part, Piece, block, gather, moved
 
 Footprint = Float64[np.ndarray, "4 2"]
+Swap = Callable[[Piece], Piece]
+"""Exchanges a piece for another of the same name and footprint; what it gave it gives back unchanged."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +54,11 @@ class Builder:
     Args:
         rng: draws everything.
         outline: the shape of the rooms.
+        swap: what exchanges the pieces that are put down; None leaves them.
     """
 
-    def __init__(self, rng: np.random.Generator, outline: Outline) -> None:
-        self.rng, self.outline, self.size = rng, outline, outline.size
+    def __init__(self, rng: np.random.Generator, outline: Outline, swap: Swap | None = None) -> None:
+        self.rng, self.outline, self.size, self.swap = rng, outline, outline.size, swap
         self.parts: list[Part] = []
         self.pieces: list[tuple[int, int]] = []
         self.footprints: list[Footprint] = []
@@ -66,6 +70,10 @@ class Builder:
     def chance(self, share: float) -> bool:
         """True in that share of the calls."""
         return bool(self.rng.random() < share)
+
+    def exchanged(self, piece: Piece) -> Piece:
+        """The piece that stands in its place, or itself."""
+        return piece if self.swap is None else self.swap(piece)
 
     def add(self, parts: list[Part]) -> None:
         """Put the parts of one piece where they are."""
@@ -126,7 +134,7 @@ class Builder:
 
     def hang(self, wall: Wall, piece: Piece, left: float, low: float, recess: float = 0.0) -> None:
         """Fix a piece to a wall with its lower left corner there, `recess` behind the wall's face."""
-        self.add(moved(piece.parts, (*wall.at(left, -recess), low), wall.yaw))
+        self.add(moved(self.exchanged(piece).parts, (*wall.at(left, -recess), low), wall.yaw))
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
 
     def fits(self, footprint: Footprint, ignore_free: bool = False) -> bool:
@@ -148,6 +156,7 @@ class Builder:
         if not self.fits(inner) or any(overlap(wide, other) for other in (*self.footprints, *self.kept_free)):
             return False
         self.footprints.append(inner)
+        piece = self.exchanged(piece)
         self.add(moved(piece.parts, (x, y, 0.0), yaw))
         if piece.surface is not None:
             self.surfaces.append(Surface(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))

@@ -7,7 +7,7 @@ import re
 import shutil
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from torch.utils.data import DataLoader, Dataset
@@ -15,12 +15,14 @@ from torch.utils.data import DataLoader, Dataset
 from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.workers import settle_worker
-from semgs.files.atomic import write_json
+from semgs.files.atomic import write_bytes, write_json
 from semgs.files.errors import InputError
+from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.lock import attribution, lock_digest
 from semgs.rooms.scenes import ROOM, write_scene
 from semgs.rooms.style import STYLES, Style
 
-SETTINGS, INDEX = "settings.json", "index.json"
+SETTINGS, INDEX, ATTRIBUTION = "settings.json", "index.json", "ATTRIBUTION.md"
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Recipe:
         frames: of each scene.
         style: the world that the rooms are of.
         render: how frames are lit.
+        library: meshes and pictures to draw from, None for none. Wherever its folder is, it is that of the package's lock.
 
     Raises:
         ValueError: a field is out of its range.
@@ -43,6 +46,7 @@ class Recipe:
     frames: int = 12
     style: Style = "home"
     render: str = "shaded"
+    library: Library | None = None
 
     def __post_init__(self) -> None:
         checks = {
@@ -58,7 +62,15 @@ class Recipe:
 
     def as_json(self) -> dict:
         """As `settings.json` keeps it, with the version that drew it: another one may draw other rooms."""
-        return {"semgs": __version__, **asdict(self), "size": list(self.size)}
+        return {
+            "semgs": __version__,
+            "seed": self.seed,
+            "size": list(self.size),
+            "frames": self.frames,
+            "style": self.style,
+            "render": self.render,
+            "assets": None if self.library is None else f"lock {lock_digest()}",
+        }
 
 
 def write_dataset(
@@ -69,7 +81,7 @@ def write_dataset(
     workers: int = 0,
     done: Callable[[int], None] = lambda count: None,
 ) -> dict:
-    """Draw scenes 0 .. scenes - 1 that a folder does not hold yet, then write its index.
+    """Draw scenes 0 .. scenes - 1 that a folder does not hold yet, then write its index, and whose assets are in them.
 
     Every scene appears complete or not at all, so the same call goes on where an earlier one was cut short, and a larger
     number of scenes adds to those that are there. The bytes do not depend on `workers`.
@@ -86,7 +98,7 @@ def write_dataset(
 
     Raises:
         ValueError: the number of scenes or workers is too small, or the folder holds scenes of another recipe, or more scenes.
-        InputError: the folder is not ours.
+        InputError: the folder is not ours, or a file of the assets cannot be read.
         OSError: the disk is full.
         ImportError: embreex is not installed; names the extra that brings it.
     """
@@ -121,6 +133,8 @@ def write_dataset(
         finally:
             del scenes_drawn  # ends the workers now, even if the error is kept for long
     index = _index(folder, recipe, scenes)
+    if recipe.library is not None:
+        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes)).encode())
     write_json(folder / INDEX, index)
     return index
 
@@ -199,12 +213,18 @@ class _Drawing(Dataset):
         try:
             write_scene(
                 self._folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-                style=recipe.style,
+                library=recipe.library, style=recipe.style,
             )  # fmt: skip
         except Exception as error:
             error.add_note(f"while {scene_name(index)} was drawn:\n{traceback.format_exc()}")
             return error
         return None
+
+
+def _files(folder: Path, scenes: int) -> set[str]:
+    """The files of the assets that are in any scene."""
+    rooms = (json.loads((folder / scene_name(index) / ROOM).read_text(encoding="utf-8")) for index in range(scenes))
+    return {file for room in rooms for file in room["assets"]}
 
 
 def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:

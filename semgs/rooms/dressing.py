@@ -138,7 +138,7 @@ def clutter(builder: Builder, zone: Zone) -> None:
             taken.append((a, a + wide, b, b + deep))
             cosine, sine = float(np.cos(top.yaw)), float(np.sin(top.yaw))
             place = (top.x + cosine * a - sine * b, top.y + sine * a + cosine * b, top.height)
-            builder.add(moved(thing.parts, place, top.yaw))
+            builder.add(moved(builder.exchanged(thing).parts, place, top.yaw))
     low, high = np.array(zone.low) + 0.2, np.array(zone.high) - 0.2
     for _ in range(int(rng.integers(1, 9))):
         thing = snug(things.clutter(rng, rng.uniform(0.15, 0.6)))

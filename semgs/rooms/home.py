@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semgs.rooms import dressing, fittings, furniture, openings, things
-from semgs.rooms.builder import Builder, snug
+from semgs.rooms.builder import Builder, Swap, snug
 from semgs.rooms.footprints import Wall, rectangle
 from semgs.rooms.furniture import Maker
 from semgs.rooms.outlines import PARTITION, Outline, Zone, rectangular, two_rooms, with_breast, with_corner_built_in
@@ -44,10 +44,11 @@ FREE_STANDING = ("table", "island")
 WET = ("bathroom", "kitchen")
 
 
-def draw_home(rng: np.random.Generator) -> Plan:
-    """A random home: one room, or two joined by an opening, with furniture, light and clutter."""
+def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
+    """A random home: one room, or two joined by an opening, with furniture, light and clutter; `swap` may exchange each piece
+    for another of the same footprint."""
     outline = _outline(rng)
-    builder = Builder(rng, outline)
+    builder = Builder(rng, outline, swap)
     evening = builder.chance(0.3)
     light = rng.uniform(0.01, 0.08) if evening else float(np.exp(rng.uniform(np.log(0.2), np.log(1.8))))
     if outline.passage is not None:
@@ -285,7 +286,7 @@ def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa
         ]
         if opposite:
             other = opposite[int(rng.integers(len(opposite)))]
-            bench = snug(fittings.sideboard(rng))
+            bench = builder.exchanged(snug(fittings.sideboard(rng)))
             start = (other.length - bench.size[0]) * rng.uniform(0.2, 0.8)
             screen = things.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
             if bench.surface is not None and builder.beside_wall(other, bench, start):
@@ -306,7 +307,7 @@ def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
     x, y = front + along * (end - start) / tub.size[0] + 0.01 * (front - start) / tub.size[1]
     shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
     if builder.fits(shape):
-        builder.add(moved(drape.parts, (float(x), float(y), 0.0), wall.yaw))
+        builder.add(moved(builder.exchanged(drape).parts, (float(x), float(y), 0.0), wall.yaw))
         builder.footprints.append(shape)
 
 

@@ -89,10 +89,10 @@ def row(
 def wall_paint(rng: np.random.Generator) -> Row:
     """What walls are covered with: plain paint mostly, pale more often than not; else wallpaper, brick or boards."""
     look = rng.random()
-    if look < 0.55:
+    if look < 0.66:
         base = colour(rng, (0.02, 0.2), (0.0, 0.16), (0.72, 0.97))
-    elif look < 0.8:
-        base = colour(rng, saturation=(0.05, 0.35), value=(0.5, 0.92))
+    elif look < 0.88:
+        base = colour(rng, saturation=(0.03, 0.3), value=(0.5, 0.92))
     else:
         base = colour(rng, saturation=(0.1, 0.6), value=(0.2, 0.7))
     pattern = rng.random()
@@ -231,7 +231,7 @@ def flooring(rng: np.random.Generator, wet: bool) -> Row:
                    aspect=rng.uniform(6, 14), duty=rng.uniform(0.97, 0.99), variation=rng.uniform(0.05, 0.3),
                    tint=rng.uniform(0.3, 0.9), fine=0.03, gloss=rng.uniform(0, 0.3))  # fmt: skip
     if look < 0.78:
-        quiet = rng.random() < 0.7
+        quiet = rng.random() < 0.85
         base = colour(rng, (0.02, 0.16) if quiet else (0.0, 1.0), (0.0, 0.3 if quiet else 0.5), (0.2, 0.8))
         return row(rng, a=base, fine=rng.uniform(0.1, 0.3), fine_scale=rng.uniform(0.006, 0.02), blotch=rng.uniform(0.05, 0.15),
                    blotch_scale=rng.uniform(0.1, 0.5))  # fmt: skip

@@ -18,6 +18,7 @@ from torch.utils.data import Dataset
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
+from semgs.rooms.assets.library import Library
 from semgs.rooms.dataset import scene_name
 from semgs.rooms.scenes import ROOM, write_scene
 from semgs.rooms.stream import Count, ranged
@@ -36,7 +37,7 @@ class PooledSamples(Dataset):
     beside them.
 
     Args:
-        folder: of the pool; made if it is not there. Two pools of other seeds, sizes or styles need two folders.
+        folder: of the pool; made if it is not there. Two pools of other seeds, sizes, styles or libraries need two folders.
         seed: the stream of rooms.
         size: image (height, width) [px].
         contexts: number of context views, or a (lowest, highest) range.
@@ -44,6 +45,7 @@ class PooledSamples(Dataset):
         length: number of samples.
         served: samples that a scene serves on average.
         group: samples k with equal k // group have equal counts of views, so that they can be stacked.
+        library: meshes and pictures to draw from, None for none.
         style: the world that the rooms are of.
 
     Raises:
@@ -60,9 +62,11 @@ class PooledSamples(Dataset):
         length: int,
         served: int = 8,
         group: int = 1,
+        library: Library | None = None,
         style: Style = "home",
     ) -> None:
-        self.folder, self.seed, self.size, self.style = Path(folder), seed, size, style
+        self.folder, self.seed, self.size = Path(folder), seed, size
+        self.library, self.style = library, style
         self.contexts, self.targets = ranged(contexts), ranged(targets)
         self.length, self.served, self.group = length, served, group
         if min(length, served, group) < 1:
@@ -110,7 +114,15 @@ class PooledSamples(Dataset):
         folder = self.folder / scene_name(index)
         if not (folder / ROOM).is_file():
             try:
-                write_scene(folder, self.seed, index=index, size=self.size, frames=FRAMES, style=self.style)
+                write_scene(
+                    folder,
+                    self.seed,
+                    index=index,
+                    size=self.size,
+                    frames=FRAMES,
+                    library=self.library,
+                    style=self.style,
+                )
             except InputError:
                 # Another worker was quicker; what is there now is the same.
                 if not (folder / ROOM).is_file():

@@ -9,12 +9,16 @@ from jaxtyping import Bool, Float64, Int64
 
 from semgs.data.raycast import Raycaster
 from semgs.rooms import shading_kernels as kernels
-from semgs.rooms.home import draw_home
+from semgs.rooms import shell_kernels
+from semgs.rooms import texture_kernels as t
+from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.pictures import Pack
 from semgs.rooms.lighting import draw_lights
-from semgs.rooms.plain import draw_plain
 from semgs.rooms.plans import WALL, Plan
-from semgs.rooms.solids import Solids, gather, triangulate
+from semgs.rooms.shells import ShellTriangles, place_shells
+from semgs.rooms.solids import SHELL, Solids, gather, triangulate
 from semgs.rooms.style import Style
+from semgs.rooms.worlds import furnish
 
 FIELD_STEP = 0.1
 """Spacing of the distance field's nodes [m]."""
@@ -22,6 +26,10 @@ FLAT = 0.02
 """What ends below this height is ground to stand on [m]."""
 FIELD_REACH = 0.7
 """Distances are exact up to here and cut off there [m]."""
+SENT_BACK = 0.6
+"""Light on surfaces that are near others, as a share of the room's ambient light."""
+SCATTER = 0.05
+"""Spacing of the points of shells from which distances are taken [m]."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,10 @@ class Room:
         shifts: moves the texture of each part.
         lights: rows for the shading kernels.
         ambient: light from everywhere, linear RGB.
-        darkening: how much of the ambient light goes missing in corners, 0..1.
+        glow: what each part sends back to what is near it, linear RGB.
+        shells: the triangles that are not of solids, the last ones of all.
+        pictures: what materials of kind PICTURE show.
+        files: of the assets that are in it.
     """
 
     plan: Plan
@@ -54,7 +65,10 @@ class Room:
     shifts: Float64[np.ndarray, " p"]
     lights: Float64[np.ndarray, "l 16"]
     ambient: Float64[np.ndarray, 3]
-    darkening: float
+    glow: Float64[np.ndarray, "p 3"]
+    shells: ShellTriangles
+    pictures: Pack
+    files: tuple[str, ...] = ()
 
     def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """Distance of places in the room to the nearest solid but the floor, at most `FIELD_REACH` [m]."""
@@ -68,24 +82,38 @@ class Room:
         return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
 
 
-def build_room(rng: np.random.Generator, style: Style = "home") -> Room:
+def build_room(rng: np.random.Generator, library: Library | None = None, style: Style = "home") -> Room:
     """A random furnished room with its light.
 
+    Args:
+        rng: draws it. Furniture stands where it does without a library.
+        library: meshes and pictures, of the split that suits the purpose; None is none.
+        style: the world that the room is of.
+
     Raises:
+        ValueError: there is no such style, or it takes no assets.
+        InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
-    plan = draw_plain(rng) if style == "plain" else draw_home(rng)
+    plan, gallery = furnish(rng, library, style)
     solids = gather(plan.parts)
     corners, owners = triangulate(solids)
+    placed = [(number, part.shell) for number, part in enumerate(plan.parts) if part.shell is not None]
+    shells = place_shells(placed, solids.rotations, solids.centres, len(corners))
+    corners, owners = np.concatenate((corners, shells.corners)), np.concatenate((owners, shells.owners))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
     planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
     caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    ground = _tops(solids) < FLAT
-    space, corner = _distance_field(plan, solids, ~ground)
+    ground, whole = _tops(solids) < FLAT, solids.shapes != SHELL
+    space, corner = _distance_field(plan, solids, ~ground & whole)
+    if len(shells.corners):
+        points = shell_kernels.scatter(shells.corners, SCATTER)
+        shell_kernels.distance_to_points(space, corner, FIELD_STEP, FIELD_REACH, points)
     field = space.copy()
-    _lower(field, corner, solids, ground)
+    _lower(field, corner, solids, ground & whole)
     lights, ambient = draw_lights(rng, plan)
+    pictures = gallery.pack()
     return Room(
         plan,
         solids,
@@ -98,8 +126,23 @@ def build_room(rng: np.random.Generator, style: Style = "home") -> Room:
         shifts=rng.uniform(0, 50, len(plan.parts)),
         lights=lights,
         ambient=ambient,
-        darkening=float(rng.uniform(0.45, 0.85)),
+        glow=_glow(solids, ambient, pictures),
+        shells=shells,
+        pictures=pictures,
+        files=gallery.files,
     )
+
+
+def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) -> Float64[np.ndarray, "p 3"]:
+    """What parts send back: their mean colour in the light that a near, half hidden surface gets, or what they emit."""
+    rows = solids.materials
+    first, second, third = (rows[:, start : start + 3] for start in (t.COLOUR_A, t.COLOUR_B, t.COLOUR_C))
+    kinds = rows[:, t.KIND]
+    colours = np.where((kinds == t.PLAIN)[:, None], first, (2 * first + second + third) / 4)
+    shown = np.flatnonzero(kinds == t.PICTURE)
+    colours[shown] = first[shown] * pictures.means[rows[shown, t.PICTURE_NUMBER].astype(int)]
+    emission = rows[:, t.EMISSION, None]
+    return np.where(emission > 0, colours * emission, np.minimum(colours, 0.9) * ambient * SENT_BACK)
 
 
 def _tops(solids: Solids) -> Float64[np.ndarray, " p"]:

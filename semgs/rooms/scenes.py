@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,6 +16,7 @@ from semgs.data.views import Views
 from semgs.files.atomic import write_bytes, write_json
 from semgs.files.folders import own_folder
 from semgs.files.pictures import write_png
+from semgs.rooms.assets.library import Library
 from semgs.rooms.cameras import draw_intrinsics, draw_path
 from semgs.rooms.plans import Plan
 from semgs.rooms.room import build_room
@@ -34,28 +36,34 @@ class Walk:
     Attributes:
         views: with labels and depths.
         plan: of the room.
+        files: of the assets that are in the room.
     """
 
     views: Views
     plan: Plan
+    files: tuple[str, ...] = ()
 
 
-def draw_scene(seed: int, index: int, *, size: tuple[int, int], frames: int, style: Style = "home") -> Walk:
+def draw_scene(
+    seed: int, index: int, *, size: tuple[int, int], frames: int, library: Library | None = None, style: Style = "home"
+) -> Walk:
     """A walk through the room of sample (seed, index) of the stream; the same arguments give the same bits.
 
     Raises:
-        ValueError: fewer than two frames, a side that is not positive, or a negative seed or index.
+        ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or a library for a style that
+            takes none.
+        InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
     if frames < 2 or min(size) < 1:
         raise ValueError(f"frames = {frames}, size = {size}; expected at least two frames and positive sides")
     rng = generator(seed, index)
-    room = build_room(rng, style)
+    room = build_room(rng, library, style)
     intrinsics = draw_intrinsics(rng, size)
     reach = (frames - 1) / 2
     path = fitted(rng, room, draw_path(rng, room, intrinsics, size, reach), intrinsics, size)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, frames)]
-    return Walk(shoot(rng, room, poses, intrinsics, size), room.plan)
+    return Walk(shoot(rng, room, poses, intrinsics, size), room.plan, room.files)
 
 
 def write_scene(
@@ -65,6 +73,7 @@ def write_scene(
     size: tuple[int, int],
     frames: int = 12,
     index: int = 0,
+    library: Library | None = None,
     style: Style = "home",
     quality: int = 92,
     overwrite: bool = False,
@@ -72,7 +81,8 @@ def write_scene(
     """Write a room as a `transforms.json` folder, complete or not at all.
 
     Pictures are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20
-    classes in `labels/`, 255 = ignore. `room.json` says which room it is and how many pixels each class has.
+    classes in `labels/`, 255 = ignore. `room.json` says which room it is and how many pixels each class has, and
+    with a library which of its files are in it.
 
     Args:
         folder: where; a new folder, or with `overwrite` one of ours.
@@ -80,6 +90,7 @@ def write_scene(
         size: image (height, width) [px].
         frames: number of frames, at least 2.
         index: which room of the stream.
+        library: meshes and pictures to draw from, None for none.
         style: the world that the room is of.
         quality: of the JPEGs, 1 to 95.
         overwrite: replace a scene that was written there before.
@@ -89,9 +100,9 @@ def write_scene(
         InputError: the folder is not ours, or is there already and `overwrite` is not set.
         OSError: the disk is full.
     """
-    walk = draw_scene(seed, index, size=size, frames=frames, style=style)
+    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style)
     length, width, height = (round(float(side), 3) for side in walk.plan.size)
-    record = {
+    record: dict[str, Any] = {
         "style": style,
         "seed": seed,
         "index": index,
@@ -99,6 +110,8 @@ def write_scene(
         "size_m": [length, width, height],
         "pixels": class_pixels(walk.views),
     }
+    if library is not None:
+        record["assets"] = list(walk.files)
     with own_folder(folder, overwrite) as fresh:
         write_views(fresh, walk.views, quality)
         write_json(fresh / ROOM, record)

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int, UInt8
 
 from semgs.data.classes import IGNORE
+from semgs.rooms import light_kernels
 from semgs.rooms import shading_kernels as kernels
-from semgs.rooms.room import FIELD_STEP, Room
+from semgs.rooms.room import Room
 
 EDGE_RAYS = ((-0.27, 0.11), (0.19, 0.31), (0.12, -0.29))
 """Where the additional rays of pixels on an edge pass, from the pixel's centre [px]."""
@@ -68,18 +69,24 @@ def photograph(
     size: tuple[int, int],
 ) -> Frame:
     """One frame. Labels and depths are those of the pixel's centre; colours of pixels on an edge are the mean of four rays."""
-    pixels = centres(size)
+    pixels, width = centres(size), size[1]
     spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
-    triangles, depths, colours = _trace(
-        room, world_from_camera, pixel_directions(world_from_camera, intrinsics, pixels), spread
-    )
-    owners = np.where(triangles < 0, -1, room.owners[triangles]).reshape(size)
-    edges = np.flatnonzero(_edges(owners))
+    seen = _meet(room, world_from_camera, pixel_directions(world_from_camera, intrinsics, pixels), spread)
+    strengths, light = _light(room, seen, width)
+    colours = _shade(room, seen, strengths, light)
+    triangles, depths = seen.triangles, seen.depths
+    owners = np.where(triangles < 0, -1, room.owners[triangles])
+    jumps = _jumps(depths.reshape(size), (triangles >= room.shells.first).reshape(size))
+    edges = np.flatnonzero(_edges(owners.reshape(size)) | jumps)
     if len(edges):
         total = colours[edges]
         for shift in EDGE_RAYS:
             directions = pixel_directions(world_from_camera, intrinsics, pixels[edges] + shift)
-            total = total + _trace(room, world_from_camera, directions, spread)[2]
+            beside = _meet(room, world_from_camera, directions, spread)
+            parts = np.where(beside.triangles < 0, -1, room.owners[beside.triangles])
+            borrowed = np.empty((len(edges), light.shape[1]))
+            light_kernels.borrow(edges, parts, owners, width, light, borrowed)
+            total = total + _shade(room, beside, _strengths(room, beside, width), borrowed)
         colours[edges] = total / (1 + len(EDGE_RAYS))
     labels = np.where(triangles < 0, IGNORE, room.solids.labels[room.owners[triangles]])
     return Frame(
@@ -100,31 +107,89 @@ def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
     return edges
 
 
-def _trace(
+def _jumps(depths: Float64[np.ndarray, "h w"], shells: np.ndarray) -> np.ndarray:
+    """Pixels of shells where the depth jumps by more than 4 % to a neighbour's [h w], boolean."""
+    jumps = np.zeros(depths.shape, bool)
+    with np.errstate(divide="ignore"):
+        log = np.log(depths)
+    with np.errstate(invalid="ignore"):
+        across, down = np.abs(np.diff(log, axis=1)) > 0.04, np.abs(np.diff(log, axis=0)) > 0.04
+    jumps[:, 1:] |= across
+    jumps[:, :-1] |= across
+    jumps[1:] |= down
+    jumps[:-1] |= down
+    return jumps & shells
+
+
+@dataclass(frozen=True)
+class _Hits:
+    """Where rays from one place end, as `shading_kernels.locate` tells it."""
+
+    directions: Float64[np.ndarray, "n 3"]
+    triangles: Int[np.ndarray, " n"]
+    depths: Float64[np.ndarray, " n"]
+    places: Float64[np.ndarray, "n 3"]
+    normals: Float64[np.ndarray, "n 3"]
+    feet: Float64[np.ndarray, " n"]
+    uv: Float64[np.ndarray, "n 3"]
+
+
+def _meet(
     room: Room, world_from_camera: Float64[np.ndarray, "4 4"], directions: Float64[np.ndarray, "n 3"], spread: float
-) -> tuple[Int[np.ndarray, " n"], Float64[np.ndarray, " n"], Float64[np.ndarray, "n 3"]]:
-    """Triangles, depths and radiance along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
-    count, solids = len(directions), room.solids
+) -> _Hits:
+    """First hits along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
+    count, solids, shells = len(directions), room.solids, room.shells
     origins = np.empty_like(directions)
     origins[:] = world_from_camera[:3, 3]
     triangles, _ = room.caster.cast(origins, directions)
     depths, feet = np.empty(count), np.empty(count)
-    places, normals = np.zeros((count, 3)), np.zeros((count, 3))
+    places, normals, uv = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
     kernels.locate(
         triangles, origins, directions, spread, room.planes, room.owners, solids.rotations, solids.centres, solids.sizes,
-        solids.shapes, depths, places, normals, feet,
+        solids.shapes, shells.first, shells.corners, shells.normals, shells.uv, shells.density, depths, places, normals, feet, uv,
     )  # fmt: skip
-    strengths = np.empty((len(room.lights), count))
-    seen = np.zeros((len(room.lights), count), bool)
-    ways = np.empty_like(directions)
-    for number, light in enumerate(room.lights):
-        kernels.towards_light(light, triangles, places, normals, origins, ways, strengths[number])
+    return _Hits(directions, triangles, depths, places, normals, feet, uv)
+
+
+def _light(room: Room, hits: _Hits, width: int) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
+    """What of each light would arrive, and smoothed over neighbouring pixels: what comes round (RGB), then the share of each
+    light that is seen. Five to eight rays a pixel."""
+    count, lights = len(hits.triangles), len(room.lights)
+    light = np.zeros((count, 3 + lights))
+    round_about, origins, ways = np.zeros((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    for tap in range(light_kernels.TAPS):
+        light_kernels.near_rays(hits.triangles, hits.directions, hits.places, room.planes, width, tap, origins, ways)
+        near, distances = room.caster.cast(origins, ways, np.ones(count))
+        light_kernels.bring_back(near, distances, room.owners, room.glow, room.ambient, round_about)
+    light[:, :3] = round_about
+    strengths = np.empty((lights, count))
+    for number, row in enumerate(room.lights):
+        kernels.towards_light(row, hits.triangles, hits.places, hits.normals, width, origins, ways, strengths[number])
         lit = np.flatnonzero(strengths[number])
-        seen[number, lit] = room.caster.reached(origins[lit], ways[lit], 1.0)
-    colours = np.empty((count, 3))
+        light[lit, 3 + number] = room.caster.reached(origins[lit], ways[lit], 1.0)
+    smoothed = np.empty_like(light)
+    light_kernels.smooth(light, hits.triangles, hits.normals, hits.places, hits.depths, width, smoothed)
+    return strengths, smoothed
+
+
+def _strengths(room: Room, hits: _Hits, width: int) -> Float64[np.ndarray, "l n"]:
+    """What of each light would arrive if nothing were between."""
+    strengths = np.empty((len(room.lights), len(hits.triangles)))
+    origins, ways = np.empty_like(hits.places), np.empty_like(hits.places)
+    for number, row in enumerate(room.lights):
+        kernels.towards_light(row, hits.triangles, hits.places, hits.normals, width, origins, ways, strengths[number])
+    return strengths
+
+
+def _shade(
+    room: Room, hits: _Hits, strengths: Float64[np.ndarray, "l n"], light: Float64[np.ndarray, "n c"]
+) -> Float64[np.ndarray, "n 3"]:
+    """Linear RGB radiance."""
+    solids, pack = room.solids, room.pictures
+    colours = np.empty((len(hits.triangles), 3))
     kernels.shade(
-        triangles, directions, places, normals, feet, room.owners, solids.rotations, solids.centres, solids.sizes,
-        solids.materials, room.shifts, room.lights, strengths, seen, room.ambient, room.field, room.corner, FIELD_STEP,
-        room.darkening, colours,
+        hits.triangles, hits.directions, hits.places, hits.normals, hits.feet, hits.uv, room.owners, solids.rotations,
+        solids.centres, solids.sizes, solids.materials, room.shifts, pack.pixels, pack.table, room.lights, strengths,
+        np.ascontiguousarray(light[:, :3]), np.ascontiguousarray(light[:, 3:]), colours,
     )  # fmt: skip
-    return triangles, depths, colours
+    return colours

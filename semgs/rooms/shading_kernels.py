@@ -7,14 +7,19 @@ import math
 import numba as nb
 import numpy as np
 
-from semgs.rooms.texture_kernels import EMISSION, GLOSS, texture
+from semgs.rooms.light_kernels import stratum
+from semgs.rooms.picture_kernels import picture
+from semgs.rooms.texture_kernels import EMISSION, GLOSS, KIND, PICTURE, texture
 
 LIGHT_WIDTH = 16
 LAMP, WINDOW, SUN = range(3)
 """Kinds of light, number 0 of its row; 1-3 its place (of the sun: the middle of the window it shines through), 4-6 its
 colour, 7-9 the way it faces (of the sun: the way its light goes), 10-12 half the window's width as a vector, 13 half its height."""
 
-CYLINDER, BALL, CUSHION = 1, 2, 3
+LAMP_RADIUS = 0.12
+"""Half the size of a lamp [m]."""
+
+CYLINDER, BALL, CUSHION, SHELL = 1, 2, 3, 4
 
 
 @nb.njit(cache=True)
@@ -29,16 +34,24 @@ def locate(
     centres,
     sizes,
     shapes,
+    first,
+    corners,
+    corner_normals,
+    corner_uv,
+    density,
     depths,
     places,
     normals,
     feet,
+    uv,
 ):
     """Exact meeting points of rays and the planes of the triangles they hit.
 
     `planes` holds each triangle's unit normal and its offset. Writes the depths in lengths of the direction (so that a
     direction of camera z = 1 gives z-depth; 0 where nothing was hit), the places, the shading normals (towards the ray's
-    origin, smooth on round shapes), and the width of a pixel there, where `spread` is its width at depth 1.
+    origin, smooth on round shapes), the width of a pixel there, where `spread` is its width at depth 1, and on shells the
+    texture coordinates and a pixel's width in them. Shells' triangles start at `first`; of each there are the corners, the
+    normals and texture coordinates at them, and the coordinates' density.
     """  # fmt: skip
     for r in range(len(triangles)):
         triangle = triangles[r]
@@ -56,7 +69,25 @@ def locate(
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         part = owners[triangle]
         shape = shapes[part]
-        if shape != 0:
+        foot = spread * depth * length / max(abs(approach) / length, 0.2)
+        if shape == SHELL:
+            own = triangle - first
+            b, c = barycentric(corners[own], x, y, z)
+            a = 1 - b - c
+            uv[r, 0] = a * corner_uv[own, 0, 0] + b * corner_uv[own, 1, 0] + c * corner_uv[own, 2, 0]
+            uv[r, 1] = a * corner_uv[own, 0, 1] + b * corner_uv[own, 1, 1] + c * corner_uv[own, 2, 1]
+            uv[r, 2] = foot * density[own]
+            if approach > 0:
+                nx, ny, nz = -nx, -ny, -nz
+            sx = a * corner_normals[own, 0, 0] + b * corner_normals[own, 1, 0] + c * corner_normals[own, 2, 0]
+            sy = a * corner_normals[own, 0, 1] + b * corner_normals[own, 1, 1] + c * corner_normals[own, 2, 1]
+            sz = a * corner_normals[own, 0, 2] + b * corner_normals[own, 1, 2] + c * corner_normals[own, 2, 2]
+            norm = math.sqrt(sx * sx + sy * sy + sz * sz)
+            if approach > 0:
+                norm = -norm
+            if abs(norm) > 0.5 and (sx * dx + sy * dy + sz * dz) / norm < 0:
+                nx, ny, nz = sx / norm, sy / norm, sz / norm
+        elif shape != 0:
             turn = rotations[part]
             ax, ay, az = x - centres[part, 0], y - centres[part, 1], z - centres[part, 2]
             lx = turn[0, 0] * ax + turn[1, 0] * ay + turn[2, 0] * az
@@ -82,16 +113,33 @@ def locate(
         if shape == 0 and facing > 0:
             nx, ny, nz = -nx, -ny, -nz
         normals[r, 0], normals[r, 1], normals[r, 2] = nx, ny, nz
-        feet[r] = spread * depth * length / max(abs(approach) / length, 0.2)
+        feet[r] = foot
 
 
 @nb.njit(cache=True)
-def towards_light(light, triangles, places, normals, origins, ways, strength):
+def barycentric(corners, x, y, z):
+    """Weights of the second and third corner at a point of a triangle [3 3]."""
+    ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
+    ex, ey, ez = corners[1, 0] - ax, corners[1, 1] - ay, corners[1, 2] - az
+    fx, fy, fz = corners[2, 0] - ax, corners[2, 1] - ay, corners[2, 2] - az
+    px, py, pz = x - ax, y - ay, z - az
+    ee, ef, ff = ex * ex + ey * ey + ez * ez, ex * fx + ey * fy + ez * fz, fx * fx + fy * fy + fz * fz
+    pe, pf = px * ex + py * ey + pz * ez, px * fx + py * fy + pz * fz
+    area = max(ee * ff - ef * ef, 1e-30)
+    return (ff * pe - ef * pf) / area, (ee * pf - ef * pe) / area
+
+
+@nb.njit(cache=True)
+def towards_light(light, triangles, places, normals, width, origins, ways, strength):
     """Rays from places to one light and how much of it arrives if nothing is between (0 where it cannot).
 
-    Rays start 4 mm off the surface and end, at length 1, 3 % before the light.
+    Rays start 4 mm off the surface and end, at length 1, 3 % before the light, each pixel's at another place of it, so that
+    shadows can be smoothed (`light_kernels.smooth`); `width` is the number of pixels in a row.
     """
     kind = int(light[0])
+    across_x, across_y, up = (
+        (light[10], light[11], light[13]) if kind == WINDOW else (LAMP_RADIUS, LAMP_RADIUS, LAMP_RADIUS)
+    )
     for r in range(len(triangles)):
         strength[r] = 0.0
         if triangles[r] < 0:
@@ -126,6 +174,9 @@ def towards_light(light, triangles, places, normals, origins, ways, strength):
                 emitted = -(light[7] * wx + light[8] * wy + light[9] * wz) / distance
                 falloff *= max(emitted, 0.0) * 0.85 + 0.15
                 cosine = 0.8 * cosine + 0.2
+            side, height = stratum(r, width, 0, 1)
+            side, height = 1.8 * side - 0.9, 1.8 * height - 0.9
+            wx, wy, wz = wx + side * across_x, wy + side * across_y, wz + height * up
         if cosine <= 0:
             continue
         strength[r] = cosine * falloff
@@ -184,15 +235,15 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
 
 @nb.njit(cache=True)
 def shade(
-    triangles, directions, places, normals, feet, owners, rotations, centres, sizes, materials, shifts,
-    lights, strengths, seen, ambient, field, corner, step, darkening, colours,
+    triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
+    lights, strengths, round_about, seen, colours,
 ):  # fmt: skip
     """Write the linear RGB radiance that comes back along each ray into `colours` [r 3].
 
-    Albedo times (ambient light, darkened near other surfaces, plus every light that is seen; a quarter of a light that is
-    not, for what comes round by the walls), plus a soft highlight on glossy materials, plus what the material emits.
+    Albedo times (what light comes round, `round_about` [r 3], plus every light by the share of it that is seen [r l], and a
+    fifth of what is not, for what comes by the walls), plus a soft highlight on glossy materials; or what the material emits.
     """
-    albedo = np.empty(3)
+    albedo, local, facing = np.empty(3), np.empty(3), np.empty(3)
     for r in range(len(triangles)):
         if triangles[r] < 0:
             colours[r, 0] = colours[r, 1] = colours[r, 2] = 0.0
@@ -215,32 +266,33 @@ def shade(
             u, v = y, z
         else:
             u, v = x, z
-        texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
+        if material[KIND] == PICTURE:
+            local[0], local[1], local[2] = x, y, z
+            facing[0], facing[1], facing[2] = mx, my, mz
+            picture(
+                pixels, table, material, local, facing, sizes[part], directions[r], uv[r], feet[r], shifts[part], albedo
+            )
+        else:
+            texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
 
-        shadow = 0.0
-        for tap in range(1, 5):
-            height = 0.09 * tap
-            free = clearance(field, corner, step, px + height * nx, py + height * ny, pz + height * nz)
-            shadow += max(height - free, 0.0) / height
-        open_share = 1 - darkening * min(shadow / 4, 1.0)
         up = 0.85 + 0.15 * nz
         dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         highlight = 0.0
         for k in range(3):
-            colours[r, k] = albedo[k] * ambient[k] * open_share * up
+            colours[r, k] = albedo[k] * round_about[r, k] * up
         for number in range(len(lights)):
             if strengths[number, r] == 0.0:
                 continue
-            share = 1.0 if seen[number, r] else (0.0 if lights[number, 0] == SUN else 0.25 * open_share)
-            arriving = strengths[number, r] * share
+            spill = 0.0 if lights[number, 0] == SUN else 0.2
+            arriving = strengths[number, r] * (spill + (1 - spill) * seen[r, number])
             if material[GLOSS] > 0 and lights[number, 0] != SUN:
                 wx, wy, wz = lights[number, 1] - px, lights[number, 2] - py, lights[number, 3] - pz
                 norm = math.sqrt(wx * wx + wy * wy + wz * wz) + 1e-9
                 bx, by, bz = wx / norm - dx / length, wy / norm - dy / length, wz / norm - dz / length
                 norm = math.sqrt(bx * bx + by * by + bz * bz) + 1e-9
                 cosine = max((bx * nx + by * ny + bz * nz) / norm, 0.0)
-                highlight = material[GLOSS] * 0.5 * cosine**40
+                highlight = material[GLOSS] * 0.5 * cosine**40 * seen[r, number]
             for k in range(3):
                 colours[r, k] += (albedo[k] + highlight) * lights[number, 4 + k] * arriving
         if material[EMISSION] > 0:

@@ -9,6 +9,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
 from semgs.data.classes import IGNORE, SCANNET20
+from semgs.rooms.assets.library import Library
 from semgs.rooms.stream import sample
 from semgs.rooms.style import Style
 
@@ -19,13 +20,18 @@ LEGEND_PX = 20
 
 
 def contact_sheet(
-    seed: int, style: Style = "home", *, done: Callable[[int], None] = lambda count: None
+    seed: int,
+    style: Style = "home",
+    library: Library | None = None,
+    *,
+    done: Callable[[int], None] = lambda count: None,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """48 frames of 48 rooms, eight rows of six, each with its labels to its right, over a legend of the classes.
 
     Args:
         seed: the stream of rooms, of which the first 48 are shown.
         style: the world that they are of.
+        library: meshes and pictures to draw from, None for none.
         done: told how many frames are drawn, after each.
 
     Raises:
@@ -36,7 +42,7 @@ def contact_sheet(
     colours[: len(SCANNET20)] = SCANNET20.colours
     tiles = []
     for index in range(FRAMES):
-        views, _ = sample(seed, index, size=FRAME_SIZE, contexts=1, targets=0, style=style)
+        views, _ = sample(seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style)
         assert views.labels is not None
         picture = (views.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
         tiles.append(np.concatenate((picture, colours[views.labels[0].numpy()]), axis=1))

@@ -14,12 +14,14 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from semgs.rooms.materials import Row
+from semgs.rooms.shells import Shell
 
 Triple = tuple[float | int, float | int, float | int]
 """A place or a size (x, y, z) [m]."""
 
-BOX, CYLINDER, BALL, CUSHION = range(4)
-"""Shapes, each filling its size: a cuboid; an upright elliptic cylinder; an ellipsoid; |x|^4 + |y|^4 + |z|^4 = 1."""
+BOX, CYLINDER, BALL, CUSHION, SHELL = range(5)
+"""Shapes, each filling its size: a cuboid; an upright elliptic cylinder; an ellipsoid; |x|^4 + |y|^4 + |z|^4 = 1; triangles of
+its own."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,10 @@ class Part:
         material: a row for the texture kernels.
         centre: in the frame of its piece, or of the room [m].
         size: full extents along its own axes [m].
-        shape: BOX, CYLINDER, BALL or CUSHION.
+        shape: BOX, CYLINDER, BALL, CUSHION or SHELL.
         yaw: turn about z, and
         tilt: turn about its own x, applied before the yaw [rad].
+        shell: the triangles of a SHELL, about its centre.
     """
 
     label: int
@@ -43,6 +46,7 @@ class Part:
     shape: int = BOX
     yaw: float = 0.0
     tilt: float = 0.0
+    shell: Shell | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ class Solids:
         rotations: axes of each part in the room (columns).
         centres: [m].
         sizes: full extents [m].
-        shapes: BOX, CYLINDER, BALL or CUSHION.
+        shapes: BOX, CYLINDER, BALL, CUSHION or SHELL.
         labels: class of each part, 255 = ignore.
         materials: rows for the texture kernels.
     """
@@ -132,7 +136,7 @@ def gather(parts: Sequence[Part]) -> Solids:
 def triangulate(
     solids: Solids,
 ) -> tuple[Float64[np.ndarray, "t 3 3"], Int64[np.ndarray, " t"]]:
-    """Corners of all triangles in the room [m], and the part each belongs to."""
+    """Corners of all triangles in the room but those of shells [m], and the part each belongs to."""
     corners, owners = [], []
     for shape in range(4):
         which = np.flatnonzero(solids.shapes == shape)

@@ -15,6 +15,7 @@ from torch.utils.data import Dataset
 
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.geometry.cameras import Cameras
+from semgs.rooms.assets.library import Library
 from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
 from semgs.rooms.room import Room, build_room
@@ -29,7 +30,14 @@ Count = int | tuple[int, int]
 
 
 def sample(
-    seed: int, index: int, *, size: tuple[int, int], contexts: int, targets: int, style: Style = "home"
+    seed: int,
+    index: int,
+    *,
+    size: tuple[int, int],
+    contexts: int,
+    targets: int,
+    library: Library | None = None,
+    style: Style = "home",
 ) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 
@@ -42,10 +50,12 @@ def sample(
         size: image (height, width) [px].
         contexts: number of context views, at least 1.
         targets: number of target views, may be 0.
+        library: meshes and pictures to draw from, None for none.
         style: the world that the room is of.
 
     Raises:
-        ValueError: a count or a side is too small, or seed or index is negative.
+        ValueError: a count or a side is too small, seed or index is negative, or the style takes no library.
+        InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
     if contexts < 1 or targets < 0 or min(size) < 1:
@@ -54,7 +64,7 @@ def sample(
             "of targets and positive sides"
         )
     rng = generator(seed, index)
-    room = build_room(rng, style)
+    room = build_room(rng, library, style)
     intrinsics = draw_intrinsics(rng, size)
     span = (contexts - 1) / 2
     gap = float(rng.integers(1, 5))
@@ -124,6 +134,7 @@ class RoomSamples(Dataset):
         length: number of samples.
         group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
             size of a batch that is filled in order.
+        library: meshes and pictures to draw from, None for none.
         style: the world that the rooms are of.
 
     Raises:
@@ -138,9 +149,11 @@ class RoomSamples(Dataset):
         targets: Count,
         length: int,
         group: int = 1,
+        library: Library | None = None,
         style: Style = "home",
     ) -> None:
-        self.seed, self.size, self.length, self.group, self.style = seed, size, length, group, style
+        self.seed, self.size, self.length, self.group = seed, size, length, group
+        self.library, self.style = library, style
         self.contexts, self.targets = ranged(contexts), ranged(targets)
         if length < 1 or group < 1:
             raise ValueError(f"length is {length} and group {group}; expected positive numbers")
@@ -158,7 +171,9 @@ class RoomSamples(Dataset):
             IndexError: k is not in 0 .. length - 1.
         """
         contexts, targets = self.counts(k)
-        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets, style=self.style)
+        return sample(
+            self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library, style=self.style
+        )
 
     def counts(self, k: int) -> tuple[int, int]:
         """How many context and target views sample k has.

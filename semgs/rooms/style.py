@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-Style = Literal["home", "plain"]
-"""`home` is furnished as people live; `plain` is boxes with noise textures, the baseline."""
+Style = Literal["home", "plain", "other"]
+"""`home` is furnished as people live; `plain` is boxes with noise textures, the baseline; `other` is a second world, held out:
+choices are made by it and nothing is trained in it."""
 
 STYLES: tuple[Style, ...] = get_args(Style)

@@ -28,7 +28,15 @@ VARIATION = 21
 TINT = 22
 """Strength of the colour noise (the rest is brightness noise)."""
 
-PLAIN, STRIPES, CHECKER, TILES, WOOD, PLANKS, WEAVE, MARBLE, DOTS, BOOKS, LANDSCAPE, ABSTRACT, OUTDOOR = range(13)
+PLAIN, STRIPES, CHECKER, TILES, WOOD, PLANKS, WEAVE, MARBLE, DOTS, BOOKS, LANDSCAPE, ABSTRACT, OUTDOOR, PICTURE = range(
+    14
+)
+
+
+PICTURE_NUMBER, MAPPING, AZIMUTH = SEED, DUTY, COLOUR_C
+"""Of a PICTURE (see `picture_kernels`): which of the room's; how it lies on the part; for views, what is turned to the x axis
+[shares of its width]. Colour A multiplies it, SCALE is the width of a tile [m] or of a view [rad], ASPECT its height as a
+multiple of that, AXIS the part's axis along which its rows run (-1: whichever)."""
 
 
 @nb.njit(cache=True, inline="never")

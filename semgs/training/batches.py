@@ -9,6 +9,8 @@ from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Batch, stack
 from semgs.data.workers import settle_worker
+from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.splits import Split
 from semgs.rooms.pool import PooledSamples
 from semgs.rooms.stream import RoomSamples
 from semgs.training.settings import VALIDATION_SEED, TrainingSettings
@@ -38,19 +40,24 @@ class RoomBatches(Dataset):
 def training_batches(settings: TrainingSettings, start: int, workers: int, pool: Path) -> Iterable[Batch]:
     """The batches of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
 
-    Scenes that serve several samples are kept in the folder `pool`, which is made if it is needed.
+    Scenes that serve several samples are kept in the folder `pool`, which is made if it is needed. Assets are taken as they are;
+    `semgs.rooms.assets.lock.verify` checks them.
+
+    Raises:
+        InputError: the folder of assets is none.
     """
+    library = _library(settings, "training")
     length = settings.steps * settings.batch
     samples: RoomSamples | PooledSamples
     if settings.scene_reuse > 1:
         samples = PooledSamples(
             pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
-            served=settings.scene_reuse, group=settings.batch, style=settings.style,
+            served=settings.scene_reuse, group=settings.batch, library=library, style=settings.style,
         )  # fmt: skip
     else:
         samples = RoomSamples(
             settings.seed, settings.size, settings.contexts, settings.targets, length,
-            group=settings.batch, style=settings.style,
+            group=settings.batch, library=library, style=settings.style,
         )  # fmt: skip
     rooms = RoomBatches(samples, settings.batch)
     return DataLoader(
@@ -72,6 +79,15 @@ def validation_batches(settings: TrainingSettings) -> list[Batch]:
     if not count:
         return []
     rooms = RoomBatches(
-        RoomSamples(VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, length=count), scenes=1
-    )
+        RoomSamples(
+            VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, length=count,
+            library=_library(settings, "validation"),
+        ),
+        scenes=1,
+    )  # fmt: skip
     return [rooms[index] for index in range(count)]
+
+
+def _library(settings: TrainingSettings, split: Split) -> Library | None:
+    """The assets of one split, not checked again."""
+    return None if settings.assets is None else Library(settings.assets, split, check=False)

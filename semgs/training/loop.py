@@ -29,6 +29,7 @@ from semgs.data.views import Batch
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.pictures import write_png
+from semgs.rooms.assets.lock import verify
 from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
 from semgs.training.log import RunLog
@@ -81,9 +82,11 @@ def train(
 
     Raises:
         ValueError: the folder holds a run of other settings.
-        InputError: it holds something else, or the state of another network, or the weights to start from do not fit.
+        InputError: it holds something else, the assets are missing or altered, or the state of another network, or the weights to start from do not fit.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
+    if settings.assets is not None:
+        verify(settings.assets)
     claim(out, settings)
     model = load(settings.model, settings.weights, seed=settings.seed).to(device)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)

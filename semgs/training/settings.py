@@ -81,7 +81,9 @@ class TrainingSettings:
     """Samples that a scene serves on average: 1 draws a room for each; more takes them from scenes of twelve frames that are kept
     in RUN/rooms, which costs less and shows fewer rooms."""
     style: Style = "home"
-    """The world that the rooms of the training are of; validation rooms are always homes."""
+    """The world that the rooms of the training are of: home or plain; other is held out. Validation rooms are always homes."""
+    assets: str | None = None
+    """Folder of meshes and pictures for the rooms, see semgs rooms --help; validation rooms get pieces that no training sees."""
     validate_every: int = 1000
     """Steps between validations."""
     validation_scenes: int = 16
@@ -105,6 +107,8 @@ class TrainingSettings:
                 self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo.SEED),
                 f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",
             ),
+            "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
+            "assets": (self.assets is None or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }

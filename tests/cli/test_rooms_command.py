@@ -44,6 +44,9 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--workers", "-1"], "--workers is -1"),
         (["OUT", "--style", "castle"], "castle"),
         (["OUT", "--render", "painted"], "painted"),
+        (["OUT", "--assets", "/nowhere/at/all"], "no such folder"),
+        (["OUT", "--assets", "EMPTY"], "missing"),
+        (["OUT", "--assets", "EMPTY", "--style", "plain"], "one that uses assets: home, other"),
         ([], "expected a folder"),
         (["--sheet", "sheet.jpg"], "ends in .png"),
         (["--sheet", "/nowhere/at/all/sheet.png"], "a folder that is there"),
@@ -52,7 +55,9 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
 def test_what_cannot_be_ends_with_2_and_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ) -> None:
-    given = [str(tmp_path / "out") if word == "OUT" else word for word in arguments]
+    (tmp_path / "empty").mkdir()
+    folders = {"OUT": str(tmp_path / "out"), "EMPTY": str(tmp_path / "empty")}
+    given = [folders.get(word, word) for word in arguments]
     assert main(["rooms", *given]) == 2
     err = capsys.readouterr().err
     assert told in err

@@ -1,6 +1,7 @@
 import errno
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.rooms import dataset
+from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.lock import make_lock
 from semgs.rooms.dataset import Recipe, write_dataset
 
 RECIPE = Recipe(seed=11, size=(36, 48), frames=3)
@@ -111,6 +114,26 @@ def test_a_full_disk_is_told_as_such_and_leaves_no_half_scene(tmp_path, monkeypa
         write_dataset(tmp_path / "full", RECIPE, 1)
     assert caught.value.errno == errno.ENOSPC
     assert [path.name for path in (tmp_path / "full").iterdir()] == [dataset.SETTINGS]
+
+
+def test_scenes_with_assets_name_them_and_are_not_mixed_with_others(asset_folder, tmp_path, monkeypatch):
+    """The folder of the assets may move; the lock that they satisfy is part of the recipe."""
+    rows = make_lock(asset_folder)
+    monkeypatch.setattr("semgs.rooms.assets.lock.read_lock", lambda path=None: rows)
+    recipe = Recipe(seed=11, size=(24, 32), frames=2, library=Library(asset_folder))
+    moved = shutil.copytree(asset_folder, tmp_path / "moved")
+    write_dataset(tmp_path / "one", recipe, 3)
+    write_dataset(tmp_path / "two", replace(recipe, library=Library(moved)), 3)
+    assert tree(tmp_path / "one") == tree(tmp_path / "two")
+    used = set()
+    for room in (tmp_path / "one").glob("scene_*/room.json"):
+        used |= set(json.loads(room.read_text())["assets"])
+    text = (tmp_path / "one" / "ATTRIBUTION.md").read_text()
+    assert used
+    assert all(f"`{row.file}`" in text for row in rows if row.file in used)
+    assert not any(f"`{row.file}`" in text for row in rows if row.file not in used)
+    with pytest.raises(ValueError, match=r"assets is lock [0-9a-f]{16} there, None asked"):
+        write_dataset(tmp_path / "one", replace(recipe, library=None), 3)
 
 
 @pytest.mark.long

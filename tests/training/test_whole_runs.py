@@ -11,13 +11,15 @@ from pathlib import Path
 import pytest
 import torch
 
+from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
-from semgs.rooms.stream import sample
+from semgs.rooms.stream import RoomSamples, sample
+from semgs.training import batches
 from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
 from semgs.training.run import export_weights
-from semgs.training.settings import TrainingSettings
+from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 from semgs.weights.file import read_header
 from semgs.weights.load import load
 
@@ -148,3 +150,38 @@ def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
     assert torch.equal(whole[2].context.images, last.context.images)
     assert torch.equal(whole[2].target.labels, last.target.labels)
     assert {path.name[:6] for path in (tmp_path / "one").iterdir()} == {"scene_"}
+
+
+def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypatch):
+    for name in ("catalog.json", "textures.json"):
+        (tmp_path / name).write_text("[]")
+    splits = {}
+
+    class Watched(RoomSamples):
+        def __init__(self, seed, *given, library=None, **named):
+            splits[seed] = library and library.split
+            super().__init__(seed, *given, library=library, **named)
+
+    monkeypatch.setattr(batches, "RoomSamples", Watched)
+    settings = TrainingSettings(
+        model="small", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=str(tmp_path)
+    )
+    training_batches(settings, 0, workers=0, pool=Path("unused"))
+    validation_batches(settings)
+    assert splits == {settings.seed: "training", VALIDATION_SEED: "validation"}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [({"style": "other"}, "held out"), ({"style": "plain", "assets": "x"}, "none in rooms of style plain")],
+)
+def test_worlds_that_no_training_may_see_are_refused(change, told):
+    with pytest.raises(ValueError, match=told):
+        TrainingSettings(model="small", steps=1, **change)
+
+
+def test_assets_that_are_not_there_end_a_training_before_it_makes_its_folder(tmp_path):
+    settings = TrainingSettings(model="small", steps=1, assets=str(tmp_path / "none"))
+    with pytest.raises(InputError, match="no such folder"):
+        train(settings, tmp_path / "run")
+    assert not (tmp_path / "run").exists()

@@ -1,0 +1,206 @@
+"""The catalogue of a folder of assets: what each mesh and each picture is, and which of them rooms may use."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from semgs.files.errors import InputError
+
+EXCLUDED = {
+    "kenney_bookcaseopen": "a ladder rather than a bookshelf",
+    "kenney_bookcaseopenlow": "a trestle rather than a bookshelf",
+    "ph_painted_wooden_shelves": "a holder for a wall, not a bookshelf",
+    "qt_shelf_small1": "a box for a wall, not a bookshelf",
+    "qt_shelf_small2": "a box for a wall, not a bookshelf",
+    "qt_shelf_small3": "a box for a wall, not a bookshelf",
+    "ph_wooden_display_shelves_01": "its front is on its side",
+    "bp_dwr_matera_dresser2": "its front is on its side",
+    "bp_cb_tecs_baked": "its front is on its side",
+    "bp_cb_clapboard_baked": "a television is part of the mesh",
+    "bp_cb_moore_baked": "a television is part of the mesh",
+    "bp_open_door": "a frame without a leaf",
+    "bp_whitewindow": "its panes cannot be told from its frame",
+    "kenney_wallwindow": "edges of a wall are part of the mesh",
+    "kenney_wallwindowslide": "edges of a wall are part of the mesh",
+    "kenney_kitchencabinetcornerinner": "a corner, which the plans have not",
+    "kenney_kitchencabinetcornerround": "a corner, which the plans have not",
+    "qt_window_round1": "the wall would be missing beside its arch",
+    "qt_window_round2": "the wall would be missing beside its arch",
+    "qt_window_round3": "the wall would be missing beside its arch",
+    "khronos_avocado": "30 cm long",
+}
+"""Meshes that are not what their class says or that rooms cannot hold, and why."""
+
+TOYS = ("kkf_", "kkr_")
+"""Makers whose furniture has a toy's proportions; their clutter stays."""
+
+STOOL = "stool"
+"""A subtype under chair that ScanNet's annotators do not call a chair; left out."""
+
+FOOTREST_DEPTH = 1.2
+"""Generated sofas and armchairs deeper than this have their footrest out; left out [m]."""
+
+
+@dataclass(frozen=True)
+class MeshRow:
+    """One piece of the catalogue, in a file of its own: metres, z up, base on z = 0, centred in x and y, front = -y.
+
+    Attributes:
+        name: unique.
+        label: ScanNet-20 class, or "clutter" (ignored).
+        subtype: finer kind, such as "office_chair".
+        file: of the mesh, in the folder.
+        extents: width (x), depth (y), height (z) [m].
+        mount: "floor", "wall", "surface" or "ceiling".
+        textured: whether it has pictures; others are flat-coloured.
+        parts: class of each node that has another one than the whole.
+        licence, author, source, commit, path: where it comes from.
+    """
+
+    name: str
+    label: str
+    subtype: str
+    file: str
+    extents: tuple[float, float, float]
+    mount: str
+    textured: bool
+    parts: tuple[tuple[str, str], ...]
+    licence: str
+    author: str
+    source: str
+    commit: str
+    path: str
+
+
+@dataclass(frozen=True)
+class PictureRow:
+    """One picture of the catalogue.
+
+    Attributes:
+        name: unique.
+        kind: "wood_floor", "painting", "outdoor", ...
+        file: in the folder.
+        size: width, height [px].
+        tileable: whether it repeats without a seam.
+        tile: width of one tile [m], None where unknown.
+        licence, author, source, commit, path: where it comes from.
+    """
+
+    name: str
+    kind: str
+    file: str
+    size: tuple[int, int]
+    tileable: bool
+    tile: float | None
+    licence: str
+    author: str
+    source: str
+    commit: str
+    path: str
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """All rows of a folder, in its order."""
+
+    meshes: tuple[MeshRow, ...]
+    pictures: tuple[PictureRow, ...]
+
+
+def read_catalogue(folder: str | Path) -> Catalogue:
+    """Read `catalog.json` and `textures.json` of a folder; the files that they name are not opened.
+
+    Raises:
+        InputError: the folder or one of the two is missing or not of that form, or a name occurs twice.
+    """
+    folder = Path(folder)
+    meshes = tuple(_mesh(folder / "catalog.json", row) for row in _rows(folder / "catalog.json"))
+    pictures = tuple(_picture(folder / "textures.json", row) for row in _rows(folder / "textures.json"))
+    for path, names in (
+        (folder / "catalog.json", [row.name for row in meshes]),
+        (folder / "textures.json", [row.name for row in pictures]),
+    ):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(path, "names that occur once", f"{twice[0]} twice", key="name")
+    return Catalogue(meshes, pictures)
+
+
+def usable(row: MeshRow) -> bool:
+    """Whether a mesh is what its class says: the known faults of the collection are left out."""
+    footrest = row.name.startswith(("ig_sofa", "ig_armchair")) and row.extents[1] > FOOTREST_DEPTH
+    toy = row.name.startswith(TOYS) and row.label != "clutter"
+    return row.name not in EXCLUDED and row.subtype != STOOL and not footrest and not toy
+
+
+def _rows(path: Path) -> list[dict]:
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            path, "the list of a folder of assets", "no such file", advice="give the folder that holds it"
+        ) from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(path, "JSON", str(error)) from None
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise InputError(path, "a list of objects", type(rows).__name__)
+    return rows
+
+
+def _mesh(path: Path, row: dict) -> MeshRow:
+    try:
+        x, y, z = (float(side) for side in row["extents_m"])
+        return MeshRow(
+            name=str(row["name"]),
+            label=str(row["class"]),
+            subtype=str(row["subtype"]),
+            file=_inside(row["file"]),
+            extents=(x, y, z),
+            mount=str(row["mount"]),
+            textured=bool(row["textured"]),
+            parts=tuple((str(node), str(label)) for node, label in row.get("part_classes", {}).items()),
+            **_origin(row),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _unreadable(path, row, error) from None
+
+
+def _picture(path: Path, row: dict) -> PictureRow:
+    try:
+        width, height = (int(side) for side in row["size"])
+        return PictureRow(
+            name=str(row["name"]),
+            kind=str(row["kind"]),
+            file=_inside(row["file"]),
+            size=(width, height),
+            tileable=bool(row["tileable"]),
+            tile=float(row["tile_cm"]) / 100 if row.get("tile_cm") else None,
+            **_origin(row),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _unreadable(path, row, error) from None
+
+
+def _origin(row: dict) -> dict[str, str]:
+    return {
+        "licence": str(row["licence"]),
+        "author": str(row.get("author") or ""),
+        "source": str(row["source_repo"]),
+        "commit": str(row["commit"]),
+        "path": str(row["path"]),
+    }
+
+
+def _inside(file: str) -> str:
+    """The file's name, which must not lead out of the folder."""
+    if Path(file).is_absolute() or ".." in Path(file).parts:
+        raise ValueError(f"file {file!r} leads out of the folder")
+    return file
+
+
+def _unreadable(path: Path, row: dict, error: Exception) -> InputError:
+    return InputError(
+        path, "rows with name, file, licence and the like", f"{type(error).__name__}: {error}", key=str(row.get("name"))
+    )

@@ -1,0 +1,215 @@
+"""A folder of assets at hand: the rows of one split by what they are good for, and their contents, read once and kept."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32
+
+from semgs.rooms.assets.catalogue import MeshRow, PictureRow, read_catalogue, usable
+from semgs.rooms.assets.glb import Primitive, read_glb
+from semgs.rooms.assets.lock import verify
+from semgs.rooms.assets.pictures import Pyramid, decode
+from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
+from semgs.rooms.shells import corner_normals
+
+T = TypeVar("T")
+
+MEMORY = 256 << 20
+"""How much of what was read is kept [bytes]."""
+
+PANE_WIDTH = 0.12
+"""Flat triangles of windows that are wider than this are panes [m]."""
+DRAPES = ("cloth", "curtain", "couch")
+"""Words in the names of materials of drapes; the rest are rods."""
+
+SPLIT_OF_STYLE: dict[str, Split] = {"home": "training", "other": "other"}
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What a mesh has of one material, turned into the frame of our own furniture: front = +y.
+
+    Attributes:
+        label: class of this part, None for that of the whole.
+        material: the material's name.
+        colour: linear RGB that the picture is multiplied with.
+        picture: None if there is none.
+        clear: whether it is glass.
+        corners: [m].
+        normals: unit normals at the corners.
+        uv: texture coordinates at the corners.
+    """
+
+    label: str | None
+    material: str
+    colour: tuple[float, float, float]
+    picture: Pyramid | None
+    clear: bool
+    corners: Float32[np.ndarray, "t 3 3"]
+    normals: Float32[np.ndarray, "t 3 3"]
+    uv: Float32[np.ndarray, "t 3 2"]
+
+
+class Library:
+    """The meshes and pictures of one split of a folder.
+
+    What is read stays in memory up to a bound, the least recently used leaves first; a copy sent to another process starts
+    empty.
+
+    Args:
+        folder: with `catalog.json` and `textures.json`.
+        split: "training", "validation" or "other".
+        check: verify every file against the lock of the package; leave it out only where that was done before.
+        memory: what may be kept [bytes].
+
+    Raises:
+        InputError: the folder is none, or a file is missing or altered.
+    """
+
+    def __init__(
+        self, folder: str | Path, split: Split = "training", *, check: bool = True, memory: int = MEMORY
+    ) -> None:
+        self.folder, self.split, self.memory = Path(folder), split, memory
+        if check:
+            verify(self.folder)
+        catalogue = read_catalogue(self.folder)
+        meshes = [row for row in catalogue.meshes if usable(row)]
+        mesh_lists, picture_lists = split_meshes(meshes), split_pictures(catalogue.pictures)
+        self.meshes = tuple(row for row in meshes if mesh_lists[row.name] == split)
+        self.pictures = tuple(row for row in catalogue.pictures if picture_lists[row.name] == split)
+        self._kept: OrderedDict[str, tuple[Any, int]] = OrderedDict()
+        self._size = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_kept": OrderedDict(), "_size": 0}
+
+    def of_kind(self, *kinds: str) -> list[PictureRow]:
+        """The pictures of some kinds."""
+        return [row for row in self.pictures if row.kind in kinds]
+
+    def panels(self, row: MeshRow) -> tuple[Panel, ...]:
+        """The contents of a mesh.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        return self._remembered(row.name, lambda: _panels(self.folder / row.file, row), _weight)
+
+    def pyramid(self, row: PictureRow, upright: bool = True) -> Pyramid:
+        """The contents of a picture; if not upright, with columns and rows exchanged where its grain runs along columns.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+
+        def read() -> Pyramid:
+            return _lying(decode((self.folder / row.file).read_bytes(), self.folder / row.file), upright)
+
+        return self._remembered(f"{row.kind}/{row.name}/{upright}", read, lambda p: p.pixels.nbytes)
+
+    def _remembered(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key][0]
+        value = make()
+        weight = weigh(value)
+        self._kept[key] = value, weight
+        self._size += weight
+        while self._size > self.memory and len(self._kept) > 1:
+            self._size -= self._kept.popitem(last=False)[1][1]
+        return value
+
+
+def open_library(folder: str | Path, style: str = "home", *, check: bool = True) -> Library:
+    """The assets that rooms of a style may use: the training third of `home`, the held-out third of `other`.
+
+    Raises:
+        ValueError: there is no such style, or it uses no assets.
+        InputError: as `Library`.
+    """
+    if style not in SPLIT_OF_STYLE:
+        raise ValueError(f"style {style!r}; expected one that uses assets: {', '.join(SPLIT_OF_STYLE)}")
+    return Library(folder, SPLIT_OF_STYLE[style], check=check)
+
+
+def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
+    labels = dict(row.parts)
+    panels = []
+    primitives = read_glb(path)
+    turned = [p.vertices[p.faces] * np.array([-1, -1, 1], np.float32) for p in primitives]
+    side = _fuller_side(primitives, turned)
+    for primitive, corners in zip(primitives, turned, strict=True):
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
+        whole = (area > 1e-10) & _wanted(row, primitive, corners, side)
+        if not whole.any():
+            continue
+        corners = corners[whole]
+        uv = primitive.uv[primitive.faces]
+        picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
+        panels.append(
+            Panel(
+                labels.get(primitive.name),
+                primitive.material,
+                primitive.colour,
+                picture,
+                primitive.clear,
+                corners,
+                corner_normals(corners),
+                uv[whole],
+            )
+        )
+    return tuple(panels)
+
+
+def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "t 3 3"]]) -> int:
+    """Where a pair of drapes has more cloth: 1 at positive x, else -1."""
+    cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, turned, strict=True) if _is_cloth(p)]
+    return 1 if cloth and (np.concatenate(cloth) > 0).mean() >= 0.5 else -1
+
+
+def _is_cloth(primitive: Primitive) -> bool:
+    return any(word in primitive.material.lower() for word in DRAPES)
+
+
+def _wanted(
+    row: MeshRow, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
+) -> Bool[np.ndarray, " t"]:
+    """Which triangles rooms take: of curtains one drape without its rod, of windows all but the panes."""
+    name = primitive.material.lower()
+    if row.label == "curtain" and row.subtype == "curtain":
+        return (side * corners[..., 0].mean(axis=1) > 0) & _is_cloth(primitive)
+    if row.label == "window":
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(normals, axis=-1)
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+        pane = (np.abs(normals[:, 1]) > 0.95 * area) & (area > PANE_WIDTH * longest)
+        return ~pane & (not primitive.clear and "glass" not in name)
+    return np.ones(len(corners), bool)
+
+
+def _weight(panels: tuple[Panel, ...]) -> int:
+    return sum(p.corners.nbytes * 2 + p.uv.nbytes + (p.picture.pixels.nbytes if p.picture else 0) for p in panels)
+
+
+def _lying(upright: Pyramid, keep: bool) -> Pyramid:
+    """A picture whose grain runs along its rows."""
+    if keep:
+        return upright
+    width, height = upright.size
+    grey = upright.pixels[: width * height].mean(axis=1).reshape(height, width)
+    if np.abs(np.diff(grey, axis=1)).mean() <= np.abs(np.diff(grey, axis=0)).mean():
+        return upright
+    levels, start = [], 0
+    while start < len(upright.pixels):
+        level = upright.pixels[start : start + width * height].reshape(height, width, 3)
+        levels.append(cv2.transpose(level).reshape(-1, 3))
+        start += width * height
+        width, height = max(1, width // 2), max(1, height // 2)
+    return Pyramid(np.concatenate(levels), (upright.size[1], upright.size[0]))

@@ -1,0 +1,176 @@
+"""The lock: which file of a folder of assets is from where, under which licence, and what its bytes are."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+from semgs.rooms.assets.catalogue import MeshRow, PictureRow, read_catalogue
+
+NAME = "lock.json"
+LISTS = ("catalog.json", "textures.json")
+SHOWN = 3
+"""How many files at fault an error names."""
+
+
+@dataclass(frozen=True)
+class LockRow:
+    """One file of the folder.
+
+    Attributes:
+        file: in the folder.
+        source: the repository it is from.
+        commit: of that repository.
+        path: in it.
+        licence: of the file.
+        author: empty where the source names none.
+        sha256: of its bytes.
+    """
+
+    file: str
+    source: str
+    commit: str
+    path: str
+    licence: str
+    author: str
+    sha256: str
+
+
+def make_lock(folder: str | Path) -> tuple[LockRow, ...]:
+    """The lock of a folder as it is: both lists, then every mesh and picture that they name.
+
+    Raises:
+        InputError: a list cannot be read or a file that it names is missing.
+    """
+    folder = Path(folder)
+    catalogue = read_catalogue(folder)
+    lists = [LockRow(name, "", "", "", "", "", _digest(folder, name)) for name in LISTS]
+    named: list[MeshRow | PictureRow] = [*catalogue.meshes, *catalogue.pictures]
+    return (
+        *lists,
+        *(
+            LockRow(row.file, row.source, row.commit, row.path, row.licence, row.author, _digest(folder, row.file))
+            for row in named
+        ),
+    )
+
+
+def write_lock(path: str | Path, rows: Sequence[LockRow]) -> None:
+    """Write a lock; origins that several files share are written once."""
+    origins: dict[tuple[str, str, str, str], int] = {}
+    lines = []
+    for row in rows:
+        origin = origins.setdefault((row.source, row.commit, row.licence, row.author), len(origins))
+        lines.append(json.dumps([row.file, origin, row.path, row.sha256], ensure_ascii=False))
+    head = ",\n".join(json.dumps(list(origin), ensure_ascii=False) for origin in origins)
+    text = f'{{"origins": [\n{head}\n], "files": [\n' + ",\n".join(lines) + "\n]}\n"
+    write_bytes(Path(path), text.encode())
+
+
+def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
+    """Read a lock, that of the package by default.
+
+    Raises:
+        InputError: it is missing or not of that form.
+    """
+    path = Path(str(files("semgs.rooms.assets"))) / NAME if path is None else Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        rows = []
+        for file, origin, inner, sha256 in content["files"]:
+            source, commit, licence, author = content["origins"][origin]
+            rows.append(LockRow(file, source, commit, inner, licence, author, sha256))
+        return tuple(rows)
+    except (OSError, json.JSONDecodeError, KeyError, IndexError, TypeError, ValueError) as error:
+        raise InputError(
+            path, "a lock of assets", f"{type(error).__name__}: {error}", advice="install semgs again"
+        ) from None
+
+
+def lock_digest() -> str:
+    """What names the package's lock, and so the assets that satisfy it: the beginning of its SHA-256."""
+    return hashlib.sha256((Path(str(files("semgs.rooms.assets"))) / NAME).read_bytes()).hexdigest()[:16]
+
+
+def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
+    """Compare every file that the lock names with it.
+
+    Args:
+        folder: of the assets.
+        lock: None is the package's.
+
+    Raises:
+        InputError: the folder is missing, or files are missing or altered; names the first ones and counts the others.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(folder, "a folder of assets", "no such folder")
+    missing, altered = [], []
+    for row in read_lock() if lock is None else lock:
+        try:
+            if _digest(folder, row.file) != row.sha256:
+                altered.append(row.file)
+        except InputError:
+            missing.append(row.file)
+    if missing or altered:
+        found = "; ".join(
+            f"{len(names)} {what}: {_some(names)}"
+            for what, names in (("missing", missing), ("altered", altered))
+            if names
+        )
+        raise InputError(
+            folder,
+            "the files of the lock, byte for byte",
+            found,
+            advice="fetch the assets again, in a folder of their own",
+        )
+
+
+def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> str:
+    """The text of `ATTRIBUTION.md` for a data set: what was used of the assets, by licence and author.
+
+    Args:
+        used: files, as the lock names them.
+        lock: None is the package's.
+
+    Raises:
+        ValueError: a file is not in the lock.
+    """
+    rows = {row.file: row for row in (read_lock() if lock is None else lock)}
+    unknown = sorted(set(used) - rows.keys())
+    if unknown:
+        raise ValueError(f"the lock has no {_some(unknown)}; expected files that it names")
+    lines = [
+        "# Attribution",
+        "",
+        "These pictures show models and textures by others, under the licences named here.",
+        "",
+    ]
+    groups: dict[tuple[str, str], list[LockRow]] = {}
+    for file in sorted(set(used)):
+        groups.setdefault((rows[file].licence, rows[file].author), []).append(rows[file])
+    for (licence, author), members in sorted(groups.items()):
+        lines += [f"## {licence}" + (f", by {author}" if author else ""), ""]
+        lines += [f"- `{row.file}`: {row.source}@{row.commit[:12]}, `{row.path}`" for row in members]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _digest(folder: Path, name: str) -> str:
+    try:
+        return hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+        raise InputError(
+            folder / name, "a file of the assets", "no such file", advice="fetch the assets again"
+        ) from None
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more

@@ -1,0 +1,108 @@
+"""Which meshes and pictures belong to the training rooms, to the validation rooms, and to the world that is held out.
+
+Of each class, 60 % are for training, 20 % for validation rooms and 20 % for the style `other`, as nearly as families
+allow: what one maker made of one kind looks alike, so that of a family nothing is both in training and in `other`. The lists
+follow from the names alone (through a hash), so that they are the same everywhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Literal
+
+from semgs.rooms.assets.catalogue import MeshRow, PictureRow
+
+Split = Literal["training", "validation", "other"]
+
+OTHER_SHARE = 0.2
+VALIDATION_SHARE = 0.25
+"""Of what is not in `other`."""
+
+KITS = ("kenney", "qt", "kkf", "kkr", "proc")
+"""Makers whose pieces of one class are one family."""
+
+SAME_GENERATOR = {
+    "ig_armchair": "ig_sofa",
+    "ig_blinds": "ig_window",
+    "ig_bookcase": "ig_largeshelf",
+    "ig_cabinet": "ig_wardrobe",
+    "ig_cellshelf": "ig_largeshelf",
+    "ig_island": "ig_kitchenbase",
+    "ig_kitchenwall": "ig_kitchenbase",
+    "ig_sideboard": "ig_dresser",
+}
+"""Families that one program made with other settings."""
+
+
+def family(row: MeshRow) -> str:
+    """The family of a mesh: maker and class for kits of one style, else the name without numbers and variants."""
+    maker = row.name.split("_")[0]
+    if maker in KITS:
+        return f"{maker} {row.label}"
+    stem = (
+        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", row.name))
+        if maker == "ig"
+        else row.name.rstrip("0123456789_")
+    )
+    return SAME_GENERATOR.get(stem, stem)
+
+
+def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
+    """The list that each mesh belongs to, by name. Small classes come first: a family of several classes follows the one that
+    has the least choice."""
+    families: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for row in rows:
+        families[row.label][family(row)].append(row.name)
+    result: dict[str, Split] = {}
+    decided: dict[str, bool] = {}
+    for label in sorted(families, key=lambda label: (sum(map(len, families[label].values())), label)):
+        groups = families[label]
+        wanted = OTHER_SHARE * sum(map(len, groups.values()))
+        fixed = sum(len(names) for key, names in groups.items() if decided.get(key))
+        open_keys = sorted((key for key in groups if key not in decided), key=_rank)
+        held_out = _subset([len(groups[key]) for key in open_keys], wanted - fixed, fixed == 0 and len(groups) > 1)
+        decided |= {key: number in held_out for number, key in enumerate(open_keys)}
+        rest = sorted((name for key, names in groups.items() if not decided[key] for name in names), key=_rank)
+        result |= {name: "other" for key, names in groups.items() if decided[key] for name in names}
+        result |= _trained(rest)
+    return result
+
+
+def split_pictures(rows: Sequence[PictureRow]) -> dict[str, Split]:
+    """The list that each picture belongs to, by name; every fifth of a kind is held out, in the order of a hash."""
+    kinds: dict[str, list[str]] = defaultdict(list)
+    for row in rows:
+        kinds[row.kind].append(row.name)
+    result: dict[str, Split] = {}
+    for names in kinds.values():
+        ranked = sorted(names, key=_rank)
+        held_out = max(1, round(OTHER_SHARE * len(ranked))) if len(ranked) > 1 else 0
+        result |= dict.fromkeys(ranked[:held_out], "other")
+        result |= _trained(ranked[held_out:])
+    return result
+
+
+def _trained(ranked: list[str]) -> dict[str, Split]:
+    """Names in the order of their hash as training and validation."""
+    count = round(VALIDATION_SHARE * len(ranked))
+    validation: dict[str, Split] = dict.fromkeys(ranked[:count], "validation")
+    training: dict[str, Split] = dict.fromkeys(ranked[count:], "training")
+    return validation | training
+
+
+def _rank(name: str) -> str:
+    return hashlib.sha256(name.encode()).hexdigest()
+
+
+def _subset(sizes: list[int], wanted: float, at_least_one: bool) -> set[int]:
+    """Which numbers add up to nearest the wanted sum; among equals those that come first."""
+    ways: dict[int, tuple[int, ...]] = {0: ()}
+    for number, size in enumerate(sizes):
+        for total, members in list(ways.items()):
+            ways.setdefault(total + size, (*members, number))
+    if at_least_one and len(ways) > 1:
+        del ways[0]
+    return set(ways[min(ways, key=lambda total: (abs(total - wanted), total))])

@@ -1,0 +1,338 @@
+"""Pieces of furniture exchanged for meshes of their kind, fitted to the place that the plan gives them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from semgs.data.classes import IGNORE
+from semgs.rooms import materials as m
+from semgs.rooms import texture_kernels as t
+from semgs.rooms.assets.catalogue import MeshRow
+from semgs.rooms.assets.coverings import Coverings
+from semgs.rooms.assets.library import Library, Panel
+from semgs.rooms.furniture import LABEL
+from semgs.rooms.materials import Row
+from semgs.rooms.shells import Shell
+from semgs.rooms.solids import SHELL, Part, Piece, Triple
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Which meshes may stand for a piece, and how far they may be scaled.
+
+    Attributes:
+        label: their class.
+        subtypes: their kinds; empty is any.
+        low, high: bounds of the scale as a whole.
+        stretch: how much more one axis may be scaled than another.
+        fill: least share of the piece's width that they must fill.
+        centred: whether they stand in the middle of the depth; others stand with their back to the wall.
+        hung: whether they fill the width and height that are there; `stretch` is then that of one against the other.
+    """
+
+    label: str
+    subtypes: tuple[str, ...] = ()
+    low: float = 0.85
+    high: float = 1.15
+    stretch: float = 1.1
+    fill: float = 0.72
+    centred: bool = False
+    hung: bool = False
+
+
+RULES = {
+    "bed": Rule("bed", ("bed",), low=0.8),
+    "sofa": Rule("sofa", low=0.8),
+    "armchair": Rule("chair", ("armchair", "rocking_chair"), low=0.75),
+    "chair": Rule("chair", ("chair", "office_chair"), low=0.8, centred=True),
+    "table": Rule("table", ("dining_table",), low=0.7, stretch=1.2, centred=True),
+    "coffee table": Rule("table", ("coffee_table",), low=0.7, stretch=1.2, centred=True),
+    "side table": Rule("table", ("side_table",), low=0.75, centred=True),
+    "desk": Rule("desk", low=0.75, stretch=1.2),
+    "cabinet": Rule(
+        "cabinet", ("cabinet", "dresser", "sideboard", "wardrobe", "vitrine", "tv_stand"), low=0.75, stretch=1.2
+    ),
+    "nightstand": Rule("cabinet", ("nightstand",), low=0.75),
+    "bookshelf": Rule("bookshelf", low=0.75, stretch=1.2),
+    "island": Rule("counter", ("counter", "kitchen_base_cabinet"), low=0.7, stretch=1.2, centred=True),
+    "counter": Rule("counter", ("kitchen_base_cabinet",), low=0.85, stretch=1.25),
+    "washbasin": Rule("sink", low=0.75, high=1.1),
+    "refrigerator": Rule("refrigerator", low=0.8, stretch=1.15),
+    "toilet": Rule("toilet", low=0.85),
+    "bathtub": Rule("bathtub", low=0.85, stretch=1.15),
+    "other": Rule(
+        "otherfurniture",
+        ("bench", "tv_stand", "trash_can", "washing_machine", "ottoman", "dryer", "storage_trunk"),
+        low=0.75,
+        fill=0.5,
+    ),
+    "stove": Rule("otherfurniture", ("stove",), low=0.75),
+    "door": Rule("door", low=0.8, high=1.25, stretch=1.3, hung=True),
+    "window": Rule("window", low=0.5, high=2.0, stretch=1.8, hung=True),
+    "curtain": Rule("curtain", ("curtain",)),
+    "shower curtain": Rule("shower curtain", low=0.4, high=1.6, stretch=3.0, hung=True),
+    "clutter": Rule("clutter", low=0.8, high=1.3, stretch=1.0, fill=0.45, centred=True),
+}
+"""By the name of the piece. Cloth may be gathered: curtains fit wherever they hang."""
+
+SUNK = 0.03
+"""How deep door frames stand in the wall [m]."""
+SURFACED = ("table", "coffee table", "side table", "desk", "cabinet", "nightstand", "island", "counter", "bookshelf")
+"""Pieces on whose flat top things may stand."""
+TOP_BAND = 0.03
+"""A top is what looks up within this of the highest point [m]."""
+TOP_SHARE = 0.6
+"""Least share of the footprint that a top covers."""
+DEPTHS = {"window": 0.065, "curtain": 0.11, "shower curtain": 0.1}
+"""How far window frames stand out of the wall, what drapes take in front of them, and shower curtains anywhere [m]."""
+HIGHEST = 1.12
+"""How much higher than the piece a mesh may be."""
+FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
+GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
+WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
+METALS = (
+    "metal",
+    "steel",
+    "chrome",
+    "tap",
+    "faucet",
+    "handle",
+    "knob",
+    "drain",
+    "rod",
+    "ring",
+    "finial",
+    "pull",
+    "lever",
+    "gold",
+)
+CLOTHS = (
+    "carpet",
+    "fabric",
+    "cushion",
+    "pillow",
+    "couch",
+    "mattress",
+    "sheet",
+    "blanket",
+    "bed",
+    "curtain",
+    "cloth",
+    "seat",
+    "sofa",
+)
+WARES = ("basin", "ceramic", "porcelain", "sink", "bowl", "vessel", "tub")
+
+
+class Swaps:
+    """Meshes for the pieces of one room; pieces of one make are exchanged for one mesh.
+
+    Args:
+        rng: draws them.
+        library: where they are from.
+        coverings: pictures for what is flat-coloured.
+        share: of the pieces for which there is a mesh.
+    """
+
+    def __init__(self, rng: np.random.Generator, library: Library, coverings: Coverings, share: float = 0.75) -> None:
+        self.rng, self.library, self.coverings, self.share = rng, library, coverings, share
+        self._made: dict[tuple[str, Triple, bytes], Piece] = {}
+
+    def __call__(self, piece: Piece) -> Piece:
+        """The piece that stands in its place: of the same name and footprint, made of triangles, or the piece itself, as for
+        one that was exchanged before."""
+        if piece.parts[0].shape == SHELL:
+            return piece
+        key = piece.name, piece.size, piece.parts[0].material.tobytes()
+        if key not in self._made:
+            self._made[key] = self._exchanged(piece)
+        return self._made[key]
+
+    def _exchanged(self, piece: Piece) -> Piece:
+        rule = RULES.get(piece.name)
+        if rule is None or self.rng.random() >= self.share:
+            return piece
+        low, high = _bounds(piece)
+        box = np.array([piece.size[0], piece.size[1], high - low])
+        found = [(row, scale) for row in self._candidates(rule) if (scale := fit(row, box, rule)) is not None]
+        if not found:
+            return piece
+        row, scale = found[int(self.rng.integers(len(found)))]
+        depth = row.extents[1] * scale[1]
+        y = box[1] / 2 if rule.centred else depth / 2
+        y = {"door": depth / 2 - SUNK, "window": 0.0}.get(piece.name, y)
+        foot = np.array([box[0] / 2, y, low])
+        panels = self.library.panels(row)
+        if rule.label == "curtain":
+            scale, foot = _draped(panels, box, foot)
+        self.coverings.gallery.use(row.file)
+        parts = self._parts(panels, row, scale, foot)
+        parts += _kept(piece)
+        surface = _surface(panels, row, scale) if piece.name in SURFACED else None
+        return Piece(piece.name, piece.size, tuple(parts), surface)
+
+    def _candidates(self, rule: Rule) -> list[MeshRow]:
+        rows = [row for row in self.library.meshes if row.label == rule.label]
+        if rule.label == "clutter":
+            return [row for row in rows if row.mount == "surface" or row.subtype in FLOOR_CLUTTER]
+        return [row for row in rows if not rule.subtypes or row.subtype in rule.subtypes]
+
+    def _parts(
+        self, panels: tuple[Panel, ...], row: MeshRow, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
+    ) -> list[Part]:
+        own = LABEL.get(row.label, IGNORE)
+        tint = np.clip(self.rng.normal(1.0, 0.06, 3) * self.rng.uniform(0.8, 1.15), 0.5, 1.3)
+        chosen: dict[str, Row] = {}
+        parts = []
+        for panel in panels:
+            label = own if panel.label is None else LABEL.get(panel.label, IGNORE)
+            make = (
+                row.label
+                if row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
+                else panel.material
+            )
+            if make not in chosen:
+                chosen[make] = self._material(panel, row, label, tint)
+            corners = panel.corners * scale
+            normals = panel.normals / scale
+            normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+            flat = corners.reshape(-1, 3)
+            lowest, highest = flat.min(axis=0), flat.max(axis=0)
+            middle = (lowest + highest) / 2
+            x, y, z = (float(c) for c in middle + foot)
+            width, depth, height = (max(float(side), 1e-3) for side in highest - lowest)
+            shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.uv)
+            parts.append(Part(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
+        return parts
+
+    def _material(self, panel: Panel, row: MeshRow, label: int, tint: np.ndarray) -> Row:
+        rng = self.rng
+        if panel.picture is not None:
+            red, green, blue = (float(c * f) for c, f in zip(panel.colour, tint, strict=True))
+            return self.coverings.unwrapped(panel.picture, (red, green, blue), rng.uniform(0, 0.2))
+        if panel.clear:
+            return m.row(rng, a=m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7)), fine=0.0, blotch=0.05, gloss=0.7)
+        return self.flat(panel.material.lower(), panel.colour, label)
+
+    def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Row:
+        """A material for what a mesh gives in one colour: by the material's name, else by the class and its colour."""
+        rng = self.rng
+        ware = label in (LABEL["toilet"], LABEL["bathtub"], LABEL["sink"])
+        if _is(name, METALS):
+            return m.metal(rng)
+        if ware or _is(name, WARES):
+            return m.ceramic(rng)
+        if label == IGNORE:
+            return self._thing(name, colour)
+        if _is(name, CLOTHS) or label in (LABEL["sofa"], LABEL["curtain"], LABEL["shower curtain"]):
+            return self.coverings.cloth(m.fabric(rng), leather=label == LABEL["sofa"])
+        if _is(name, WOODS) or _brown(colour) or label in (LABEL["door"], LABEL["table"], LABEL["bookshelf"]):
+            return self.coverings.wood(m.wood(rng)) if rng.random() < 0.6 else self._paint()
+        return self._paint()
+
+    def _paint(self) -> Row:
+        """White and grey more often than not, seldom a strong colour."""
+        rng, look = self.rng, self.rng.random()
+        if look < 0.6:
+            base = m.colour(rng, saturation=(0, 0.08), value=(0.75, 0.97))
+        elif look < 0.82:
+            base = m.colour(rng, saturation=(0, 0.2), value=(0.08, 0.6))
+        else:
+            base = m.colour(rng, saturation=(0.1, 0.6), value=(0.25, 0.85))
+        return m.row(rng, a=base, fine=0.02, blotch=0.03, blotch_scale=0.3, gloss=rng.uniform(0, 0.3))
+
+    def _thing(self, name: str, colour: tuple[float, float, float]) -> Row:
+        """Clutter, in about its own colour; the dark greens of plants are made what they are in daylight."""
+        rng = self.rng
+        if _is(name, GREENS) or (colour[1] > 1.2 * colour[0] and colour[1] > 1.2 * colour[2]):
+            return m.row(
+                rng, a=m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6)), fine=0.1, blotch=0.2, blotch_scale=0.08
+            )
+        if _is(name, CLOTHS):
+            return self.coverings.cloth(m.fabric(rng))
+        red, green, blue = (float(min(0.9, max(0.02, c * rng.uniform(0.8, 1.25)))) for c in colour)
+        return m.row(rng, a=(red, green, blue), fine=0.02, blotch=0.04, gloss=rng.uniform(0, 0.3))
+
+
+def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
+    """How a mesh is scaled along x, y and z to stand in a box, None if it cannot without looking wrong.
+
+    Its width and depth stay within the box; its height may leave it by an eighth.
+    """
+    ratio = box / np.array(row.extents)
+    if rule.label == "curtain":
+        return ratio
+    if rule.hung:
+        whole, stretch = float(np.sqrt(ratio[0] * ratio[2])), float(max(ratio[0] / ratio[2], ratio[2] / ratio[0]))
+        depth = DEPTHS.get(rule.label, row.extents[1]) / row.extents[1]
+        fits = rule.low <= whole <= rule.high and stretch <= rule.stretch
+        return np.array([ratio[0], min(1.0, depth), ratio[2]]) if fits else None
+    whole = float(min(ratio[0], ratio[1], rule.high))
+    if whole < rule.low:
+        return None
+    scale = np.clip(ratio, whole / rule.stretch, whole * rule.stretch)
+    scale[:2] = np.minimum(scale[:2], ratio[:2])
+    filled = scale * row.extents / box
+    return scale if filled[0] >= rule.fill and filled[2] <= HIGHEST else None
+
+
+def _draped(
+    panels: tuple[Panel, ...], box: Float64[np.ndarray, " 3"], foot: Float64[np.ndarray, " 3"]
+) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
+    """Scale and foot of one drape that fills a box in width and height, gathered as much as that needs."""
+    flat = np.concatenate([panel.corners.reshape(-1, 3) for panel in panels])
+    lowest, highest = flat.min(axis=0).astype(np.float64), flat.max(axis=0).astype(np.float64)
+    scale = box / np.maximum(highest - lowest, 1e-3)
+    scale[1] = min(1.0, DEPTHS["curtain"] / (highest[1] - lowest[1]))
+    middle = scale * (lowest + highest) / 2
+    off = DEPTHS["window"] + DEPTHS["curtain"] / 2
+    return scale, np.array([foot[0] - middle[0], off - middle[1], foot[2] - scale[2] * lowest[2]])
+
+
+def _kept(piece: Piece) -> list[Part]:
+    """What stays behind a mesh, because it closes a hole in the wall: the leaf of a door; of a window its pane, as wide as the
+    hole, and its blind."""
+    if piece.name == "door":
+        return [piece.parts[0]]
+    if piece.name != "window":
+        return []
+    width, _, height = piece.size
+    pane = [part for part in piece.parts if part.material[t.KIND] == t.OUTDOOR]
+    wide = [
+        replace(part, centre=(width / 2, part.centre[1], height / 2), size=(width, part.size[1], height))
+        for part in pane
+    ]
+    return wide + [part for part in piece.parts if part.material[t.KIND] == t.TILES]
+
+
+def _is(name: str, words: tuple[str, ...]) -> bool:
+    return any(word in name.lower() for word in words)
+
+
+def _bounds(piece: Piece) -> tuple[float, float]:
+    """Lowest and highest point of a piece's own parts, ignored ones left out unless all are."""
+    own = [part for part in piece.parts if part.label != IGNORE] or list(piece.parts)
+    return (
+        max(0.0, min(part.centre[2] - part.size[2] / 2 for part in own)),
+        max(part.centre[2] + part.size[2] / 2 for part in own),
+    )
+
+
+def _surface(panels: tuple[Panel, ...], row: MeshRow, scale: np.ndarray) -> float | None:
+    """Height of a flat top, None if there is none."""
+    corners = np.concatenate([panel.corners for panel in panels])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (
+        corners[..., 2].min(axis=1) > row.extents[2] - TOP_BAND
+    )
+    covered = np.abs(normals[top, 2]).sum() / 2
+    footprint = row.extents[0] * row.extents[1]
+    return float(row.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None
+
+
+def _brown(colour: tuple[float, float, float]) -> bool:
+    red, green, blue = colour
+    return red > green > blue and red > 1.3 * blue

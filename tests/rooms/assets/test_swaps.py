@@ -1,0 +1,191 @@
+import pickle
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("embreex")
+
+from semgs.data.classes import IGNORE
+from semgs.rooms import furniture
+from semgs.rooms import materials as m
+from semgs.rooms.assets.catalogue import read_catalogue
+from semgs.rooms.assets.coverings import Coverings
+from semgs.rooms.assets.gallery import Gallery
+from semgs.rooms.assets.library import Library, open_library
+from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
+from semgs.rooms.furniture import LABEL
+from semgs.rooms.picture_kernels import PANORAMA, VIEW
+from semgs.rooms.room import build_room
+from semgs.rooms.shading import look
+from semgs.rooms.solids import SHELL, Piece, block
+from semgs.rooms.stream import generator, sample
+from semgs.rooms.texture_kernels import KIND, MAPPING, PICTURE
+
+
+@pytest.fixture(scope="module")
+def library(asset_folder):
+    return Library(asset_folder, "training", check=False)
+
+
+def swaps(library, seed=0):
+    rng, gallery = np.random.default_rng(seed), Gallery()
+    return Swaps(rng, library, Coverings(rng, library, gallery), share=1.0)
+
+
+def test_a_mesh_that_stands_in_stays_in_the_footprint_and_keeps_the_name(library):
+    exchanged = 0
+    for seed in range(15):
+        for maker in (furniture.chair, furniture.bed, furniture.desk, furniture.sofa, furniture.dining_table):
+            piece = maker(np.random.default_rng(seed))
+            own = swaps(library, seed)(piece)
+            assert (own.name, own.size) == (piece.name, piece.size)
+            if own is piece:
+                continue
+            exchanged += 1
+            for part in own.parts:
+                assert part.shape == SHELL
+                corners = part.shell.corners.reshape(-1, 3) + np.array(part.centre)
+                assert corners.min() > -1e-5
+                assert (corners[:, :2] <= np.array(piece.size[:2]) + 1e-5).all()
+    assert exchanged > 25
+
+
+def test_no_mesh_is_stretched_beyond_its_rule(asset_folder):
+    rng = np.random.default_rng(3)
+    for row in read_catalogue(asset_folder).meshes:
+        rule = Rule(row.label, low=0.8, high=1.2, stretch=1.1)
+        for _ in range(50):
+            box = np.array(row.extents) * rng.uniform(0.5, 2.0, 3)
+            scale = fit(row, box, rule)
+            if scale is not None and row.mount == "floor":
+                assert scale.max() / scale.min() <= 1.1**2 + 1e-9
+                assert scale.min() >= 0.8 / 1.1
+                assert scale.max() <= 1.2 * 1.1 + 1e-9
+
+
+def test_pieces_of_one_make_are_exchanged_for_one_mesh(library):
+    swap, chair = swaps(library), furniture.chair(np.random.default_rng(1))
+    assert swap(chair) is swap(Piece(chair.name, chair.size, chair.parts))
+
+
+def test_parts_of_a_mesh_have_the_class_that_the_catalogue_gives_them(library):
+    """The tests' desks carry a thing that is clutter."""
+    swap = swaps(library)
+    found = [swap(furniture.desk(np.random.default_rng(seed))) for seed in range(20)]
+    labels = [{part.label for part in piece.parts if part.shape == SHELL} for piece in found]
+    assert {LABEL["desk"], IGNORE} in labels
+
+
+def brute_force(corners: np.ndarray, origin: np.ndarray, way: np.ndarray) -> int:
+    """The triangle that a ray meets first, by Moeller and Trumbore's equations."""
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(way, f)
+    determinant = (e * p).sum(-1)
+    determinant[np.abs(determinant) < 1e-12] = np.nan
+    s = origin - corners[:, 0]
+    u = (s * p).sum(-1) / determinant
+    q = np.cross(s, e)
+    v, t = (q * way).sum(-1) / determinant, (q * f).sum(-1) / determinant
+    t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-6))] = np.inf
+    return int(t.argmin())
+
+
+def test_labels_of_mesh_pixels_are_those_of_a_second_ray_caster(library):
+    """Rays from the middle of rooms with meshes; triangles are put together anew from the plan's parts."""
+    rng, met = np.random.default_rng(5), 0
+    for index in range(6):
+        room = build_room(generator(11, index), library)
+        shells = [part for part in room.plan.parts if part.shell is not None]
+        if not shells:
+            continue
+        corners, labels = [], []
+        for part in shells:
+            cosine, sine = np.cos(part.yaw), np.sin(part.yaw)
+            turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+            corners.append(part.shell.corners @ turn.T + np.array(part.centre))
+            labels += [part.label] * len(part.shell.corners)
+        solid = room.caster.cast
+        corners = np.concatenate(corners)
+        pose = np.eye(4)
+        pose[:3, 3] = (0.0, 0.0, 1.5)
+        targets = corners[rng.integers(0, len(corners), 60)].mean(axis=1) + rng.normal(0, 0.02, (60, 3))
+        ways = targets - pose[:3, 3]
+        triangles, _ = solid(np.broadcast_to(pose[:3, 3], ways.shape), ways)
+        seen, _ = look(room, pose, ways)
+        for way, triangle, label in zip(ways, triangles, seen, strict=True):
+            if triangle >= room.shells.first:
+                met += 1
+                assert label == labels[brute_force(corners, pose[:3, 3], way)]
+    assert met > 60
+
+
+def test_the_same_arguments_give_the_same_bits_from_another_library_and_after_pickling(asset_folder, library):
+    arguments = {"size": (24, 32), "contexts": 2, "targets": 1}
+    first = sample(11, 0, library=library, **arguments)
+    sample(11, 5, library=library, **arguments)
+    travelled = pickle.loads(pickle.dumps(library))
+    for other in (library, Library(asset_folder, "training", check=False), travelled):
+        for one, two in zip(first, sample(11, 0, library=other, **arguments), strict=True):
+            assert torch.equal(one.images, two.images)
+            assert torch.equal(one.labels, two.labels)
+            assert torch.equal(one.depths, two.depths)
+
+
+def test_a_small_memory_changes_nothing_but_the_time(asset_folder, library):
+    small = Library(asset_folder, "training", check=False, memory=1)
+    one = sample(11, 1, library=library, size=(24, 32), contexts=1, targets=0)[0]
+    two = sample(11, 1, library=small, size=(24, 32), contexts=1, targets=0)[0]
+    assert torch.equal(one.images, two.images)
+
+
+def test_furniture_stands_where_it_stood_without_assets(library):
+    """The last footprints, at most seven, are those of small things on the floor."""
+    for index in range(8):
+        plain, furnished = build_room(generator(11, index)), build_room(generator(11, index), library)
+        assert furnished.plan.size == plain.plan.size
+        assert furnished.plan.windows == plain.plan.windows
+        count = len(plain.plan.footprints) - 7
+        for one, two in zip(furnished.plan.footprints[:count], plain.plan.footprints[:count], strict=True):
+            np.testing.assert_array_equal(one, two)
+
+
+def test_about_half_of_the_homes_have_meshes_and_all_name_the_files_they_use(library):
+    rooms = [build_room(generator(12, index), library) for index in range(30)]
+    share = np.mean([len(room.shells.corners) > 0 for room in rooms])
+    assert 0.25 < share < 0.75
+    names = {row.file for row in (*library.meshes, *library.pictures)}
+    assert all(set(room.files) <= names for room in rooms)
+    for room in rooms:
+        assert bool(len(room.shells.corners)) == any(file.startswith("models/") for file in room.files)
+        assert (room.solids.materials[:, KIND] == PICTURE).sum() == 0 or room.files
+
+
+def test_every_window_shows_a_picture_of_what_is_outside(library):
+    for index in range(20):
+        room = build_room(generator(13, index), library)
+        panes = [row for row in room.solids.materials if row[KIND] == PICTURE and row[MAPPING] in (PANORAMA, VIEW)]
+        assert len(panes) >= len(room.plan.windows)
+
+
+def test_only_what_is_an_own_part_of_a_mesh_is_a_shell(library):
+    own = swaps(library)
+    box = Piece("rug", (1.0, 1.0, 0.01), (block(IGNORE, m.rug(np.random.default_rng(0)), (0, 0, 0), (1, 1, 0.01)),))
+    assert own(box) is box
+    assert "rug" not in RULES
+
+
+def test_splits_have_no_mesh_and_no_picture_in_common(asset_folder):
+    libraries = [Library(asset_folder, split, check=False) for split in ("training", "validation", "other")]
+    for kind in ("meshes", "pictures"):
+        names = [{row.name for row in getattr(library, kind)} for library in libraries]
+        assert all(names)
+        assert not names[0] & names[1]
+        assert not (names[0] | names[1]) & names[2]
+
+
+def test_the_style_chooses_the_split_and_plain_uses_no_assets(asset_folder):
+    assert open_library(asset_folder, "home", check=False).split == "training"
+    assert open_library(asset_folder, "other", check=False).split == "other"
+    with pytest.raises(ValueError, match="plain"):
+        open_library(asset_folder, "plain", check=False)
