@@ -74,7 +74,6 @@ def test_no_two_pieces_intersect_by_more_than_1_cm(count):
     for seed in range(count):
         plan = draw_home(np.random.default_rng(seed))
         solids = gather(plan.parts)
-        half = np.abs(solids.rotations @ (solids.sizes / 2)[..., None])[..., 0]
         half = (np.abs(solids.rotations) * (solids.sizes / 2)[:, None]).sum(-1)
         low, high = solids.centres - half, solids.centres + half
         pairs = []
@@ -121,6 +120,9 @@ def test_cameras_keep_0_4_m_from_everything_but_the_ground(count):
                 assert centre[2] > 0.3
 
 
+GRAZING = 1e-5
+
+
 @seeds(4)
 def test_labels_and_depths_are_those_that_a_slow_ray_caster_finds(count):
     """Every pixel's label is that of a triangle within 0.1 mm of the nearest one its ray meets, in float64."""
@@ -140,10 +142,18 @@ def test_labels_and_depths_are_those_that_a_slow_ray_caster_finds(count):
         )
         labels, depths = views.labels[0].numpy(), views.depths[0].numpy()
         for row, column in np.ndindex(SIZE):
-            found = slow_hits(corners, pose[:3, 3], pose[:3, :3] @ rays[row, column])
-            nearest = found.min()
-            assert abs(depths[row, column] - nearest) < 1e-4 * max(1.0, nearest)
-            assert labels[row, column] in room.solids.labels[owners[found < nearest + 1e-4]]
+            way = pose[:3, :3] @ rays[row, column]
+            # Where an edge passes within float32 rounding of the ray, the nearest surface is either that it borders.
+            for aside in (np.zeros(3), *(GRAZING * np.concatenate((np.eye(3), -np.eye(3))))):
+                found = slow_hits(corners, pose[:3, 3], way + aside)
+                nearest = found.min()
+                labelled = room.solids.labels[owners[found < nearest + 1e-4]]
+                if abs(depths[row, column] - nearest) < 1e-4 * max(1.0, nearest) and labels[row, column] in labelled:
+                    break
+            else:
+                pytest.fail(
+                    f"room {index}, pixel {row}, {column}: {depths[row, column]} m, label {labels[row, column]}"
+                )
 
 
 def slow_hits(corners: np.ndarray, origin: np.ndarray, way: np.ndarray) -> np.ndarray:
