@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import UInt8
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.lens import Lens
@@ -107,16 +108,7 @@ class Frame:
         Raises:
             InputError: it is absent, damaged, of another aspect than the picture, or has a label outside the table.
         """
-        labels = read_uint8(path)
-        outside = labels[(labels >= len(classes)) & (labels != IGNORE)]
-        if outside.size:
-            raise InputError(
-                path,
-                f"labels 0..{len(classes) - 1} of table {classes.name}, or {IGNORE} for none",
-                f"{int(outside[0])} at {outside.size} pixels",
-                key=f"frame {self.name}",
-            )
-        return self._fitted(path, labels)
+        return self._fitted(path, read_labels(path, classes, key=f"frame {self.name}"))
 
     def _fitted(self, path: Path, values: np.ndarray) -> np.ndarray:
         """A map at the picture's size, each pixel from the one that its centre lies in.
@@ -132,3 +124,26 @@ class Frame:
         row = (2 * np.arange(height) + 1) * rows // (2 * height)
         column = (2 * np.arange(width) + 1) * columns // (2 * width)
         return np.ascontiguousarray(values[row[:, None], column])
+
+
+def read_labels(path: Path, classes: ClassTable, key: str) -> UInt8[np.ndarray, "h w"]:
+    """A class map: indices of the table, or 255 for none.
+
+    Args:
+        path: of the picture.
+        classes: the table.
+        key: what the map is of, for the error.
+
+    Raises:
+        InputError: it is absent or damaged, or has a label outside the table.
+    """
+    labels = read_uint8(path)
+    outside = labels[(labels >= len(classes)) & (labels != IGNORE)]
+    if outside.size:
+        raise InputError(
+            path,
+            f"labels 0..{len(classes) - 1} of table {classes.name}, or {IGNORE} for none",
+            f"{int(outside[0])} at {outside.size} pixels",
+            key=key,
+        )
+    return labels

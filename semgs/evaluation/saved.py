@@ -14,11 +14,12 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE, ClassTable
+from semgs.data.classes import ClassTable
+from semgs.data.frames import read_labels
 from semgs.evaluation.plan import Plan, Task
 from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_header, read_rgb, read_uint8, read_uint16
+from semgs.files.pictures import read_header, read_rgb, read_uint16
 from semgs.reconstruction.renders import MILLIMETRES
 
 KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
@@ -127,16 +128,8 @@ def _labels(path: Path, task: Task, classes: ClassTable) -> UInt8[Tensor, "h w"]
     Raises:
         InputError: the file cannot be used, or holds a label outside the table.
     """
-    labels = _of_size(path, read_uint8(path), task)
-    outside = labels[(labels >= len(classes)) & (labels != IGNORE)]
-    if outside.size:
-        raise InputError(
-            path,
-            f"labels 0..{len(classes) - 1} of table {classes.name}, or {IGNORE} where none is given",
-            f"{int(outside[0])} at {outside.size} pixels",
-            key=f"target {task.target} of {task.scene.name}",
-        )
-    return torch.from_numpy(labels)
+    labels = read_labels(path, classes, key=f"target {task.target} of {task.scene.name}")
+    return torch.from_numpy(_of_size(path, labels, task))
 
 
 def _picture(path: Path, task: Task) -> Float[Tensor, "3 h w"]:

@@ -37,6 +37,11 @@ def write_bytes(path: str | Path, data: bytes | bytearray | memoryview, *, durab
         raise
 
 
+def is_part_of(file: Path, target: Path) -> bool:
+    """Whether a file is what a writing of `target` left behind that was killed at once."""
+    return file.name.startswith(f".{target.name}.") and file.name.endswith(".part")
+
+
 def write_text(path: str | Path, text: str, *, durable: bool = False) -> None:
     """Write a text file in one step, UTF-8 with the line ends of `text`; errors as `write_bytes`."""
     write_bytes(path, text.encode(), durable=durable)

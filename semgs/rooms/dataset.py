@@ -15,7 +15,7 @@ from torch.utils.data import DataLoader, Dataset
 from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.workers import settle_worker
-from semgs.files.atomic import write_bytes, write_json
+from semgs.files.atomic import is_part_of, write_bytes, write_json
 from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution, lock_digest
@@ -163,7 +163,7 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
         for path in folder.glob(".scene_*.part"):
             shutil.rmtree(path, ignore_errors=True)
         return
-    if folder.exists() and not (folder.is_dir() and all(_is_leftover(file) for file in folder.iterdir())):
+    if folder.exists() and not (folder.is_dir() and all(is_part_of(file, record) for file in folder.iterdir())):
         raise InputError(
             folder, "a new or empty folder, or scenes to go on with", "something else", advice="name another folder"
         )
@@ -184,11 +184,6 @@ def _check_settings(record: Path, wanted: dict) -> None:
         raise ValueError(
             f"{record.parent} holds scenes of other settings: {'; '.join(other)}; give the same ones or name another folder"
         )
-
-
-def _is_leftover(file: Path) -> bool:
-    """Whether a file is what a start that was killed at once leaves behind."""
-    return file.name.startswith(f".{SETTINGS}.") and file.name.endswith(".part")
 
 
 def _number(name: str) -> str:

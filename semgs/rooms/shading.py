@@ -98,27 +98,26 @@ def photograph(
 
 def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
     """Pixels whose part differs from a neighbour's [h w], boolean."""
-    edges = np.zeros(owners.shape, bool)
-    across, down = owners[:, 1:] != owners[:, :-1], owners[1:] != owners[:-1]
-    edges[:, 1:] |= across
-    edges[:, :-1] |= across
-    edges[1:] |= down
-    edges[:-1] |= down
-    return edges
+    return _both_sides(owners[:, 1:] != owners[:, :-1], owners[1:] != owners[:-1])
 
 
 def _jumps(depths: Float64[np.ndarray, "h w"], shells: np.ndarray) -> np.ndarray:
     """Pixels of shells where the depth jumps by more than 4 % to a neighbour's [h w], boolean."""
-    jumps = np.zeros(depths.shape, bool)
     with np.errstate(divide="ignore"):
         log = np.log(depths)
     with np.errstate(invalid="ignore"):
         across, down = np.abs(np.diff(log, axis=1)) > 0.04, np.abs(np.diff(log, axis=0)) > 0.04
-    jumps[:, 1:] |= across
-    jumps[:, :-1] |= across
-    jumps[1:] |= down
-    jumps[:-1] |= down
-    return jumps & shells
+    return _both_sides(across, down) & shells
+
+
+def _both_sides(across: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Pixels on either side of a border to the right [h w-1] or below [h-1 w], boolean [h w]."""
+    sides = np.zeros((across.shape[0], down.shape[1]), bool)
+    sides[:, 1:] |= across
+    sides[:, :-1] |= across
+    sides[1:] |= down
+    sides[:-1] |= down
+    return sides
 
 
 @dataclass(frozen=True)

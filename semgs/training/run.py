@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from semgs.files.atomic import write_json
+from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.settings import TrainingSettings, differences
@@ -28,15 +28,10 @@ def claim(out: Path, settings: TrainingSettings) -> None:
             listed = ", ".join(f"{name} = {there!r} there, {here!r} asked" for name, (here, there) in other.items())
             raise ValueError(f"{out} holds a run of other settings: {listed}; give the same ones or another folder")
         return
-    if out.exists() and not (out.is_dir() and all(_is_leftover(file) for file in out.iterdir())):
+    if out.exists() and not (out.is_dir() and all(is_part_of(file, record) for file in out.iterdir())):
         raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
-
-
-def _is_leftover(file: Path) -> bool:
-    """Whether a file is what a start that was killed at once leaves behind."""
-    return file.name.startswith(".settings.json.") and file.name.endswith(".part")
 
 
 def read_settings(out: Path) -> TrainingSettings:
