@@ -11,9 +11,9 @@ import tyro
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
-from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.progress import show_stage
 from semgs.files.errors import InputError
-from semgs.files.folders import check_folder, own_folder
+from semgs.files.folders import check_folder
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
@@ -93,34 +93,17 @@ class Evaluate:
         self._check()
         with show_stage("Starting"):
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
-            from semgs.evaluation.environment import hardware, versions
-            from semgs.evaluation.evaluate import evaluate
-            from semgs.evaluation.notes import notes
-            from semgs.evaluation.report import Evaluation
+            from semgs.cli.evaluation_results import evaluate_into
 
-            scenes, classes = _scenes(self.data)
+            scenes, classes = labelled_scenes(self.data)
         plan = self._plan(scenes)
         device = chosen_device(self.device)
         with show_stage("Loading"):
             method, subject = self._method(plan, classes, device)
-        with own_folder(self.out, self.overwrite) as folder:
-            with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
-                rows = evaluate(plan, method, folder, save=self.predictions is None, workers=self.workers, done=done)
-            evaluation = Evaluation(
-                subject=subject,
-                data=str(self.data),
-                plan=plan,
-                rows=tuple(rows),
-                classes=classes,
-                versions=versions(),
-                hardware=hardware(device),
-                notes=tuple(notes(plan, scenes, rows, self.workers)),
-            )
-            with show_stage("Writing the report"):
-                from semgs.cli.evaluation_results import summary, write_results
-
-                write_results(folder, evaluation, self.predictions)
-                told = summary(folder, evaluation, self.out)
+        told = evaluate_into(
+            self.out, plan, method, subject, self.data, scenes, classes,
+            device=device, predictions=self.predictions, workers=self.workers, overwrite=self.overwrite,
+        )  # fmt: skip
         print(told)
 
     def _check(self) -> None:
@@ -182,19 +165,13 @@ class Evaluate:
             saved = SavedPredictions(folder, self.name or folder.absolute().name)
             saved.check(plan)
             return saved, Subject(saved.name, "predictions", str(folder))
-        from semgs.evaluation.network import NetworkMethod
-        from semgs.files.hashes import sha256
-        from semgs.weights.load import find, load, table_of
+        from semgs.cli.evaluation_results import network_method
 
         with what_the_user_gave():
-            name, path = find(self.weights)
-            model = load(name, path, classes=classes or table_of(path))
-        parameters = sum(parameter.numel() for parameter in model.parameters())
-        subject = Subject(self.name or model.name, "weights", model.origin, sha256(path), parameters)
-        return NetworkMethod(model.eval(), device, subject.name), subject
+            return network_method(self.weights, classes, device, self.name)
 
 
-def _scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
+def labelled_scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
     """The scenes, and the table of their labels.
 
     Raises:

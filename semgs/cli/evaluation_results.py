@@ -2,16 +2,103 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from semgs.cli.progress import show_progress, show_stage
+from semgs.data.classes import ClassTable
+from semgs.data.scene import Scene
 from semgs.evaluation.compare import BRIEF, overview_grid
-from semgs.evaluation.evaluate import PREDICTIONS
-from semgs.evaluation.plan import frame_list
-from semgs.evaluation.report import Evaluation, read_report, report_numbers, timing
+from semgs.evaluation.environment import hardware, versions
+from semgs.evaluation.evaluate import PREDICTIONS, evaluate
+from semgs.evaluation.network import NetworkMethod
+from semgs.evaluation.notes import notes
+from semgs.evaluation.plan import Plan, frame_list
+from semgs.evaluation.predictions import Method
+from semgs.evaluation.report import Evaluation, Subject, read_report, report_numbers, timing
 from semgs.evaluation.report_page import report_page
 from semgs.evaluation.saved import TIMING, SavedPredictions
 from semgs.evaluation.tables import printed
 from semgs.files.atomic import write_json, write_text
+from semgs.files.folders import own_folder
+from semgs.files.hashes import sha256
+from semgs.weights.load import find, load, table_of
+
+
+def evaluate_into(
+    out: Path,
+    plan: Plan,
+    method: Method,
+    subject: Subject,
+    data: Path,
+    scenes: Sequence[Scene],
+    classes: ClassTable | None,
+    *,
+    device: str,
+    predictions: Path | None = None,
+    workers: int = 0,
+    overwrite: bool = False,
+) -> str:
+    """Score a method on every target of a plan and write the folder of an evaluation, which appears whole or not at all.
+
+    Args:
+        out: the folder.
+        plan: what to compare.
+        method: what to evaluate.
+        subject: what the report says of it.
+        data: where the scenes were found.
+        scenes: all that were found there.
+        classes: the table of their labels, None where none has any.
+        device: that the method computes on.
+        predictions: where its maps are, if they are somebody else's; None writes them.
+        workers: processes side by side, each on one thread; 0 uses this one with all its threads.
+        overwrite: replace the folder if an earlier evaluation wrote it.
+
+    Returns:
+        What the user reads at the end.
+
+    Raises:
+        InputError: a frame, a prediction or the folder cannot be used.
+        OSError: the disk is full.
+    """
+    with own_folder(out, overwrite) as folder:
+        with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
+            rows = evaluate(plan, method, folder, save=predictions is None, workers=workers, done=done)
+        evaluation = Evaluation(
+            subject=subject,
+            data=str(data),
+            plan=plan,
+            rows=tuple(rows),
+            classes=classes,
+            versions=versions(),
+            hardware=hardware(device),
+            notes=tuple(notes(plan, scenes, rows, workers)),
+        )
+        with show_stage("Writing the report"):
+            write_results(folder, evaluation, predictions)
+            return summary(folder, evaluation, out)
+
+
+def network_method(
+    weights: str | Path, classes: ClassTable | None, device: str, name: str = ""
+) -> tuple[NetworkMethod, Subject]:
+    """Weights as a method to evaluate, and what the report says of them.
+
+    Args:
+        weights: a file, or the name of those inside the package.
+        classes: the table of the truth; None takes that of the weights.
+        device: to encode on.
+        name: in tables; by default that of the network.
+
+    Raises:
+        ValueError: no weights of that name ship.
+        InputError: the file cannot be used, or is made for another table.
+    """
+    network, path = find(weights)
+    model = load(network, path, classes=classes or table_of(path))
+    parameters = sum(parameter.numel() for parameter in model.parameters())
+    subject = Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
+    return NetworkMethod(model.eval(), device, subject.name), subject
 
 
 def write_results(folder: Path, evaluation: Evaluation, predictions: Path | None) -> None:

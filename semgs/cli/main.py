@@ -46,6 +46,7 @@ COMMANDS = {
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
     "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
+    "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
     "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate wrote."),
 }
 

@@ -15,6 +15,16 @@ from semgs.training.settings import TrainingSettings, differences
 
 WEIGHTS = "weights.safetensors"
 
+PresetSettings = (
+    Annotated[
+        TrainingSettings, tyro.conf.subcommand("small", default=presets.small(), description=presets.small.__doc__)
+    ]
+    | Annotated[
+        TrainingSettings, tyro.conf.subcommand("base", default=presets.base(), description=presets.base.__doc__)
+    ]
+)
+"""A preset's name, then what shall differ from it."""
+
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
@@ -33,15 +43,7 @@ class Train:
     - semgs train small --out runs/rough --losses.smoothness 0
     """
 
-    settings: Annotated[
-        Annotated[
-            TrainingSettings, tyro.conf.subcommand("small", default=presets.small(), description=presets.small.__doc__)
-        ]
-        | Annotated[
-            TrainingSettings, tyro.conf.subcommand("base", default=presets.base(), description=presets.base.__doc__)
-        ],
-        tyro.conf.arg(name=""),
-    ]
+    settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder: a new or empty one, or a run of the same settings to go on with."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"

@@ -88,7 +88,7 @@ def train(
     if settings.assets is not None:
         verify(settings.assets)
     claim(out, settings)
-    model = load(settings.model, settings.weights, seed=settings.seed).to(device)
+    model = load(settings.model, settings.weights, seed=settings.seed, without=settings.without).to(device)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     resume(state, out, console)
     batches = training_batches(settings, state.step, workers, out / "rooms")

@@ -49,6 +49,16 @@ def read_settings(out: Path) -> TrainingSettings:
         raise InputError(record, "the settings of a training run", str(error)) from error
 
 
+def finished(run: Path) -> bool:
+    """Whether a run's newest intact checkpoint is that of its last step.
+
+    Raises:
+        InputError: the folder holds no run.
+    """
+    checkpoint = newest_checkpoint(run / "checkpoints")
+    return checkpoint is not None and checkpoint.numbers["step"] >= read_settings(run).steps
+
+
 def export_weights(run: Path, path: Path) -> Path:
     """Write the averaged weights of a run's newest checkpoint as a file of weights, in bfloat16.
 
@@ -61,7 +71,7 @@ def export_weights(run: Path, path: Path) -> Path:
     checkpoint = newest_checkpoint(run / "checkpoints")
     if checkpoint is None:
         raise InputError(run, "a run with a checkpoint", "none that is intact", advice="train first")
-    model = load(settings.model, "random", seed=settings.seed)
+    model = load(settings.model, "random", seed=settings.seed, without=settings.without)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     state.restore(checkpoint.tensors, checkpoint.numbers)
     model.load_state_dict(state.average.module.state_dict())

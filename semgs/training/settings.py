@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from semgs.model.parts import Part
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
 from semgs.rooms.style import Style
@@ -75,6 +76,8 @@ class TrainingSettings:
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
     weights: str = "random"
     """Where to start: random, or a file of weights."""
+    without: tuple[Part, ...] = ()
+    """Parts of the method that the network lacks, as in the paper's ablation; semgs ablate trains all its rows."""
     seed: int = 0
     """Of the weights and of every sample."""
     scene_reuse: int = 1
@@ -109,6 +112,7 @@ class TrainingSettings:
             ),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (self.assets is None or self.style == "home", "none in rooms of style plain"),
+            "without": (len(set(self.without)) == len(self.without), "each part once"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }

@@ -1,0 +1,216 @@
+"""`semgs ablate`: the paper's ablation: five trainings with equal steps and seeds, their evaluations, one table."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from semgs.cli.device import check_device, chosen_device
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.train import PresetSettings
+from semgs.files.errors import InputError
+from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from semgs.evaluation.ablation import Row
+    from semgs.evaluation.report import SavedReport
+    from semgs.training.settings import TrainingSettings
+
+RUN, EVALUATION, ROOMS, TABLE = "run", "evaluation", "rooms", "ablation.md"
+SCENES = 24
+"""Rooms that are drawn to evaluate on where none are named."""
+TIMED_STEPS = 3
+"""Steps that --dry-run takes to tell how long all will take."""
+
+
+@tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
+@dataclass(frozen=True)
+class Ablate:
+    """Train and evaluate the five rows of the paper's ablation, then print their table with intervals.
+
+    The rows are the method with none of its four parts, then one more in each: shared layers, windows, camera-aware
+    attention, and the smoothness of regions in the loss, which is the full method. All have the same settings, steps and
+    seeds; type a preset, then what shall differ from it, as for semgs train.
+
+    OUT holds SEED/ROW/run and SEED/ROW/evaluation, as semgs train and semgs evaluate write them, rooms/ to evaluate on where
+    --data names no scenes, and ablation.md, the table. The same command goes on where it was interrupted.
+
+    Examples
+    - semgs ablate small --out ablation --steps 3000 --dry-run
+    - semgs ablate small --out ablation --steps 3000 --seeds 1 2
+    - semgs ablate base --out ablation --data scannet/test --views 4
+    """
+
+    settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
+    data: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Scenes to evaluate on, with the protocol neighbours at the size of the training; none draws 24 rooms that no training sees."""
+    views: int = 4
+    """Input views of the evaluation; the paper's table has 4."""
+    seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]")] = ()
+    """Of the trainings, each of all five rows; by default that of the settings."""
+    minutes: float | None = None
+    """End after this time, with a checkpoint; the same command goes on. None ends when all is done."""
+    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    """Where to compute; auto takes a CUDA GPU where there is one."""
+    workers: int = 1
+    """Processes that prepare scenes ahead."""
+    dry_run: bool = False
+    """Say what would be trained and how long it would take here, from three steps of the full method; write nothing."""
+
+    def run(self) -> None:
+        """Train and evaluate what is not there yet, and print the table.
+
+        Raises:
+            InputError: the folder, or the data to evaluate on, cannot be used.
+            UsageError: the settings cannot be, or a training broke down.
+        """
+        self._check()
+        from semgs.evaluation.ablation import ROWS, row_settings
+
+        with what_the_user_gave():
+            runs = [
+                (row, row_settings(self.settings, row, seed))
+                for seed in self.seeds or (self.settings.seed,)
+                for row in ROWS
+            ]
+        if self.dry_run:
+            print(self._cost(len(runs)))
+            return
+        ends = None if self.minutes is None else time.monotonic() + 60 * self.minutes
+        for number, (row, settings) in enumerate(runs, 1):
+            if not self._train(f"{number}/{len(runs)} {row.title}, seed {settings.seed}", row, settings, ends):
+                print(f"time is up before run {number} of {len(runs)} was done; the same command goes on from here")
+                break
+            self._evaluate(row, settings)
+        print(self._table([(row, settings.seed) for row, settings in runs]))
+
+    def _check(self) -> None:
+        """Refuse what can be refused before torch is imported."""
+        check_device(self.device)
+        if self.data is not None:
+            existing_folder(self.data)
+        if self.views < 2:
+            raise UsageError(f"--views is {self.views}; expected 2 or more")
+        if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
+            raise UsageError("--workers must not be negative, and --minutes must be positive")
+        if len(set(self.seeds)) != len(self.seeds):
+            raise UsageError("--seeds names one twice")
+        if self.out.exists() and not self.out.is_dir():
+            raise InputError(self.out, "a folder to write", "a file", advice="name another")
+
+    def _folder(self, row: Row, seed: int) -> Path:
+        return self.out / f"seed_{seed}" / row.name
+
+    def _train(self, title: str, row: Row, settings: TrainingSettings, ends: float | None) -> bool:
+        """Train a row, or go on with it; whether it is finished."""
+        from rich.console import Console
+
+        from semgs.training.loop import train
+        from semgs.training.run import claim, export_weights, finished
+
+        run = self._folder(row, settings.seed) / RUN
+        with what_the_user_gave():
+            claim(run, settings)
+        weights = run.parent / "weights.safetensors"
+        if finished(run) and weights.is_file():
+            return True
+        left = None if ends is None else (ends - time.monotonic()) / 60
+        if left is not None and left <= 0:
+            return False
+        console = Console(stderr=True, highlight=False)
+        console.print(title, markup=False)
+        try:
+            outcome = train(
+                settings, run, device=chosen_device(self.device), minutes=left, workers=self.workers, console=console
+            )
+        except (FloatingPointError, ImportError) as error:
+            raise UsageError(str(error)) from error
+        if outcome.finished:
+            export_weights(run, weights)
+        return outcome.finished
+
+    def _evaluate(self, row: Row, settings: TrainingSettings) -> None:
+        """Evaluate a row that is trained, if that was not done before."""
+        from semgs.cli.evaluate import labelled_scenes
+        from semgs.cli.evaluation_results import evaluate_into, network_method
+        from semgs.evaluation.plan import make_plan
+        from semgs.evaluation.protocols import neighbours
+
+        folder = self._folder(row, settings.seed)
+        if (folder / EVALUATION).exists():
+            return
+        data = self._rooms(settings) if self.data is None else self.data
+        with show_stage("Reading scenes"):
+            scenes, classes = labelled_scenes(data)
+        if classes is None:
+            raise InputError(data, "scenes with labels", "none that has any")
+        plan = make_plan("neighbours", neighbours, scenes, (self.views,), settings.size)
+        device = chosen_device(self.device)
+        with what_the_user_gave():
+            method, subject = network_method(folder / "weights.safetensors", classes, device, row.title)
+        evaluate_into(folder / EVALUATION, plan, method, subject, data, scenes, classes, device=device)
+
+    def _rooms(self, settings: TrainingSettings) -> Path:
+        """Rooms to evaluate on, drawn where they are not there yet."""
+        from semgs.rooms.assets.library import Library
+        from semgs.rooms.dataset import Recipe, write_dataset
+        from semgs.training.settings import VALIDATION_SEED
+
+        library = None if settings.assets is None else Library(settings.assets, "validation", check=False)
+        recipe = Recipe(VALIDATION_SEED, settings.size, library=library)
+        with what_the_user_gave(), show_progress("Drawing rooms", SCENES) as done:
+            write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.workers, done=done)
+        return self.out / ROOMS
+
+    def _table(self, runs: list[tuple[Row, int]]) -> str:
+        """The table of all runs that are evaluated, which is also written."""
+        from semgs.evaluation.ablation import ablation_grid, steps_grid
+        from semgs.evaluation.compare import check_comparable
+        from semgs.evaluation.report import read_report
+        from semgs.evaluation.tables import printed
+        from semgs.files.atomic import write_text
+
+        reports: dict[tuple[str, int], SavedReport] = {}
+        for row, seed in runs:
+            folder = self._folder(row, seed) / EVALUATION
+            if folder.exists():
+                reports[row.name, seed] = read_report(folder)
+        if not reports:
+            return "nothing is evaluated yet"
+        missing = next((one.path for one in reports.values() if self.views not in one.results), None)
+        if missing is not None:
+            raise InputError(missing, f"results for {self.views} views", "others", advice="name another folder")
+        check_comparable(list(reports.values()))
+        grids = [ablation_grid(reports, self.views), steps_grid(reports, self.views)]
+        write_text(self.out / TABLE, "\n\n".join(printed(grid, "markdown") for grid in grids) + "\n")
+        return "\n\n".join([*(printed(grid, "text") for grid in grids), f"{self.out / TABLE} has it in Markdown."])
+
+    def _cost(self, runs: int) -> str:
+        """What would be trained, and how long three steps of the full method say that it would take."""
+        from tempfile import TemporaryDirectory
+
+        from semgs.training.loop import train
+
+        settings = replace(self.settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1)
+        warm = replace(settings, steps=1)
+        with TemporaryDirectory() as folder, show_stage("Timing three steps"), what_the_user_gave():
+            train(warm, Path(folder) / "warm", device=chosen_device(self.device), workers=0)
+            began = time.perf_counter()
+            train(settings, Path(folder) / "timed", device=chosen_device(self.device), workers=0)
+            seconds = (time.perf_counter() - began) / TIMED_STEPS
+        full = self.settings
+        height, width = full.size
+        minutes = full.steps * seconds / 60
+        return (
+            f"{runs} trainings of {full.steps} steps of {full.batch} scenes at {height}x{width} ({runs * full.steps} steps), then "
+            f"{runs} evaluations with {self.views} views\n"
+            f"about {seconds:.2f} s a step here, {minutes:.0f} min a training, {runs * minutes / 60:.1f} h for all, "
+            f"evaluations and validations not counted"
+        )

@@ -1,0 +1,116 @@
+"""`semgs ablate` as it is typed. The trainings are stand-ins; a whole one with real ones is in `make long`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semgs.cli.main import main
+from semgs.files.pictures import write_png
+from semgs.training.loop import Outcome
+from semgs.training.run import read_settings
+
+LINE = "ablate small --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
+
+
+@pytest.fixture
+def labelled(scene: Path) -> Path:
+    """A scene of four frames with labels of two classes."""
+    file = json.loads((scene / "transforms.json").read_text())
+    (scene / "labels").mkdir()
+    for index, frame in enumerate(file["frames"]):
+        write_png(scene / f"labels/{index:03d}.png", np.repeat([0, 1], 32).astype(np.uint8)[None].repeat(48, 0))
+        frame["label_file_path"] = f"labels/{index:03d}.png"
+    (scene / "transforms.json").write_text(json.dumps(file | {"label_set": "scannet20"}))
+    return scene
+
+
+@pytest.fixture
+def trained(monkeypatch) -> list[tuple[str, tuple[str, ...], float, int]]:
+    """Replaces training by writing untrained weights of the row's network; what was trained is listed."""
+    runs: list[tuple[str, tuple[str, ...], float, int]] = []
+
+    def train(settings, out, **options):
+        runs.append((out.parent.name, settings.without, settings.losses.smoothness, settings.seed))
+        return Outcome(settings.steps, True, 0)
+
+    def export(run, path):
+        from semgs.weights.file import save
+        from semgs.weights.load import load
+
+        settings = read_settings(run)
+        save(path, load(settings.model, "random", seed=settings.seed, without=settings.without), {})
+        return path
+
+    monkeypatch.setattr("semgs.evaluation.intervals.RESAMPLES", 100)
+    monkeypatch.setattr("semgs.training.loop.train", train)
+    monkeypatch.setattr("semgs.training.run.export_weights", export)
+    monkeypatch.setattr("semgs.training.run.finished", lambda run: (run.parent / "weights.safetensors").exists())
+    return runs
+
+
+def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped(tmp_path, labelled, trained, capsys):
+    line = [*LINE.split(), "--data", str(labelled), "--out", str(tmp_path / "out")]
+    assert main(line) == 0
+    told = capsys.readouterr().out
+    assert [name for name, *_ in trained] == ["none", "shared", "windows", "camera", "full"]
+    assert [without for _, without, *_ in trained] == [
+        ("shared_layers", "windows", "camera_awareness"), ("windows", "camera_awareness"), ("camera_awareness",), (), (),
+    ]  # fmt: skip
+    assert [smoothness > 0 for *_, smoothness, _ in trained] == [False, False, False, False, True]
+    assert "Sm-Loss" in told
+    assert "What each part adds" in told
+    table = (tmp_path / "out/ablation.md").read_text()
+    for row in trained:
+        report = tmp_path / f"out/seed_0/{row[0]}/evaluation/report.json"
+        miou = json.loads(report.read_text())["results"][0]["miou"]
+        assert f"{miou:.3f} (" in table
+    assert main(line) == 0
+    assert len(trained) == 5  # nothing is trained or evaluated again
+    assert (tmp_path / "out/ablation.md").read_text() == table
+
+
+def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, labelled, trained, capsys):
+    line = [*LINE.split(), "--out", str(tmp_path / "out")]
+    assert main([*line, "--data", str(room)]) == 2
+    assert "scenes with labels" in capsys.readouterr().err.splitlines()[-1]
+    assert main([*line, "--data", str(labelled), "--learning-rate", "0.5"]) == 2
+    assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("--views 1", "--views is 1"),
+        ("--seeds 1 1", "one twice"),
+        ("--losses.smoothness 0", "the full method lacks smoothness"),
+        ("--without windows", "the full method lacks windows"),
+        ("--minutes 0", "must be positive"),
+        ("--data nowhere", "nowhere"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line: str, told: str, capsys):
+    assert main([*LINE.split(), "--out", str(tmp_path / "out"), *line.split()]) == 2
+    assert told in capsys.readouterr().err.strip().splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_says_what_would_be_trained_and_writes_nothing(tmp_path: Path, monkeypatch, capsys):
+    timed = []
+    monkeypatch.setattr("semgs.training.loop.train", lambda settings, out, **options: timed.append(settings.steps))
+    line = [*LINE.split(), "--out", str(tmp_path / "out"), "--seeds", "3", "4", "--dry-run"]
+    assert main(line) == 0
+    assert "10 trainings of 2 steps of 1 scenes at 32x48 (20 steps)" in capsys.readouterr().out
+    assert timed == [1, 3]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.long
+def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
+    line = [*LINE.split(), "--views", "4", "--out", str(tmp_path)]
+    assert main(line) == 0
+    assert capsys.readouterr().out.count("–") > 5
+    assert len(list(tmp_path.glob("seed_0/*/evaluation/report.json"))) == 5
