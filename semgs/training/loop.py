@@ -32,6 +32,7 @@ from semgs.files.pictures import write_png
 from semgs.rooms.assets.lock import verify
 from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
+from semgs.training.engine import launched
 from semgs.training.log import RunLog
 from semgs.training.run import claim
 from semgs.training.settings import TrainingSettings
@@ -83,13 +84,15 @@ def train(
     Raises:
         ValueError: the folder holds a run of other settings.
         InputError: it holds something else, the assets are missing or altered, or the state of another network, or the weights to start from do not fit.
+        ImportError: an extra is not installed that training or its rooms need.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
     if settings.assets is not None:
         verify(settings.assets)
     claim(out, settings)
-    model = load(settings.model, settings.weights, seed=settings.seed).to(device)
-    state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
+    fabric = launched(device)
+    model = load(settings.model, settings.weights, seed=settings.seed).to(fabric.device)
+    state = TrainingState.begin(model, settings.learning_rate, settings.average_decay, fabric)
     resume(state, out, console)
     batches = training_batches(settings, state.step, workers, out / "rooms")
     return fit(

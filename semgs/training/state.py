@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
+
+from semgs.training.engine import launched
+from semgs.training.objective import Objective
 
 
 @dataclass
@@ -15,6 +19,8 @@ class TrainingState:
 
     Attributes:
         model: what learns.
+        fabric: the engine; it knows the other processes.
+        objective: the network with its loss as the engine wrapped them: what batches go through.
         average: the moving average of its weights; `average.module` is a network like `model`.
         optimizer: Adam with its moments.
         step: how many steps have been taken, skipped ones included; also the number of the next batch.
@@ -24,6 +30,8 @@ class TrainingState:
     """
 
     model: nn.Module
+    fabric: Any
+    objective: nn.Module
     average: AveragedModel
     optimizer: torch.optim.Adam
     step: int = 0
@@ -32,12 +40,21 @@ class TrainingState:
     seconds: float = 0.0
 
     @classmethod
-    def begin(cls, model: nn.Module, learning_rate: float, average_decay: float) -> TrainingState:
-        """The state before the first step."""
+    def begin(cls, model: nn.Module, learning_rate: float, average_decay: float, fabric: Any = None) -> TrainingState:
+        """The state before the first step.
+
+        Args:
+            model: on the device where it is to learn.
+            learning_rate: of Adam, until a step sets it.
+            average_decay: of the moving average.
+            fabric: the engine, launched; None is one for this process alone.
+        """
         model.train()
+        fabric = fabric or launched(next(model.parameters()).device.type)
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
-        return cls(model, average, torch.optim.Adam(model.parameters(), lr=learning_rate))
+        optimizer = torch.optim.Adam(model.parameters(), lr=learning_rate)
+        return cls(model, fabric, fabric.setup_module(Objective(model)), average, optimizer)
 
     def tensors(self) -> dict[str, Tensor]:
         """Copies of every tensor: weights (`model.`), their average (`average.`), Adam's moments (`optimizer.`)."""

@@ -11,8 +11,8 @@ from torch import nn
 
 from semgs.data.views import Batch
 from semgs.objectives.metrics import accuracy, confusion_matrix, miou, psnr
+from semgs.training.objective import render_targets
 from semgs.training.pictures import strip
-from semgs.training.step import render_targets
 
 PICTURED = 4
 """Scenes in the strip of pictures."""

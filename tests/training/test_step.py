@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from semgs.training.objective import render_targets
 from semgs.training.state import TrainingState
-from semgs.training.step import learning_rate, render_targets, training_step
+from semgs.training.step import learning_rate, training_step
 
 
 def begin(network, settings) -> TrainingState:
