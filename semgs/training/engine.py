@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import torch
+
 
 def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: str = "32") -> Any:
     """A Fabric whose processes run: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
@@ -15,7 +17,8 @@ def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: s
         device: "cpu" or "cuda".
         devices: processes on each machine, each with a device of its own.
         nodes: machines.
-        precision: "32", or "bf16" for layers in bfloat16. Cameras, depth, Gaussians and losses are float32 or better in either.
+        precision: "32", "bf16" for layers in bfloat16, or "auto" for that on GPUs that compute in it. Cameras, depth, Gaussians and
+            losses are float32 or better in any case.
 
     Raises:
         ImportError: Lightning Fabric is not installed; names the extra that brings it.
@@ -32,12 +35,13 @@ def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: s
         convert_input = Precision.convert_input
         convert_output = Precision.convert_output
 
+    half = precision == "bf16" or (precision == "auto" and device == "cuda" and torch.cuda.is_bf16_supported(False))
     fabric = Fabric(
         accelerator=device,
         devices=devices,
         num_nodes=nodes,
         strategy="ddp" if devices * nodes > 1 else "auto",
-        plugins=[LayersInBfloat16("bf16-mixed", device)] if precision == "bf16" else None,
+        plugins=[LayersInBfloat16("bf16-mixed", device)] if half else None,
     )
     fabric.launch()
     return fabric

@@ -34,6 +34,7 @@ class Objective(nn.Module):
         if not _can_be_drawn(encoding):
             return _broken(encoding)
         rendering, target = render_targets(encoding, batch, settings.context_targets)
+        assert not isinstance(settings.class_weights, str)  # the survey of the data made them numbers
         terms = losses(rendering, target, settings.losses, class_weights=settings.class_weights)
         depth = torch.zeros_like(terms.total)
         if settings.depth_weight and batch.context.depths is not None:

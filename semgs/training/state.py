@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,7 @@ class TrainingState:
         skipped: steps without a finite gradient so far.
         skipped_in_a_row: those of them since the last good step.
         seconds: time spent so far, over all sittings.
+        best_step, best_score: of the best validation so far; -1 and -inf before the first.
     """
 
     model: nn.Module
@@ -38,6 +40,8 @@ class TrainingState:
     skipped: int = 0
     skipped_in_a_row: int = 0
     seconds: float = 0.0
+    best_step: int = -1
+    best_score: float = -math.inf
 
     @classmethod
     def begin(cls, model: nn.Module, learning_rate: float, average_decay: float, fabric: Any = None) -> TrainingState:
@@ -72,6 +76,7 @@ class TrainingState:
             "skipped": self.skipped,
             "skipped_in_a_row": self.skipped_in_a_row,
             "seconds": self.seconds,
+            **({} if self.best_step < 0 else {"best_step": self.best_step, "best_score": self.best_score}),
         }
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, int | float]) -> None:
@@ -96,6 +101,13 @@ class TrainingState:
         self.skipped = int(numbers["skipped"])
         self.skipped_in_a_row = int(numbers["skipped_in_a_row"])
         self.seconds = float(numbers["seconds"])
+        self.best_step = int(numbers.get("best_step", -1))
+        self.best_score = float(numbers.get("best_score", -math.inf))
+
+
+def averaged_weights(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Those of a state's tensors that are the averaged weights, by their names in the network."""
+    return _under("average.module.", tensors)
 
 
 def _warmed_up_average(decay: float):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -40,12 +41,18 @@ class StepReport:
     moved: bool = False
 
 
-def training_step(state: TrainingState, batch: Batch, settings: TrainingSettings) -> StepReport:
-    """Move the weights by one batch; a step whose loss or gradient is not finite leaves them as they are."""
+def training_step(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSettings) -> StepReport:
+    """Move the weights by one batch; a step whose loss or gradient is not finite leaves them as they are.
+
+    Args:
+        state: of the training; it is changed.
+        pieces: what this process sees of the batch, in equal pieces; every process has as many, of that size.
+        settings: of the training.
+    """
     rate = learning_rate(state.step, settings.steps, settings.learning_rate, settings.warmup)
     for group in state.optimizer.param_groups:
         group["lr"] = rate
-    report = _descend(state, batch, settings, rate)
+    report = descend(state, pieces, settings, rate)
     if report.moved:
         state.optimizer.step()
         state.average.update_parameters(state.model)
@@ -55,20 +62,26 @@ def training_step(state: TrainingState, batch: Batch, settings: TrainingSettings
     return report
 
 
-def _descend(state: TrainingState, batch: Batch, settings: TrainingSettings, rate: float) -> StepReport:
-    """Leave the clipped gradient of a batch in the parameters."""
+def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSettings, rate: float) -> StepReport:
+    """Leave the clipped gradient of a batch in the parameters: the mean over its pieces and over the processes."""
     state.optimizer.zero_grad()
-    terms = state.objective(batch, settings)
-    state.fabric.backward(terms["total"])
+    measured = []
+    for piece in pieces:
+        # Gradients meet once, after the last piece.
+        with state.fabric.no_backward_sync(state.objective, enabled=piece is not pieces[-1]):
+            terms = state.objective(piece, settings)
+            state.fabric.backward(terms["total"] / len(pieces))
+        measured.append(torch.stack([terms[name].detach() for name in TERMS]))
     norm = nn.utils.clip_grad_norm_(state.model.parameters(), settings.clip)
-    measured = dict(zip(TERMS, torch.stack([terms[name].detach() for name in TERMS]).tolist(), strict=True))
-    unlabelled = measured.pop("unlabelled")
+    mean = state.fabric.all_reduce(torch.stack(measured).mean(0), reduce_op="mean")
+    found = dict(zip(TERMS, mean.tolist(), strict=True))
+    views = found.pop("unlabelled") * len(pieces) * state.fabric.world_size
     return StepReport(
         learning_rate=rate,
-        **measured,
+        **found,
         gradient_norm=float(norm),
-        unlabelled=0 if math.isnan(unlabelled) else round(unlabelled),
-        moved=math.isfinite(measured["total"]) and bool(torch.isfinite(norm)),
+        unlabelled=0 if math.isnan(views) else round(views),
+        moved=math.isfinite(found["total"]) and bool(torch.isfinite(norm)),
     )
 
 
