@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,10 +67,12 @@ class Portion:
     Attributes:
         pieces: batches of equal size, whose gradients are averaged.
         bad: scenes that could not be read and were passed over: path and why.
+        failure: what went wrong, if there is nothing to see. A loader would keep no more of an error than its type and text.
     """
 
     pieces: tuple[Batch, ...]
     bad: tuple[tuple[str, str], ...] = ()
+    failure: Exception | None = None
 
 
 class Portions(Dataset):
@@ -91,7 +94,11 @@ class Portions(Dataset):
 
     def __getitem__(self, step: int) -> Portion:
         """The portion of a step."""
-        pieces = [[self._samples[k] for k in piece] for piece in self._share.pieces(step, self._batch)]
+        try:
+            pieces = [[self._samples[k] for k in piece] for piece in self._share.pieces(step, self._batch)]
+        except Exception as error:
+            error.add_note(f"while step {step} was prepared:\n{traceback.format_exc()}")
+            return Portion((), failure=error)
         bad = dict(one for piece in pieces for sample in piece for one in sample.bad)
         return Portion(tuple(map(_batch, pieces)), tuple(bad.items()))
 

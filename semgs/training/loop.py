@@ -179,6 +179,8 @@ def fit(
     ):
         known = BadScenes(scenes, log.say, bad)
         for portion, waited in timed(batches):
+            if portion.failure is not None:
+                raise portion.failure
             known.add(portion.bad)
             report = training_step(state, portion.pieces, settings)
             state.seconds = sitting.stepped()

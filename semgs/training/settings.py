@@ -44,9 +44,9 @@ HEIGHT_BY_WIDTH = tyro.constructors.PrimitiveConstructorSpec(
 CLASS_FILE = tyro.constructors.PrimitiveConstructorSpec(
     nargs=1,
     metavar="FILE",
-    instance_from_str=lambda given: read_class_file(given[0]).table,
-    is_instance=lambda value: isinstance(value, ClassTable),
-    str_from_instance=lambda table: [table.name],
+    instance_from_str=lambda given: None if given[0] == "None" else read_class_file(given[0]).table,
+    is_instance=lambda value: value is None or isinstance(value, ClassTable),
+    str_from_instance=lambda table: ["None" if table is None else table.name],
 )
 """A class table is named by its file; from there on the table itself travels."""
 
@@ -78,7 +78,7 @@ class Source:
         Raises:
             ValueError: the weight is no positive number, or there is no path.
         """
-        match = re.fullmatch(r"(.+?)(?:=([^=/]*))?", text)
+        match = re.fullmatch(r"([^=].*?)(?:=([^=/]*))?", text)
         try:
             weight = Fraction(match[2] or "1" if match else "")
         except (ValueError, ZeroDivisionError):

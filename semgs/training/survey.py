@@ -126,9 +126,8 @@ def inverse_root_frequency(shares: Pixels) -> tuple[float, ...]:
     if not shares.sum() > 0:
         raise ValueError("no class of the table occurs in the data, so they cannot be weighed by how often they do")
     shares = shares / shares.sum()
-    shares = np.where(shares > 0, shares, shares[shares > 0].min())
-    weights = shares**-0.5
-    return tuple(float(weight) for weight in np.round(weights * shares.sum() / (weights * shares).sum(), 4))
+    weights = np.where(shares > 0, shares, shares[shares > 0].min()) ** -0.5
+    return tuple(float(weight) for weight in np.round(weights / (weights * shares).sum(), 4))
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,9 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
     (shared, said), (whole, alone) = found
     return {
         "gradient": float((shared - whole).norm() / whole.norm()),
-        "report": max(abs(getattr(said, name) - getattr(alone, name)) for name in ("total", "semantic", "depth", "psnr")),
+        "report": max(
+            abs(getattr(said, name) - getattr(alone, name)) for name in ("total", "semantic", "depth", "psnr")
+        ),
         "unlabelled": abs(said.unlabelled - alone.unlabelled) + (alone.unlabelled != 3),
         "moved": float(said.moved and alone.moved),
     }
