@@ -42,7 +42,7 @@ def measured(model: SemGS, settings: TrainingSettings, batch: Batch, device: str
         encode = milliseconds(lambda: model(batch.context), device, rounds)
         draw = milliseconds(lambda: render(gaussians, cameras, near=0.5), device, rounds)
     state = TrainingState.begin(model, 1e-6, 0.99)
-    return [encode, draw, milliseconds(lambda: training_step(state, batch, settings), device, rounds)]
+    return [encode, draw, milliseconds(lambda: training_step(state, [batch], settings), device, rounds)]
 
 
 def main() -> None:

@@ -38,18 +38,18 @@ class Ablate:
     seeds; type a preset, then what shall differ from it, as for semgs train.
 
     OUT holds SEED/ROW/run and SEED/ROW/evaluation, as semgs train and semgs evaluate write them, rooms/ to evaluate on where
-    --data names no scenes, and ablation.md, the table. The same command goes on where it was interrupted.
+    --test names no scenes, and ablation.md, the table. The same command goes on where it was interrupted.
 
     Examples
     - semgs ablate small --out ablation --steps 3000 --dry-run
     - semgs ablate small --out ablation --steps 3000 --seeds 1 2
-    - semgs ablate base --out ablation --data scannet/test --views 4
+    - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scannet/test
     """
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
-    data: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    test: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Scenes to evaluate on, with the protocol neighbours at the size of the training; none draws 24 rooms that no training sees."""
     views: int = 4
     """Input views of the evaluation; the paper's table has 4."""
@@ -94,8 +94,8 @@ class Ablate:
     def _check(self) -> None:
         """Refuse what can be refused before torch is imported."""
         check_device(self.device)
-        if self.data is not None:
-            existing_folder(self.data)
+        if self.test is not None:
+            existing_folder(self.test)
         if self.views < 2:
             raise UsageError(f"--views is {self.views}; expected 2 or more")
         if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
@@ -112,14 +112,13 @@ class Ablate:
         """Train a row, or go on with it; whether it is finished."""
         from rich.console import Console
 
-        from semgs.training.loop import train
-        from semgs.training.run import claim, export_weights, finished
+        from semgs.training.loop import WEIGHTS, train
+        from semgs.training.run import claim, finished
 
         run = self._folder(row, settings.seed) / RUN
         with what_the_user_gave():
             claim(run, settings)
-        weights = run.parent / "weights.safetensors"
-        if finished(run) and weights.is_file():
+        if finished(run) and (run / WEIGHTS).is_file():
             return True
         left = None if ends is None else (ends - time.monotonic()) / 60
         if left is not None and left <= 0:
@@ -132,8 +131,6 @@ class Ablate:
             )
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error
-        if outcome.finished:
-            export_weights(run, weights)
         return outcome.finished
 
     def _evaluate(self, row: Row, settings: TrainingSettings) -> None:
@@ -142,11 +139,12 @@ class Ablate:
         from semgs.cli.evaluation_results import evaluate_into, network_method
         from semgs.evaluation.plan import make_plan
         from semgs.evaluation.protocols import neighbours
+        from semgs.training.loop import WEIGHTS
 
         folder = self._folder(row, settings.seed)
         if (folder / EVALUATION).exists():
             return
-        data = self._rooms(settings) if self.data is None else self.data
+        data = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
             scenes, classes = labelled_scenes(data)
         if classes is None:
@@ -154,7 +152,7 @@ class Ablate:
         plan = make_plan("neighbours", neighbours, scenes, (self.views,), settings.size)
         device = chosen_device(self.device)
         with what_the_user_gave():
-            method, subject = network_method(folder / "weights.safetensors", classes, device, row.title)
+            method, subject = network_method(folder / RUN / WEIGHTS, classes, device, row.title)
         evaluate_into(folder / EVALUATION, plan, method, subject, data, scenes, classes, device=device)
 
     def _rooms(self, settings: TrainingSettings) -> Path:

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.training import presets
-from semgs.training.settings import TrainingSettings, differences
+from semgs.training.settings import TrainingSettings
 
-WEIGHTS = "weights.safetensors"
+
+def _preset(name: str) -> object:
+    """A preset as a subcommand, with its other name."""
+    preset = presets.PRESETS[name]
+    other = presets.OTHER_NAMES.get(name)
+    return tyro.conf.subcommand(
+        name, default=preset(), description=preset.__doc__, aliases=None if other is None else [other]
+    )
+
 
 PresetSettings = (
-    Annotated[
-        TrainingSettings, tyro.conf.subcommand("small", default=presets.small(), description=presets.small.__doc__)
-    ]
-    | Annotated[
-        TrainingSettings, tyro.conf.subcommand("base", default=presets.base(), description=presets.base.__doc__)
-    ]
+    Annotated[TrainingSettings, _preset("small")]
+    | Annotated[TrainingSettings, _preset("base")]
+    | Annotated[TrainingSettings, _preset("paper")]
 )
 """A preset's name, then what shall differ from it."""
 
@@ -29,18 +34,20 @@ PresetSettings = (
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
 class Train:
-    """Train a network on synthetic rooms, drawn live from a seed.
+    """Train a network: on rooms that are drawn live from a seed, on scenes of your own, or both.
 
     Type a preset, then what shall differ from it: semgs train small --help lists every setting. The same command goes on
-    with a run that was interrupted, killed or ended by --minutes; the bits are those of a run that never was.
+    with a run that was interrupted, killed or ended by --minutes; on a CPU the bits are those of a run that never was.
 
-    RUN holds settings.json, log.jsonl (losses, speed, validation), validation/ (pictures), checkpoints/, and after every
-    sitting weights.safetensors, which semgs reconstruct takes as --weights.
+    RUN holds settings.json, log.jsonl and tensorboard/ (losses, speed, validation), validation/ (pictures), checkpoints/, and after
+    every sitting weights.safetensors, which semgs reconstruct takes as --weights, and best.safetensors.
 
     Examples
     - semgs train small --out runs/small
     - semgs train small --out runs/night --steps 40000 --minutes 480
-    - semgs train small --out runs/rough --losses.smoothness 0
+    - semgs train small --init small --data rooms=1 scans=3 --out runs/mine
+    - semgs train small --init small --classes table.json --data scans --out runs/own
+    - semgs train paper --data scannet/train --init re10k.ckpt --devices 4 --out runs/paper
     """
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
@@ -48,46 +55,53 @@ class Train:
     """Run folder: a new or empty one, or a run of the same settings to go on with."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
     """Where to compute; auto takes a CUDA GPU where there is one. Only the CPU gives the same bits in every run."""
+    devices: int = 1
+    """GPUs, or processes on the CPU, of this machine; they share the scenes of each step."""
+    nodes: int = 1
+    """Machines, each with so many devices, started by torchrun or SLURM."""
+    precision: Literal["auto", "32", "bf16"] = "auto"
+    """Of the layers; auto is bf16 on GPUs that have it. Cameras, depth, Gaussians and losses are float32 or better in any case."""
+    accumulate: int = 1
+    """Pieces in which each process computes its scenes of a step, one after the other, to save memory."""
     minutes: float | None = None
-    """End after this time, with a checkpoint; none ends at the last step."""
+    """End within this time, with a checkpoint; none ends at the last step."""
     workers: int = 1
-    """Processes that prepare scenes ahead; 0 prepares them between the steps."""
+    """Processes that prepare scenes ahead, for each device; 0 prepares them between the steps."""
     save_minutes: float = 5.0
     """Minutes between checkpoints."""
 
     def run(self) -> None:
-        """Train, then write the averaged weights and say what to do with them.
+        """Train, and leave the averaged weights in the run folder.
 
         Raises:
-            InputError: the folder or the weights to start from cannot be used.
+            InputError: the folder, the data or the weights to start from cannot be used.
             UsageError: the settings cannot be, training broke down, or an extra that rooms need is not installed.
         """
         if self.workers < 0 or self.save_minutes < 0 or (self.minutes is not None and self.minutes <= 0):
             raise UsageError("--workers and --save-minutes must not be negative, and --minutes must be positive")
+        if min(self.devices, self.nodes, self.accumulate) < 1:
+            raise UsageError("--devices, --nodes and --accumulate must be positive")
         check_device(self.device)
+        with what_the_user_gave():
+            self.settings.check_whole()
+        import torch
         from rich.console import Console
 
-        console = Console(stderr=True, highlight=False)
-        reference = presets.PRESETS[self.settings.model]()
-        for name, (value, default) in differences(self.settings, reference).items():
-            console.print(f"{name}: {value} (preset {self.settings.model}: {default})", markup=False, soft_wrap=True)
+        from semgs.training.batches import Share
         from semgs.training.loop import train
-        from semgs.training.run import claim, export_weights
+        from semgs.training.run import claim
 
         device = chosen_device(self.device)
+        if device == "cuda" and self.devices > torch.cuda.device_count():
+            raise UsageError(f"--devices {self.devices}: torch finds {torch.cuda.device_count()} CUDA devices here")
         with what_the_user_gave():
+            Share(0, self.devices * self.nodes, self.accumulate).check(self.settings.batch)
             claim(self.out, self.settings)
         try:
-            outcome = train(
-                self.settings, self.out, device=device, minutes=self.minutes, workers=self.workers,
-                save_minutes=self.save_minutes, console=console,
+            train(
+                self.settings, self.out, device=device, devices=self.devices, nodes=self.nodes, precision=self.precision,
+                accumulate=self.accumulate, minutes=self.minutes, workers=self.workers, save_minutes=self.save_minutes,
+                console=Console(stderr=True, highlight=False),
             )  # fmt: skip
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error
-        weights = export_weights(self.out, self.out / WEIGHTS)
-        console.print(
-            f"step {outcome.step} of {self.settings.steps}, {outcome.skipped} skipped; weights: {weights}",
-            soft_wrap=True,
-        )
-        if not outcome.finished:
-            console.print("the same command goes on from here")

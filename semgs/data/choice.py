@@ -13,12 +13,16 @@ import numpy as np
 
 from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
+from semgs.files.errors import InputError
 
 IDEAL_BASELINE = (0.05, 0.15)
 """Of the middle depth; the preference peaks at their geometric mean and falls off beyond."""
 
 STEEPNESS = 0.72
 """Standard deviation of the preference in the logarithm of the baseline: 0.75 at the ends of the ideal band, 0.1 at 0.017 and 0.45."""
+
+DRAWN_FROM = 40
+"""Frames that the others of a training sample are drawn from."""
 
 CANDIDATES = 300
 """Of more frames than this, so many spread evenly are considered as contexts: their neighbours show nearly the same."""
@@ -85,6 +89,67 @@ def given(scene: Scene, context: Sequence[int | str]) -> Choice:
     if len(set(indices)) != len(indices):
         raise ValueError(f"the context views are {', '.join(map(str, context))}; expected different frames")
     return _with_targets(scene, indices, scene.depth_range(indices), "as asked: ")
+
+
+def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
+    """Frames for training: contexts that go together by the measure of `choose`, and targets between and around them, by chance.
+
+    The first context is any frame. Each further one is drawn by how well it goes with the nearest of those drawn; targets are
+    drawn from the frames that share enough of what they see with a context.
+
+    Args:
+        scene: to draw from.
+        bounds: near and far of the scene.
+        contexts: how many input views.
+        targets: how many others.
+        rng: the random numbers; of the same state, the same frames.
+
+    Raises:
+        InputError: the scene has fewer frames than that.
+    """
+    if contexts + targets > len(scene):
+        raise InputError(
+            scene.path,
+            f"at least {contexts + targets} usable frames, for {contexts} input views and {targets} to compare with",
+            f"{len(scene)}",
+        )
+    first = int(rng.integers(len(scene)))
+    few = np.array([first, *_beside(scene, first, bounds, max(DRAWN_FROM, contexts + targets), rng)])
+    geometry = _Geometry(scene, bounds.middle, few)
+    overlaps, baselines = geometry.overlaps(), geometry.baselines()
+    scores = overlaps * _preference(baselines / bounds.middle)
+    chosen = [0]
+    while len(chosen) < contexts:
+        nearest = np.array(chosen)[np.argmin(baselines[:, chosen], axis=1)]
+        chosen.append(_one_of(scores[np.arange(len(few)), nearest], overlaps[:, chosen].max(axis=1), chosen, rng))
+    shared = overlaps[:, chosen].max(axis=1)
+    others: list[int] = []
+    while len(others) < targets:
+        others.append(_one_of((shared >= LEAST_SEEN).astype(float), shared, [*chosen, *others], rng))
+    context = tuple(sorted(int(few[index]) for index in chosen))
+    return Choice(context, tuple(sorted(int(few[index]) for index in others)), "drawn")
+
+
+def _beside(scene: Scene, first: int, bounds: DepthRange, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Frames that may go with one: some of those that look a similar way from not too far, or else the nearest."""
+    poses = np.stack([frame.world_from_camera for frame in scene.frames])
+    distance = np.linalg.norm(poses[:, :3, 3] - poses[first, :3, 3], axis=1)
+    alike = poses[:, :3, 2] @ poses[first, :3, 2] > np.cos(WIDEST_ANGLE)
+    others = np.arange(len(scene)) != first
+    fit = np.flatnonzero(others & alike & (distance <= 4 * IDEAL_BASELINE[1] * bounds.middle))
+    few = rng.permutation(fit)[:count]
+    if len(few) < count:
+        rest = np.setdiff1d(np.flatnonzero(others), few)
+        few = np.concatenate((few, rest[np.argsort(distance[rest], kind="stable")][: count - len(few)]))
+    return few
+
+
+def _one_of(fit: np.ndarray, otherwise: np.ndarray, taken: Sequence[int], rng: np.random.Generator) -> int:
+    """An index drawn in proportion to `fit`, none of those taken; where nothing fits, the one that is largest `otherwise`."""
+    fit, otherwise = fit.copy(), otherwise.copy()
+    fit[list(taken)], otherwise[list(taken)] = 0, -1
+    total = fit.sum()
+    return int(rng.choice(len(fit), p=fit / total)) if total > 0 else int(np.argmax(otherwise))
 
 
 class _Geometry:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 IGNORE = 255
 """The label of a pixel that has none: it counts in no loss of classes and in no metric of classes."""
@@ -42,6 +43,20 @@ class ClassTable:
     def index(self, name: str) -> int:
         """The label of a class by its name."""
         return self.names.index(name)
+
+    @classmethod
+    def from_json(cls, saved: dict[str, Any]) -> ClassTable:
+        """The table that `dataclasses.asdict` and JSON made into lists.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is none.
+        """
+        return cls(
+            saved["name"],
+            tuple(saved["names"]),
+            tuple((int(r), int(g), int(b)) for r, g, b in saved["colours"]),
+            tuple(saved["raw_ids"]),
+        )
 
 
 SCANNET20 = ClassTable(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -33,6 +34,7 @@ class Frame:
         depth_unit: what one count of the depth map is worth [m].
         label_path: class map, 8-bit PNG, or None.
         points: which of the scene's sparse points it sees (indices), or None where the layout has none.
+        meaning: of each number from 0 to 255 in the class map, as `LabelSet.meaning`; None where they are labels already.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Frame:
     depth_unit: float = 0.001
     label_path: Path | None = None
     points: np.ndarray | None = field(default=None, repr=False)
+    meaning: tuple[int | None, ...] | None = field(default=None, repr=False)
 
     @property
     def camera(self) -> Cameras:
@@ -108,7 +111,7 @@ class Frame:
         Raises:
             InputError: it is absent, damaged, of another aspect than the picture, or has a label outside the table.
         """
-        return self._fitted(path, read_labels(path, classes, key=f"frame {self.name}"))
+        return self._fitted(path, read_labels(path, classes, f"frame {self.name}", self.meaning))
 
     def _fitted(self, path: Path, values: np.ndarray) -> np.ndarray:
         """A map at the picture's size, each pixel from the one that its centre lies in.
@@ -126,18 +129,29 @@ class Frame:
         return np.ascontiguousarray(values[row[:, None], column])
 
 
-def read_labels(path: Path, classes: ClassTable, key: str) -> UInt8[np.ndarray, "h w"]:
+def read_labels(
+    path: Path, classes: ClassTable, key: str, meaning: Sequence[int | None] | None = None
+) -> UInt8[np.ndarray, "h w"]:
     """A class map: indices of the table, or 255 for none.
 
     Args:
         path: of the picture.
         classes: the table.
         key: what the map is of, for the error.
+        meaning: the label of each number from 0 to 255 in the picture, None for one that must not occur; None where the numbers are labels.
 
     Raises:
         InputError: it is absent or damaged, or has a label outside the table.
     """
     labels = read_uint8(path)
+    if meaning is not None:
+        unknown = np.array([label is None for label in meaning])[labels]
+        if unknown.any():
+            number = int(labels[unknown][0])
+            raise InputError(
+                path, f"the numbers of table {classes.name}", f"{number} at {unknown.sum()} pixels", key=key
+            )
+        return np.array([label or 0 for label in meaning], dtype=np.uint8)[labels]
     outside = labels[(labels >= len(classes)) & (labels != IGNORE)]
     if outside.size:
         raise InputError(

@@ -34,19 +34,34 @@ def open_scene(path: str | Path) -> Scene:
 
 
 def open_scenes(path: str | Path) -> tuple[Scene, ...]:
-    """The scene at a path, or else those in the folders right inside it, in the order of their names.
-
-    Folders of no known layout are passed over, as are those whose name begins with a dot.
+    """The scenes at the paths that `scene_paths` finds.
 
     Raises:
         InputError: as `open_scene`; there is no scene at all; or two have the same name.
     """
+    scenes = tuple(open_scene(one) for one in scene_paths(path))
+    names: dict[str, Path] = {}
+    for scene in scenes:
+        if scene.name in names:
+            raise InputError(scene.path, "scenes of different names", f"{scene.name}, as {names[scene.name]}")
+        names[scene.name] = scene.path
+    return scenes
+
+
+def scene_paths(path: str | Path) -> tuple[Path, ...]:
+    """Where the scene at a path is, or else those in the folders right inside it, in the order of their names; none is opened.
+
+    Folders of no known layout are passed over, as are those whose name begins with a dot.
+
+    Raises:
+        InputError: there is no scene at all.
+    """
     path = Path(path).expanduser()
     existing_folder(path)
     if path.is_file() or _recognised(path):
-        return (open_scene(path),)
+        return (path,)
     inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
-    scenes = tuple(open_scene(child) for child in inside if _recognised(child))
+    scenes = tuple(child for child in inside if _recognised(child))
     if not scenes:
         raise InputError(
             path,
@@ -54,11 +69,6 @@ def open_scenes(path: str | Path) -> tuple[Scene, ...]:
             "none of them",
             advice=_hint(path),
         )
-    names: dict[str, Path] = {}
-    for scene in scenes:
-        if scene.name in names:
-            raise InputError(scene.path, "scenes of different names", f"{scene.name}, as {names[scene.name]}")
-        names[scene.name] = scene.path
     return scenes
 
 

@@ -11,7 +11,6 @@ from semgs.evaluation.compare import TITLES
 from semgs.evaluation.intervals import paired_differences
 from semgs.evaluation.report import SavedReport
 from semgs.evaluation.tables import Cell, Grid
-from semgs.model.parts import Part
 from semgs.training.settings import TrainingSettings
 
 METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")
@@ -25,20 +24,27 @@ class Row:
     Attributes:
         name: of its folder.
         title: the part that it adds, as the paper calls it.
-        without: what its network lacks.
+        shared_layers, windows, camera_aware: what its network has.
         smoothness: whether its loss has the regional smoothness.
     """
 
     name: str
     title: str
-    without: tuple[Part, ...] = ()
+    shared_layers: bool = True
+    windows: bool = True
+    camera_aware: bool = True
     smoothness: bool = True
+
+    @property
+    def parts(self) -> tuple[bool, ...]:
+        """The four parts in the order of the paper's columns."""
+        return self.shared_layers, self.windows, self.camera_aware, self.smoothness
 
 
 ROWS = (
-    Row("none", "none", ("shared_layers", "windows", "camera_awareness"), smoothness=False),
-    Row("shared", "+ Sh-Layer", ("windows", "camera_awareness"), smoothness=False),
-    Row("windows", "+ Sw-Trans", ("camera_awareness",), smoothness=False),
+    Row("none", "none", shared_layers=False, windows=False, camera_aware=False, smoothness=False),
+    Row("shared", "+ Sh-Layer", windows=False, camera_aware=False, smoothness=False),
+    Row("windows", "+ Sw-Trans", camera_aware=False, smoothness=False),
     Row("camera", "+ C-Inj", smoothness=False),
     Row("full", "+ Sm-Loss"),
 )
@@ -51,11 +57,28 @@ def row_settings(settings: TrainingSettings, row: Row, seed: int) -> TrainingSet
     Raises:
         ValueError: the full method itself lacks a part, so that rows would be alike.
     """
-    if settings.without or not settings.losses.smoothness:
-        lacks = [*settings.without, *([] if settings.losses.smoothness else ["smoothness"])]
-        raise ValueError(f"the full method lacks {', '.join(lacks)}; an ablation starts from all parts")
+    full = settings.network
+    lacks = [
+        title
+        for title, there in {
+            "Sh-Layer": full.shared_layers,
+            "Sw-Trans": full.windows > 1,
+            "C-Inj": full.camera_aware_colour and full.camera_aware_semantic,
+            "Sm-Loss": settings.losses.smoothness > 0,
+        }.items()
+        if not there
+    ]
+    if lacks:
+        raise ValueError(f"the full method lacks {', '.join(lacks)}; an ablation starts from all four parts")
+    network = replace(
+        full,
+        shared_layers=row.shared_layers,
+        windows=full.windows if row.windows else 1,
+        camera_aware_colour=row.camera_aware,
+        camera_aware_semantic=row.camera_aware,
+    )
     losses = settings.losses if row.smoothness else replace(settings.losses, smoothness=0.0)
-    return replace(settings, without=row.without, losses=losses, seed=seed)
+    return replace(settings, network=network, losses=losses, seed=seed)
 
 
 def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
@@ -68,12 +91,12 @@ def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) ->
     With several seeds a cell is the mean over them, and below it is how far apart they lie; intervals are over scenes.
     """
     rows, over = [], "scenes"
-    for index, row in enumerate(ROWS):
+    for row in ROWS:
         done = [report.results[views] for (name, _), report in sorted(reports.items()) if name == row.name]
         if not done:
             continue
         over = str(done[0].numbers["intervals_over"])
-        cells = [Cell("✓" if index > part else "–") for part in range(4)]
+        cells = [Cell("✓" if there else "–") for there in row.parts]
         for metric in METRICS:
             cells.append(Cell(_cell([one.numbers for one in done], metric)))
         rows.append((Cell(row.title), *cells))

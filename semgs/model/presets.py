@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.conventions import MVSPLAT
-from semgs.model.parts import Part, lacking
 from semgs.model.semgs import SemGS
 
 NAMES = ("small", "base", "mvsplat")
 
 
-def base(classes: ClassTable = SCANNET20, without: Sequence[Part] = ()) -> SemGS:
-    """The paper's sizes; its colour branch and depth have MVSplat's layer shapes. Some parts may be left out."""
-    return SemGS(classes=classes, name="base", **lacking(without))
+def base(classes: ClassTable = SCANNET20) -> SemGS:
+    """The paper's sizes; its colour branch and depth have MVSplat's layer shapes."""
+    return SemGS(classes=classes, name="base")
 
 
-def small(classes: ClassTable = SCANNET20, without: Sequence[Part] = ()) -> SemGS:
+def small(classes: ClassTable = SCANNET20) -> SemGS:
     """The same modules for a laptop's CPU; its differences from `base` are a table in docs/method.md."""
     return SemGS(
-        **lacking(without),
         classes=classes,
         channels=48,
         cnn_widths=(16, 32, 48),

@@ -1,14 +1,19 @@
-"""The log of a run: JSON lines on disk, progress with the time left on a console."""
+"""The log of a run: JSON lines and TensorBoard's events on disk, progress with the time left on a console."""
 
 from __future__ import annotations
 
 import json
 import math
+import sys
 import time
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
+import numpy as np
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -27,21 +32,26 @@ class RunLog:
     """Writes what steps and validations measured, as a context manager around the loop.
 
     Args:
-        path: the file of JSON lines; lines after `step` are dropped, as a killed run may have left them.
+        out: the run folder, for log.jsonl and tensorboard/; lines after `step` are dropped, as a killed run may have left them.
+            None writes nothing.
         step: where the run goes on.
         steps: where it ends.
         console: where progress is shown; None shows nothing.
     """
 
-    def __init__(self, path: Path, step: int, steps: int, console: Console | None) -> None:
-        kept = [line for line in _lines(path) if json.loads(line)["step"] <= step]
-        write_text(path, "".join(f"{line}\n" for line in kept))
-        self._file = path.open("a")
+    def __init__(self, out: Path | None, step: int, steps: int, console: Console | None) -> None:
+        self._file = self._events = None
+        if out is not None:
+            path = out / "log.jsonl"
+            kept = [line for line in _lines(path) if json.loads(line)["step"] <= step]
+            write_text(path, "".join(f"{line}\n" for line in kept))
+            self._file = path.open("a")
+            self._events = _events(out / "tensorboard", step)
         self._start, self._steps, self._console = step, steps, console
         self._reports: list[StepReport] = []
         self._waited = self._samples = 0.0
         self._began = self._since = self._shown = time.monotonic()
-        self._latest = (step, 0.0, 0)
+        self._latest = (step, 0.0, 0, 0)
         self._bar: Progress | None = None
         if console is not None and console.is_terminal:
             self._bar = Progress(
@@ -62,23 +72,28 @@ class RunLog:
             self._flush()
         if self._bar is not None:
             self._bar.stop()
-        self._file.close()
+        for one in (self._file, self._events):
+            if one is not None:
+                one.close()
 
-    def step(self, step: int, seconds: float, report: StepReport, scenes: int, waited: float, skipped: int) -> None:
+    def step(
+        self, step: int, seconds: float, report: StepReport, scenes: int, waited: float, skipped: int, bad: int = 0
+    ) -> None:
         """Take note of a step.
 
         Args:
             step: how many steps have been taken.
             seconds: time the run has taken so far.
             report: what the step measured.
-            scenes: in its batch.
+            scenes: in its batch, of all processes.
             waited: for its batch [s].
             skipped: steps skipped so far.
+            bad: scenes that could not be read so far.
         """
         self._reports.append(report)
         self._samples += scenes
         self._waited += waited
-        self._latest = (step, seconds, skipped)
+        self._latest = (step, seconds, skipped, bad)
         if self._bar is not None:
             self._bar.update(self._task, completed=step)
         if len(self._reports) >= EVERY or step == self._steps:
@@ -87,7 +102,7 @@ class RunLog:
     def validation(self, step: int, result: Validation) -> None:
         """Take note of a validation."""
         numbers = {name: getattr(result, name) for name in ("psnr", "miou", "accuracy")}
-        self._write({"step": step, "validation": numbers})
+        self._write({"step": step, "validation": numbers}, result.pictures)
         told = [f"PSNR {result.psnr:.2f} dB"]
         if result.miou is not None:
             told += [f"mIoU {result.miou:.3f}", f"accuracy {result.accuracy:.3f}"]
@@ -95,12 +110,11 @@ class RunLog:
 
     def say(self, sentence: str) -> None:
         """Show a sentence on the console."""
-        if self._console is not None:
-            self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+        tell(self._console, [sentence])
 
     def _flush(self) -> None:
         """Write the means since the last line and show them."""
-        step, seconds, skipped = self._latest
+        step, seconds, skipped, bad = self._latest
         now = time.monotonic()
         moved = [report for report in self._reports if report.moved] or self._reports
         means = {
@@ -115,9 +129,11 @@ class RunLog:
             **means,
             "unlabelled": sum(report.unlabelled for report in self._reports),
             "skipped": skipped,
+            "bad_scenes": bad,
             "samples_per_second": self._samples / elapsed,
             "wait_share": self._waited / elapsed,
             "seconds": seconds,
+            "memory_gb": memory_gb(),
         }
         self._write(numbers)
         told = f"loss {means['total']:.4f}, PSNR {means['psnr']:.2f} dB"
@@ -132,10 +148,49 @@ class RunLog:
             self._shown = now
         self._reports, self._waited, self._samples, self._since = [], 0.0, 0.0, now
 
-    def _write(self, numbers: dict) -> None:
+    def _write(self, numbers: dict, pictures: np.ndarray | None = None) -> None:
         """Append a line of JSON; a number that is not finite is null, as JSON has no other word for it."""
+        if self._file is None:
+            return
         self._file.write(json.dumps(_finite(numbers)) + "\n")
         self._file.flush()
+        if self._events is not None:
+            step, groups = numbers["step"], {name: one for name, one in numbers.items() if isinstance(one, dict)}
+            for group, values in (groups or {"training": numbers}).items():
+                for name, value in values.items():
+                    if name != "step" and value is not None:
+                        self._events.add_scalar(f"{group}/{name}", value, step)
+            if pictures is not None:
+                self._events.add_image("validation", pictures, step, dataformats="HWC")
+            self._events.flush()
+
+
+def tell(console: Console | None, sentences: Iterable[str]) -> None:
+    """Show sentences, where there is somewhere to show them."""
+    if console is not None:
+        for sentence in sentences:
+            console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
+def memory_gb() -> float:
+    """The most memory that was held: of the GPU where one is used, else of this process [GB]."""
+    if torch.cuda.is_available() and torch.cuda.is_initialized():
+        return torch.cuda.max_memory_allocated() / 1e9
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return math.nan
+    # In kilobytes, but in bytes on macOS.
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9
+
+
+def _events(folder: Path, step: int) -> Any:
+    """What writes for TensorBoard, without what an earlier sitting wrote after `step`; None where it is not installed."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    return SummaryWriter(str(folder), purge_step=step + 1)
 
 
 def _finite(value: object) -> object:

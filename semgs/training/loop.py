@@ -1,47 +1,50 @@
 """The training loop.
 
     RUN/settings.json          what is computed
+    RUN/network.json           the settings of the network
+    RUN/data.json              what the data are
     RUN/log.jsonl              losses, speed and validations, a JSON object a line
+    RUN/tensorboard/*          the same for TensorBoard
     RUN/validation/*.png       strips of pictures: image, truth, classes, truth, depth, truth
-    RUN/checkpoints/*          the last three whole states
+    RUN/checkpoints/*          the last three whole states and the best
     RUN/rooms/*                scenes that serve several samples, where the settings say so
+    RUN/weights.safetensors    the averaged weights, written at the end of each sitting; best.safetensors those of the best validation
 
 A run is started, resumed and extended in time by the same call. Step k sees batch k of its seed, and batches are pure
 functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
-gradients are summed in no fixed order.
+gradients are summed in no fixed order. Several processes share the scenes of each step; the first one alone reads and writes RUN.
 """
 
 from __future__ import annotations
 
-import signal
-import threading
+import math
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import torch
 from rich.console import Console
-from safetensors.torch import save
-from torch import Tensor
 
 from semgs.data.views import Batch
-from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.pictures import write_png
 from semgs.rooms.assets.lock import verify
-from semgs.training.batches import training_batches, validation_batches
-from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
-from semgs.training.log import RunLog
-from semgs.training.run import claim
+from semgs.training.batches import Portion, Share, surveyed, training_batches, validation_batches
+from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.engine import launched
+from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
+from semgs.training.log import RunLog, tell
+from semgs.training.presets import from_preset
+from semgs.training.run import claim, export_weights, network
 from semgs.training.settings import TrainingSettings
+from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.validation import validate
-from semgs.weights.load import load
 
-TOLERATED_IN_A_ROW = 10
-"""Steps without a finite gradient, one after the other, that end a run."""
+WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,10 @@ def train(
     out: Path,
     *,
     device: str = "cpu",
+    devices: int = 1,
+    nodes: int = 1,
+    precision: str = "32",
+    accumulate: int = 1,
     minutes: float | None = None,
     workers: int = 1,
     save_minutes: float = 5.0,
@@ -75,27 +82,55 @@ def train(
         settings: what to compute; a folder that holds a run of others is refused.
         out: the run folder.
         device: where to compute, "cpu" or "cuda"; a run may go on on another, but not to the same bits.
-        minutes: end after this time, cleanly; None is at the last step.
-        workers: processes that prepare batches; 0 prepares them in this one.
+        devices: processes on this machine, which share the scenes of each step.
+        nodes: machines, each with so many processes.
+        precision: of the layers, "32" or "bf16".
+        accumulate: pieces that each process computes its scenes of a step in, to save memory.
+        minutes: end within this time, cleanly; None is at the last step.
+        workers: processes that prepare batches, for each that trains; 0 prepares them in those.
         save_minutes: time between checkpoints.
-        console: where progress is shown; None shows nothing.
+        console: where the first process shows progress; None shows nothing.
 
     Raises:
-        ValueError: the folder holds a run of other settings.
-        InputError: it holds something else, the assets are missing or altered, or the state of another network, or the weights to start from do not fit.
+        ValueError: the folder holds a run of other settings, the settings leave something open, or a step cannot be shared equally.
+        InputError: it holds something else, data, assets or the weights to start from cannot be used, or the state is of another network.
+        ImportError: an extra is not installed that training or its rooms need.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
+    began = time.monotonic()
+    settings.check_whole()
+    Share(0, devices * nodes, accumulate).check(settings.batch)
     if settings.assets is not None:
         verify(settings.assets)
     claim(out, settings)
-    model = load(settings.model, settings.weights, seed=settings.seed, without=settings.without).to(device)
-    state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
+    fabric = launched(device, devices, nodes, precision)
+    console = console if fabric.is_global_zero else None
+    tell(console, from_preset(settings))
+    data = surveyed(settings, out)
+    model = network(out, settings)
+    tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {device}, {fabric.world_size} processes"])
+    state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
     resume(state, out, console)
-    batches = training_batches(settings, state.step, workers, out / "rooms")
-    return fit(
-        state, settings, out, batches, validation_batches(settings),
-        minutes=minutes, save_minutes=save_minutes, console=console,
-    )  # fmt: skip
+    share = Share(fabric.global_rank, fabric.world_size, accumulate)
+    outcome = fit(
+        state,
+        replace(settings, class_weights=data.class_weights),
+        out,
+        training_batches(settings, data, state.step, workers, out / "rooms", share),
+        validation_batches(settings, data) if fabric.is_global_zero else [],
+        minutes=None if minutes is None else minutes - (time.monotonic() - began) / 60,
+        save_minutes=save_minutes,
+        console=console,
+        bad=data.bad,
+        scenes=data.scenes,
+    )
+    if fabric.is_global_zero:
+        export_weights(out, out / WEIGHTS)
+        if best_checkpoint(out / "checkpoints") is not None:
+            export_weights(out, out / BEST, best=True)
+    how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped; weights: {out / WEIGHTS}"
+    tell(console, [how, *([] if outcome.finished else ["the same command goes on from here"])])
+    return outcome
 
 
 def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:
@@ -104,115 +139,82 @@ def resume(state: TrainingState, out: Path, console: Console | None = None) -> N
     Raises:
         InputError: it is the state of another network.
     """
-    checkpoint = newest_checkpoint(out / "checkpoints")
+    folder = out / "checkpoints"
+    checkpoint = state.fabric.broadcast(newest_checkpoint(folder) if state.fabric.is_global_zero else None)
     if checkpoint is None:
         return
     try:
         state.restore(checkpoint.tensors, checkpoint.numbers)
     except ValueError as error:
         advice = "another version of semgs wrote it; go on with that one or name a new folder"
-        raise InputError(out / "checkpoints", "states of this network", str(error), advice=advice) from error
-    if console is not None:
-        for record in checkpoint.damaged:
-            console.print(f"{record}: damaged, passed over", markup=False, highlight=False)
-        console.print(f"going on from step {state.step}", markup=False, highlight=False)
+        raise InputError(folder, "states of this network", str(error), advice=advice) from error
+    tell(
+        console,
+        [*(f"{record}: damaged, passed over" for record in checkpoint.damaged), f"going on from step {state.step}"],
+    )
 
 
 def fit(
     state: TrainingState,
     settings: TrainingSettings,
     out: Path,
-    batches: Iterable[Batch],
+    batches: Iterable[Portion],
     validation: Sequence[Batch],
     *,
     minutes: float | None = None,
     save_minutes: float = 5.0,
     console: Console | None = None,
+    bad: Sequence[tuple[str, str]] = (),
+    scenes: int = 0,
 ) -> Outcome:
-    """The loop itself: take the state through the batches, which begin with that of its step."""
-    began = saved = time.monotonic()
-    seconds_before = state.seconds
-    first = checked = state.step
-    with RunLog(out / "log.jsonl", state.step, settings.steps, console) as log, _termination_asked() as asked:
+    """The loop itself: take the state through the portions of the steps, which begin with that of its own step.
 
-        def check() -> None:
-            result = validate(state.average.module, validation)
-            log.validation(state.step, result)
-            if result.pictures is not None:
-                (out / "validation").mkdir(exist_ok=True)
-                write_png(out / "validation" / f"{state.step:08d}.png", result.pictures)
-
-        for batch, waited in _timed(batches):
-            report = training_step(state, batch, settings)
-            now = time.monotonic()
-            state.seconds = seconds_before + now - began
-            log.step(state.step, state.seconds, report, len(batch.scenes), waited, state.skipped)
+    `bad` are those of the `scenes` that are known to be bad; the others are as for `train`.
+    """
+    fabric, folder, first = state.fabric, out / "checkpoints", state.step
+    leads, checked = fabric.is_global_zero, state.step
+    with (
+        RunLog(out if leads else None, state.step, settings.steps, console) as log,
+        Sitting(minutes, save_minutes, state.seconds) as sitting,
+    ):
+        known = BadScenes(scenes, log.say, bad)
+        for portion, waited in timed(batches):
+            if portion.failure is not None:
+                raise portion.failure
+            known.add(portion.bad)
+            report = training_step(state, portion.pieces, settings)
+            state.seconds = sitting.stepped()
+            log.step(state.step, state.seconds, report, settings.batch, waited, state.skipped, len(known))
             if state.skipped_in_a_row >= TOLERATED_IN_A_ROW:
-                _keep(batch, out / "bad_batch.safetensors")
-                raise FloatingPointError(
-                    f"{out}: {TOLERATED_IN_A_ROW} steps in a row up to step {state.step} had no finite gradient; the last "
-                    f"batch is in bad_batch.safetensors; a lower learning rate may help, from a new run folder"
-                )
+                raise broken_down(out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank)
             if validation and state.step % settings.validate_every == 0:
-                check()
+                _check(state, validation, out, log)
                 checked = state.step
-            if asked.is_set() or (minutes is not None and now - began >= 60 * minutes):
+            if _any(fabric, sitting.over):
                 break
-            if now - saved >= 60 * save_minutes:
-                save_checkpoint(out / "checkpoints", state)
-                saved = now
+            if leads and sitting.save_due:
+                sitting.saved(lambda: save_checkpoint(folder, state))
         finished = state.step >= settings.steps
         if finished and validation and checked < state.step:
-            check()
-        if state.step > first:
-            save_checkpoint(out / "checkpoints", state)
+            _check(state, validation, out, log)
+        if leads and state.step > first:
+            save_checkpoint(folder, state)
     return Outcome(state.step, finished, state.skipped)
 
 
-def _timed(batches: Iterable[Batch]) -> Iterator[tuple[Batch, float]]:
-    """Each batch with the seconds that were spent waiting for it."""
-    iterator = iter(batches)
-    while True:
-        asked = time.monotonic()
-        try:
-            batch = next(iterator)
-        except StopIteration:
-            return
-        yield batch, time.monotonic() - asked
+def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog) -> None:
+    """Validate the averaged weights, show how they do, and keep them if they are the best so far."""
+    result = validate(state.average.module, validation)
+    log.validation(state.step, result)
+    if result.pictures is not None:
+        (out / "validation").mkdir(exist_ok=True)
+        write_png(out / "validation" / f"{state.step:08d}.png", result.pictures)
+    score = result.psnr if result.miou is None else result.miou
+    if math.isfinite(score) and score > state.best_score:
+        state.best_step, state.best_score = state.step, score
+        save_checkpoint(out / "checkpoints", state)
 
 
-@contextmanager
-def _termination_asked() -> Iterator[threading.Event]:
-    """An event that SIGTERM and Ctrl-C set; a second Ctrl-C interrupts at once. Only the main thread hears signals."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-
-    def ask(number: int, frame: object) -> None:
-        if asked.is_set() and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        asked.set()
-
-    before = {number: signal.signal(number, ask) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _keep(batch: Batch, path: Path) -> None:
-    """Write a batch to look at."""
-    tensors: dict[str, Tensor] = {}
-    for name, views in (("context", batch.context), ("target", batch.target)):
-        held = {
-            "images": views.images,
-            "labels": views.labels,
-            "depths": views.depths,
-            "depth_range": views.depth_range,
-            "world_from_camera": views.cameras.world_from_camera,
-            "intrinsics": views.cameras.intrinsics,
-        }
-        tensors |= {f"{name}.{key}": value.contiguous() for key, value in held.items() if value is not None}
-    write_bytes(path, save(tensors, {"scenes": ", ".join(batch.scenes)}))
+def _any(fabric: Any, flag: bool) -> bool:
+    """Whether it is so in any of the processes; all of them hear the same."""
+    return bool(fabric.all_reduce(torch.tensor(float(flag), device=fabric.device), reduce_op="sum") > 0)

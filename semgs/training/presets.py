@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from semgs.objectives.weights import LossWeights
-from semgs.training.settings import TrainingSettings
+from semgs.training.settings import TrainingSettings, differences, told
 
 
 def small() -> TrainingSettings:
     """The network for a CPU, in rooms: small pictures, more scenes a step, and depth as an extra teacher."""
     return TrainingSettings(
+        preset="small",
         model="small",
         steps=12_000,
         batch=2,
@@ -26,8 +27,27 @@ def small() -> TrainingSettings:
 
 def base() -> TrainingSettings:
     """The paper's network and the paper's numbers where it gives them, in rooms."""
-    return TrainingSettings(model="base", steps=300_000)
+    return TrainingSettings(preset="base", model="base", steps=300_000)
 
 
-PRESETS = {"small": small, "base": base}
+def paper() -> TrainingSettings:
+    """The paper's training: scenes of your own (--data), MVSplat's weights (--init), 8 scenes a step as on 4 GPUs with 2 each."""
+    return TrainingSettings(
+        preset="paper", model="base", steps=300_000, batch=8, learning_rate=2e-4, losses=LossWeights(0.1, 1.0, 0.001),
+        data=(), init="",
+    )  # fmt: skip
+
+
+PRESETS = {"small": small, "base": base, "paper": paper}
 """The trainings that `semgs train` knows by name."""
+
+OTHER_NAMES = {"small": "small-cpu", "base": "base-rooms"}
+"""What some of them are called too."""
+
+
+def from_preset(settings: TrainingSettings) -> list[str]:
+    """How settings differ from the preset that they began as, a sentence for each field."""
+    if settings.preset not in PRESETS:
+        return []
+    found = differences(settings, PRESETS[settings.preset]())
+    return [f"{name}: {told(here)} (preset {settings.preset}: {told(there)})" for name, (here, there) in found.items()]

@@ -1,17 +1,24 @@
-"""The run folder: whose it is, and the weights that come out of it."""
+"""The run folder: whose it is, its network, and the weights that come out of it."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
+from semgs.data.classes import SCANNET20
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
-from semgs.training.checkpoints import newest_checkpoint
-from semgs.training.settings import TrainingSettings, differences
-from semgs.training.state import TrainingState
+from semgs.model.semgs import SemGS
+from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
+from semgs.training.settings import Switches, TrainingSettings, changed, told
+from semgs.training.state import averaged_weights
 from semgs.weights.file import save
-from semgs.weights.load import load
+from semgs.weights.load import drawn
+from semgs.weights.start import start, with_settings
+
+NETWORK = "network.json"
+"""The settings of the network, which may come from a file of weights that is not there any more when the run goes on."""
 
 
 def claim(out: Path, settings: TrainingSettings) -> None:
@@ -23,9 +30,11 @@ def claim(out: Path, settings: TrainingSettings) -> None:
     """
     record = out / "settings.json"
     if record.exists():
-        other = differences(settings, read_settings(out))
+        other = changed(settings, read_settings(out))
         if other:
-            listed = ", ".join(f"{name} = {there!r} there, {here!r} asked" for name, (here, there) in other.items())
+            listed = ", ".join(
+                f"{name} = {told(there)} there, {told(here)} asked" for name, (here, there) in other.items()
+            )
             raise ValueError(f"{out} holds a run of other settings: {listed}; give the same ones or another folder")
         return
     if out.exists() and not (out.is_dir() and all(is_part_of(file, record) for file in out.iterdir())):
@@ -45,8 +54,31 @@ def read_settings(out: Path) -> TrainingSettings:
         return TrainingSettings.from_json(json.loads(record.read_text()))
     except FileNotFoundError as error:
         raise InputError(record, "the settings of a training run", "no such file") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise InputError(record, "the settings of a training run", str(error)) from error
+
+
+def network(out: Path, settings: TrainingSettings) -> SemGS:
+    """The network of a run as it begins; of a run that has a checkpoint, one of the same shape, to be filled from there.
+
+    Raises:
+        InputError: the weights to start from cannot be used.
+    """
+    classes = settings.classes or SCANNET20
+    record = out / NETWORK
+    if newest_checkpoint(out / "checkpoints") is None:
+        model = start(
+            settings.model, settings.init, seed=settings.seed, classes=classes,
+            own_classes=settings.classes is not None, switches=_switched(settings.network),
+        )  # fmt: skip
+        write_json(record, model.settings)
+        return model
+    if not record.is_file():  # a run of a version that knew the networks of the presets alone
+        return drawn(settings.model, settings.seed, classes)
+    try:
+        return with_settings(json.loads(record.read_text()), classes, settings.seed)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(record, "the settings of a network", str(error)) from error
 
 
 def finished(run: Path) -> bool:
@@ -59,8 +91,8 @@ def finished(run: Path) -> bool:
     return checkpoint is not None and checkpoint.numbers["step"] >= read_settings(run).steps
 
 
-def export_weights(run: Path, path: Path) -> Path:
-    """Write the averaged weights of a run's newest checkpoint as a file of weights, in bfloat16.
+def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
+    """Write the averaged weights of a run's newest checkpoint, or its best, as a file of weights, in bfloat16.
 
     Its header says of which training they are: settings, step and seed.
 
@@ -68,22 +100,33 @@ def export_weights(run: Path, path: Path) -> Path:
         InputError: the run has no intact checkpoint yet.
     """
     settings = read_settings(run)
-    checkpoint = newest_checkpoint(run / "checkpoints")
+    checkpoint: Checkpoint | None = (best_checkpoint if best else newest_checkpoint)(run / "checkpoints")
     if checkpoint is None:
         raise InputError(run, "a run with a checkpoint", "none that is intact", advice="train first")
-    model = load(settings.model, "random", seed=settings.seed, without=settings.without)
-    state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
-    state.restore(checkpoint.tensors, checkpoint.numbers)
-    model.load_state_dict(state.average.module.state_dict())
+    model = network(run, settings)
+    model.load_state_dict(averaged_weights(checkpoint.tensors))
+    step = int(checkpoint.numbers["step"])
+    live = all(source.is_rooms for source in settings.sources)
+    data = "generated rooms" if live else ", ".join(Path(source.path).name for source in settings.sources)
     save(
         path,
         model,
         {
-            "description": f"{settings.model}, {state.step} of {settings.steps} steps of a training in generated rooms",
+            "description": f"{settings.model}, {step} of {settings.steps} steps of a training in {data}",
             "training": json.dumps(settings.as_json()),
-            "data": f"rooms of seed {settings.seed}, drawn live",
+            "data": f"rooms of seed {settings.seed}, drawn live" if live else ", ".join(settings.data),
             "seed": str(settings.seed),
-            "step": str(state.step),
+            "step": str(step),
         },
     )
     return path
+
+
+def _switched(switches: Switches) -> dict[str, bool | int]:
+    """The switches that are not as they are by default."""
+    usual = Switches()
+    return {
+        one.name: getattr(switches, one.name)
+        for one in fields(switches)
+        if getattr(switches, one.name) != getattr(usual, one.name)
+    }

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass, field, fields
-from typing import Annotated, Any
+from fractions import Fraction
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
 
 import tyro
 
-from semgs.model.parts import Part
+from semgs.data.class_files import read_class_file
+from semgs.data.classes import SCANNET20, ClassTable
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
 from semgs.rooms.style import Style
@@ -38,20 +41,109 @@ HEIGHT_BY_WIDTH = tyro.constructors.PrimitiveConstructorSpec(
 )
 """How a size is written on the command line, here as everywhere."""
 
+CLASS_FILE = tyro.constructors.PrimitiveConstructorSpec(
+    nargs=1,
+    metavar="FILE",
+    instance_from_str=lambda given: None if given[0] == "None" else read_class_file(given[0]).table,
+    is_instance=lambda value: value is None or isinstance(value, ClassTable),
+    str_from_instance=lambda table: ["None" if table is None else table.name],
+)
+"""A class table is named by its file; from there on the table itself travels."""
+
+ROOMS = "rooms"
+"""The name of data that are drawn live."""
+
+INVERSE_ROOT_FREQUENCY = "inverse_root_frequency"
+
+PLACES = ("data", "validation", "init", "assets")
+"""Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One of the things that a training takes its scenes from.
+
+    Attributes:
+        path: a scene or a folder of scenes; "rooms" for rooms drawn live.
+        weight: its share of the samples, in relation to those of the others.
+    """
+
+    path: str
+    weight: Fraction
+
+    @classmethod
+    def parsed(cls, text: str) -> Source:
+        """Of "PATH=WEIGHT", or "PATH" for weight 1.
+
+        Raises:
+            ValueError: the weight is no positive number, or there is no path.
+        """
+        match = re.fullmatch(r"([^=].*?)(?:=([^=/]*))?", text)
+        try:
+            weight = Fraction(match[2] or "1" if match else "")
+        except (ValueError, ZeroDivisionError):
+            weight = Fraction(0)
+        if match is None or weight <= 0:
+            raise ValueError(f"data is {text!r}; expected {ROOMS}, DIR, or either with =WEIGHT, a positive number")
+        return cls(match[1], weight)
+
+    @property
+    def is_rooms(self) -> bool:
+        """Whether its scenes are rooms drawn live."""
+        return self.path == ROOMS
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """What is done to a sample so that it is seen in more ways than one; all of its views alike, their cameras with them."""
+
+    colour: float = 0.0
+    """Exposure, white balance and saturation vary by factors of up to exp(this); 0.2 is a lot, 0 is none."""
+    crop: float = 1.0
+    """Smallest side of the window that is cut out, as a share of the picture's; the camera's focal length and centre move along. 1 cuts none."""
+    flip: bool = False
+    """Mirror every second sample, poses included (MVSplat's)."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.colour <= 1 or not 0.2 <= self.crop <= 1:
+            raise ValueError(f"augmentation is {self}; expected colour in 0..1 and crop in 0.2..1")
+
+
+@dataclass(frozen=True)
+class Switches:
+    """Parts of the network that the paper's ablation takes away, and readings of its text; of a network that is drawn at random."""
+
+    shared_layers: bool = True
+    """One shallow CNN for both branches (ablation Sh-Layer)."""
+    windows: int = 2
+    """Windows along each side of the token map; 1 is full attention (ablation Sw-Trans)."""
+    camera_aware_colour: bool = True
+    """Camera-aware attention in the colour branch (ablation C-Inj)."""
+    camera_aware_semantic: bool = True
+    """Camera-aware attention in the semantic branch (ablation C-Inj)."""
+    output_transform: bool = True
+    """Multiply the output of attention by G; off is the paper's text."""
+    paper_heads: bool = False
+    """The paper's text for the heads instead of MVSplat's."""
+
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """What a training computes. Two runs of equal settings give the same bits on one process of one machine.
+    """What a training computes. Two runs of equal settings give the same bits on one process of one CPU.
 
-    How it is run (minutes, data workers, how often it saves) changes no number and is not in here.
+    How it is run (device, processes, precision, minutes, data workers, how often it saves) is not in here: it changes numbers by
+    rounding at most, and a run may go on otherwise.
     """
 
     model: Annotated[str, tyro.conf.Suppress]
     """The network: small or base."""
     steps: int
     """Length of the run in optimiser steps; the learning rate falls to zero at its end."""
+    data: tuple[str, ...] = (ROOMS,)
+    """Where scenes come from: rooms, drawn live from the seed, and folders (a scene, or a folder of scenes); each with =WEIGHT to
+    say how many of the samples, as in: rooms=2 scans=1."""
     batch: int = 2
-    """Scenes per step."""
+    """Scenes per step, over all processes."""
     size: Annotated[tuple[int, int], HEIGHT_BY_WIDTH] = (240, 320)
     """Height and width of the pictures [px]."""
     contexts: tuple[int, int] = (2, 4)
@@ -70,14 +162,22 @@ class TrainingSettings:
     """Decay of the moving average of the weights, which is what is validated and exported; it starts lower."""
     losses: LossWeights = field(default_factory=LossWeights)
     """Weights of the paper's three terms."""
-    class_weights: tuple[float, ...] | None = None
-    """Factor of each class in the cross-entropy; none is 1 for all, the paper's."""
+    class_weights: tuple[float, ...] | Literal["inverse_root_frequency"] | None = None
+    """Factor of each class in the cross-entropy; None is 1 for all, the paper's. inverse_root_frequency measures how often each class occurs in
+    the data and favours the rare, such that a mean pixel has factor 1."""
     depth_weight: float = 0.0
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
-    weights: str = "random"
-    """Where to start: random, or a file of weights."""
-    without: tuple[Part, ...] = ()
-    """Parts of the method that the network lacks, as in the paper's ablation; semgs ablate trains all its rows."""
+    sampling: Literal["even", "balanced"] = "even"
+    """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    """Variations of the samples; all off unless asked for."""
+    init: str = "random"
+    """Where to start: random, the name of weights that ship (small), or a file of weights; MVSplat's checkpoint does for base."""
+    classes: Annotated[ClassTable | None, CLASS_FILE] = None
+    """One's own table of classes (JSON); scenes of other tables are read by the names of their classes. Weights of another table
+    keep all but their class head."""
+    network: Switches = field(default_factory=Switches)
+    """Switches of the network."""
     seed: int = 0
     """Of the weights and of every sample."""
     scene_reuse: int = 1
@@ -87,13 +187,20 @@ class TrainingSettings:
     """The world that the rooms of the training are of: home or plain; other is held out. Validation rooms are always homes."""
     assets: str | None = None
     """Folder of meshes and pictures for the rooms, see semgs rooms --help; validation rooms get pieces that no training sees."""
+    validation: str = ROOMS
+    """Where the scenes of validation come from: rooms, or a folder of scenes that are not trained on."""
     validate_every: int = 1000
     """Steps between validations."""
     validation_scenes: int = 16
-    """Fixed scenes of validation, never among those trained on."""
+    """Fixed samples of validation, never among those trained on."""
+    preset: Annotated[str, tyro.conf.Suppress] = field(default="", compare=False)
+    """The preset that these began as; it decides nothing."""
 
     def __post_init__(self) -> None:
         fewest, most = self.contexts
+        for text in self.data:
+            Source.parsed(text)
+        count = len(self.classes or SCANNET20)
         checks = {
             "steps": (self.steps >= 1, "at least 1"),
             "batch": (self.batch >= 1, "at least 1"),
@@ -104,6 +211,10 @@ class TrainingSettings:
             "warmup": (0 < self.warmup < 1, "a share between 0 and 1"),
             "clip": (self.clip > 0, "a positive number"),
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
+            "class_weights": (
+                not isinstance(self.class_weights, tuple) or len(self.class_weights) == count,
+                f"{count} factors, one for each class of the table, {INVERSE_ROOT_FREQUENCY}, or None",
+            ),
             "depth_weight": (self.depth_weight >= 0, "0 or more"),
             "scene_reuse": (self.scene_reuse >= 1, "at least 1"),
             "seed": (
@@ -112,13 +223,30 @@ class TrainingSettings:
             ),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (self.assets is None or self.style == "home", "none in rooms of style plain"),
-            "without": (len(set(self.without)) == len(self.without), "each part once"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }
         for name, (holds, expected) in checks.items():
             if not holds:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
+
+    def check_whole(self) -> None:
+        """Refuse settings that leave open what a preset cannot know.
+
+        Raises:
+            ValueError: it is not said where scenes come from, or where the network starts.
+        """
+        if not self.data:
+            raise ValueError(f"no data: give --data DIR [DIR ...], or --data {ROOMS} for rooms that are drawn")
+        if not self.init:
+            raise ValueError(
+                "no weights to start from: give --init FILE (MVSplat's re10k checkpoint), or --init random"
+            )
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """What `data` names."""
+        return tuple(Source.parsed(text) for text in self.data)
 
     def as_json(self) -> dict:
         """The settings as JSON knows them."""
@@ -131,18 +259,48 @@ class TrainingSettings:
         Raises:
             ValueError: a field is not known to this version.
         """
+        if "weights" in saved:  # its name before there were mixtures of data
+            saved = {**saved, "init": saved["weights"]}
+            del saved["weights"]
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
             raise ValueError(f"the settings hold {', '.join(unknown)}, which this version of semgs does not know")
         values: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()
         }
-        if "losses" in values:
-            values["losses"] = LossWeights(**values["losses"])
+        for name, kind in (("losses", LossWeights), ("augmentation", Augmentation), ("network", Switches)):
+            if name in values:
+                values[name] = kind(**values[name])
+        if values.get("classes") is not None:
+            values["classes"] = ClassTable.from_json(values["classes"])
         return cls(**values)
 
 
 def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
     """The fields that differ: name to (value, value in the reference)."""
-    pairs = {one.name: (getattr(settings, one.name), getattr(reference, one.name)) for one in fields(settings)}
+    pairs = {
+        one.name: (getattr(settings, one.name), getattr(reference, one.name)) for one in fields(settings) if one.compare
+    }
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
+    """As `differences`, but what only lies elsewhere is the same."""
+
+    def last(value: object) -> object:
+        if isinstance(value, tuple):
+            return tuple(last(one) for one in value)
+        return PurePath(str(value)).name
+
+    return {
+        name: pair
+        for name, pair in differences(settings, reference).items()
+        if name not in PLACES or last(pair[0]) != last(pair[1])
+    }
+
+
+def told(value: object) -> str:
+    """A setting's value as a person reads it."""
+    if isinstance(value, ClassTable):
+        return f"{value.name} ({', '.join(value.names)})"
+    return str(value)

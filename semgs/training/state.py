@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
+
+from semgs.training.engine import launched
+from semgs.training.objective import Objective
 
 
 @dataclass
@@ -15,29 +20,45 @@ class TrainingState:
 
     Attributes:
         model: what learns.
+        fabric: the engine; it knows the other processes.
+        objective: the network with its loss as the engine wrapped them: what batches go through.
         average: the moving average of its weights; `average.module` is a network like `model`.
         optimizer: Adam with its moments.
         step: how many steps have been taken, skipped ones included; also the number of the next batch.
         skipped: steps without a finite gradient so far.
         skipped_in_a_row: those of them since the last good step.
         seconds: time spent so far, over all sittings.
+        best_step, best_score: of the best validation so far; -1 and -inf before the first.
     """
 
     model: nn.Module
+    fabric: Any
+    objective: nn.Module
     average: AveragedModel
     optimizer: torch.optim.Adam
     step: int = 0
     skipped: int = 0
     skipped_in_a_row: int = 0
     seconds: float = 0.0
+    best_step: int = -1
+    best_score: float = -math.inf
 
     @classmethod
-    def begin(cls, model: nn.Module, learning_rate: float, average_decay: float) -> TrainingState:
-        """The state before the first step."""
+    def begin(cls, model: nn.Module, learning_rate: float, average_decay: float, fabric: Any = None) -> TrainingState:
+        """The state before the first step.
+
+        Args:
+            model: on the device where it is to learn.
+            learning_rate: of Adam, until a step sets it.
+            average_decay: of the moving average.
+            fabric: the engine, launched; None is one for this process alone.
+        """
         model.train()
+        fabric = fabric or launched(next(model.parameters()).device.type)
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
-        return cls(model, average, torch.optim.Adam(model.parameters(), lr=learning_rate))
+        optimizer = torch.optim.Adam(model.parameters(), lr=learning_rate)
+        return cls(model, fabric, fabric.setup_module(Objective(model)), average, optimizer)
 
     def tensors(self) -> dict[str, Tensor]:
         """Copies of every tensor: weights (`model.`), their average (`average.`), Adam's moments (`optimizer.`)."""
@@ -55,6 +76,7 @@ class TrainingState:
             "skipped": self.skipped,
             "skipped_in_a_row": self.skipped_in_a_row,
             "seconds": self.seconds,
+            **({} if self.best_step < 0 else {"best_step": self.best_step, "best_score": self.best_score}),
         }
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, int | float]) -> None:
@@ -79,6 +101,13 @@ class TrainingState:
         self.skipped = int(numbers["skipped"])
         self.skipped_in_a_row = int(numbers["skipped_in_a_row"])
         self.seconds = float(numbers["seconds"])
+        self.best_step = int(numbers.get("best_step", -1))
+        self.best_score = float(numbers.get("best_score", -math.inf))
+
+
+def averaged_weights(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Those of a state's tensors that are the averaged weights, by their names in the network."""
+    return _under("average.module.", tensors)
 
 
 def _warmed_up_average(decay: float):

@@ -11,8 +11,8 @@ from torch import nn
 
 from semgs.data.views import Batch
 from semgs.objectives.metrics import accuracy, confusion_matrix, miou, psnr
+from semgs.training.objective import render_targets
 from semgs.training.pictures import strip
-from semgs.training.step import render_targets
 
 PICTURED = 4
 """Scenes in the strip of pictures."""
@@ -24,8 +24,8 @@ class Validation:
 
     Attributes:
         psnr: mean over target views [dB].
-        miou: of all target pixels, from one confusion matrix; None without classes.
-        accuracy: share of labelled target pixels whose class is right; None without classes.
+        miou: of all target pixels, from one confusion matrix; None without classes or labels.
+        accuracy: share of labelled target pixels whose class is right; None without classes or labels.
         pictures: rows of scenes; columns image, truth, classes, truth, depth, truth; uint8 [h w 3]; None without scenes.
     """
 
@@ -52,7 +52,7 @@ def validate(model: nn.Module, batches: Sequence[Batch]) -> Validation:
             rows.append(strip(rendering, target))
     return Validation(
         psnr=float(torch.cat(decibels).mean()) if decibels else float("nan"),
-        miou=None if confusion is None else float(miou(confusion)),
-        accuracy=None if confusion is None else float(accuracy(confusion)),
+        miou=None if confusion is None or not confusion.any() else float(miou(confusion)),
+        accuracy=None if confusion is None or not confusion.any() else float(accuracy(confusion)),
         pictures=np.concatenate(rows) if rows else None,
     )

@@ -87,7 +87,7 @@ def read_header(path: str | Path) -> Header:
     try:
         settings = json.loads(fields.pop("settings"))
         classes = json.loads(fields.pop("classes"))
-        table = None if classes is None else _table(classes)
+        table = None if classes is None else ClassTable.from_json(classes)
         settings["conventions"] = Conventions(**settings["conventions"])
         settings["cnn_widths"] = tuple(settings["cnn_widths"])
     except (KeyError, TypeError, ValueError) as error:
@@ -131,12 +131,3 @@ def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> No
 
 def _single(tensor: torch.Tensor) -> torch.Tensor:
     return tensor.float() if tensor.is_floating_point() else tensor
-
-
-def _table(fields: dict[str, Any]) -> ClassTable:
-    return ClassTable(
-        fields["name"],
-        tuple(fields["names"]),
-        tuple((int(r), int(g), int(b)) for r, g, b in fields["colours"]),
-        tuple(fields["raw_ids"]),
-    )

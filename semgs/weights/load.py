@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -11,20 +10,12 @@ import torch
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model import presets
-from semgs.model.parts import Part
 from semgs.model.semgs import SemGS
 from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
 
 
-def load(
-    name: str,
-    weights: str | Path | None = None,
-    *,
-    seed: int = 0,
-    classes: ClassTable = SCANNET20,
-    without: Sequence[Part] = (),
-) -> SemGS:
+def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20) -> SemGS:
     """A network with its weights; `origin` of the result says in one sentence where they come from.
 
     Args:
@@ -34,11 +25,9 @@ def load(
             drawn at random.
         seed: of what is drawn.
         classes: the table that the weights must have been trained on.
-        without: parts of the method that a drawn network, or one that MVSplat's weights begin, lacks as in the paper's
-            ablation. A file of ours says itself which network it is of.
 
     Raises:
-        ValueError: there is no network of that name, no weights ship for it, or parts are to be left out of a file of ours.
+        ValueError: there is no network of that name, or no weights ship for it.
         InputError: the file cannot be read, or does not fit: the tensor or table is named.
     """
     if name not in presets.NAMES:
@@ -48,17 +37,15 @@ def load(
         if weights is None:
             raise ValueError(f'no weights ship for "{name}"; pass a file, or weights="random" for an untrained network')
     if str(weights) == "random":
-        model = drawn(name, seed, classes, without)
+        model = drawn(name, seed, classes)
         model.origin = f"untrained: drawn at random with seed {seed}"
         return model
     path = Path(weights)
     if not path.is_file():
         raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
-    if not is_ours(path):
-        return _mvsplats(name, path, seed, classes, without)
-    if without:
-        raise ValueError(f"{path} says itself which network it is of; {', '.join(without)} cannot be left out")
-    return _ours(name, path, classes)
+    if is_ours(path):
+        return _ours(name, path, classes)
+    return _mvsplats(name, path, seed, classes)
 
 
 def find(weights: str | Path) -> tuple[str, Path]:
@@ -93,13 +80,13 @@ def table_of(path: str | Path) -> ClassTable:
     return (read_header(path).classes if is_ours(path) else None) or SCANNET20
 
 
-def drawn(name: str, seed: int, classes: ClassTable = SCANNET20, without: Sequence[Part] = ()) -> SemGS:
-    """An untrained network of that name, some parts left out; the caller's random state is left as it was."""
+def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
+    """An untrained network of that name; the caller's random state is left as it was."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         if name == "mvsplat":
             return presets.mvsplat()
-        return presets.base(classes, without) if name == "base" else presets.small(classes, without)
+        return presets.base(classes) if name == "base" else presets.small(classes)
 
 
 def shipped(name: str) -> Path | None:
@@ -130,11 +117,19 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
     return model
 
 
-def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable, without: Sequence[Part]) -> SemGS:
+def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
     if name == "small":
         raise InputError(path, 'weights of "small", written by semgs', "another file")
+    return from_mvsplat(drawn(name, seed, classes), path, seed)
+
+
+def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
+    """A network that was drawn with this seed, its colour branch and depth filled from MVSplat's checkpoint.
+
+    Raises:
+        InputError: the file cannot be read or does not fit; the tensor is named.
+    """
     tensors = mvsplat.read(path)
-    model = drawn(name, seed, classes, without)
     own = model.state_dict()
     foreign = mvsplat.renamed(tensors, path)
     fresh = {key: value for key, value in own.items() if key not in foreign and key.startswith("semantic_")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 from semgs.cli.main import main
 from semgs.files.pictures import write_png
 from semgs.training.loop import Outcome
-from semgs.training.run import read_settings
+from semgs.training.settings import TrainingSettings
+from semgs.weights.file import save
+from semgs.weights.start import start
 
 LINE = "ablate small --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
 
@@ -29,43 +32,35 @@ def labelled(scene: Path) -> Path:
 
 
 @pytest.fixture
-def trained(monkeypatch) -> list[tuple[str, tuple[str, ...], float, int]]:
+def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
     """Replaces training by writing untrained weights of the row's network; what was trained is listed."""
-    runs: list[tuple[str, tuple[str, ...], float, int]] = []
+    runs: list[tuple[str, TrainingSettings]] = []
 
     def train(settings, out, **options):
-        runs.append((out.parent.name, settings.without, settings.losses.smoothness, settings.seed))
+        runs.append((out.parent.name, settings))
+        model = start(settings.model, "random", seed=settings.seed, switches=asdict(settings.network))
+        save(out / "weights.safetensors", model, {})
         return Outcome(settings.steps, True, 0)
-
-    def export(run, path):
-        from semgs.weights.file import save
-        from semgs.weights.load import load
-
-        settings = read_settings(run)
-        save(path, load(settings.model, "random", seed=settings.seed, without=settings.without), {})
-        return path
 
     monkeypatch.setattr("semgs.evaluation.intervals.RESAMPLES", 100)
     monkeypatch.setattr("semgs.training.loop.train", train)
-    monkeypatch.setattr("semgs.training.run.export_weights", export)
-    monkeypatch.setattr("semgs.training.run.finished", lambda run: (run.parent / "weights.safetensors").exists())
+    monkeypatch.setattr("semgs.training.run.finished", lambda run: (run / "weights.safetensors").exists())
     return runs
 
 
 def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped(tmp_path, labelled, trained, capsys):
-    line = [*LINE.split(), "--data", str(labelled), "--out", str(tmp_path / "out")]
+    line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out")]
     assert main(line) == 0
     told = capsys.readouterr().out
-    assert [name for name, *_ in trained] == ["none", "shared", "windows", "camera", "full"]
-    assert [without for _, without, *_ in trained] == [
-        ("shared_layers", "windows", "camera_awareness"), ("windows", "camera_awareness"), ("camera_awareness",), (), (),
-    ]  # fmt: skip
-    assert [smoothness > 0 for *_, smoothness, _ in trained] == [False, False, False, False, True]
+    assert [name for name, _ in trained] == ["none", "shared", "windows", "camera", "full"]
+    assert [settings.network.shared_layers for _, settings in trained] == [False, True, True, True, True]
+    assert [settings.network.windows for _, settings in trained] == [1, 1, 2, 2, 2]
+    assert [settings.losses.smoothness > 0 for _, settings in trained] == [False, False, False, False, True]
     assert "Sm-Loss" in told
     assert "What each part adds" in told
     table = (tmp_path / "out/ablation.md").read_text()
-    for row in trained:
-        report = tmp_path / f"out/seed_0/{row[0]}/evaluation/report.json"
+    for name, _ in trained:
+        report = tmp_path / f"out/seed_0/{name}/evaluation/report.json"
         miou = json.loads(report.read_text())["results"][0]["miou"]
         assert f"{miou:.3f} (" in table
     assert main(line) == 0
@@ -75,9 +70,9 @@ def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped
 
 def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, labelled, trained, capsys):
     line = [*LINE.split(), "--out", str(tmp_path / "out")]
-    assert main([*line, "--data", str(room)]) == 2
+    assert main([*line, "--test", str(room)]) == 2
     assert "scenes with labels" in capsys.readouterr().err.splitlines()[-1]
-    assert main([*line, "--data", str(labelled), "--learning-rate", "0.5"]) == 2
+    assert main([*line, "--test", str(labelled), "--learning-rate", "0.5"]) == 2
     assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
 
 
@@ -86,10 +81,10 @@ def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, la
     [
         ("--views 1", "--views is 1"),
         ("--seeds 1 1", "one twice"),
-        ("--losses.smoothness 0", "the full method lacks smoothness"),
-        ("--without windows", "the full method lacks windows"),
+        ("--losses.smoothness 0", "the full method lacks Sm-Loss"),
+        ("--network.windows 1", "the full method lacks Sw-Trans"),
         ("--minutes 0", "must be positive"),
-        ("--data nowhere", "nowhere"),
+        ("--test nowhere", "nowhere"),
     ],
 )
 def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line: str, told: str, capsys):

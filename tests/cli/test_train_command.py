@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,8 +14,7 @@ from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.cli.main import main
 from semgs.cli.train import Train
-from semgs.training.loop import Outcome
-from semgs.training.presets import small
+from semgs.training.presets import base, from_preset, paper, small
 
 
 def parsed(line: str) -> Train:
@@ -43,6 +44,9 @@ def test_options_may_stand_before_and_behind_the_preset_and_override_it():
         ("small --out run --contexts 1 2", r"contexts is \(1, 2\)"),
         ("small --out run --steps 0", "steps is 0; expected at least 1"),
         ("small --out run --stops 3", "--stops"),
+        ("small --out run --data scans=0", "data is 'scans=0'; expected rooms, DIR"),
+        ("small --out run --class-weights 1 2", "expected 20 factors"),
+        ("small --out run --augmentation.crop 2", "expected colour in"),
         ("tiny --out run", "tiny"),
     ],
 )
@@ -61,7 +65,7 @@ def test_a_sitting_that_cannot_be_is_refused(line: str, tmp_path: Path):
 
 def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_path: Path, capsys, monkeypatch):
     line = ["train", "small", "--out", str(tmp_path / "run")]
-    monkeypatch.setattr("semgs.training.loop.load", lambda *args, **options: pytest.skip("the run was accepted"))
+    monkeypatch.setattr("semgs.training.loop.launched", lambda *args, **options: pytest.skip("the run was accepted"))
     (tmp_path / "run").mkdir()
     from semgs.training.run import claim
 
@@ -72,14 +76,57 @@ def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_pa
     assert f"steps = {small().steps} there, 77 asked" in told[-1]
 
 
-def test_what_differs_from_the_preset_is_told_and_how_it_ended(tmp_path: Path, capsys, monkeypatch):
-    monkeypatch.setattr("semgs.training.loop.train", lambda *args, **options: Outcome(40, False, 1))
-    monkeypatch.setattr("semgs.training.run.export_weights", lambda run, path: path)
-    assert main(["train", "small", "--out", str(tmp_path), "--steps", "77"]) == 0
-    told = capsys.readouterr().err
-    assert f"steps: 77 (preset small: {small().steps})" in told
-    assert "step 40 of 77, 1 skipped" in told
-    assert "goes on from here" in told
+def test_what_differs_from_the_preset_is_told_in_words():
+    settings = parsed("small --out run --steps 77 --style plain --augmentation.flip").settings
+    assert from_preset(settings) == [
+        f"steps: 77 (preset small: {small().steps})",
+        "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True) (preset small: Augmentation(colour=0.0, crop=1.0, flip=False))",
+        "style: plain (preset small: home)",
+    ]
+    assert from_preset(small()) == []
+
+
+def test_presets_have_the_names_of_what_they_are_for_too():
+    assert parsed("small-cpu --out run").settings == small()
+    assert parsed("base-rooms --out run").settings == base()
+    settings = parsed("paper --out run --data scans rooms=0.5 --init weights.ckpt --devices 4").settings
+    assert settings == replace(paper(), data=("scans", "rooms=0.5"), init="weights.ckpt")
+    assert settings.preset == "paper"
+
+
+def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
+    table = {"name": "two", "classes": [{"name": name, "colour": [1, 2, 3]} for name in ("wall", "floor")]}
+    (tmp_path / "table.json").write_text(json.dumps(table))
+    settings = parsed(f"small --out run --init small --classes {tmp_path / 'table.json'}").settings
+    assert settings.classes is not None
+    assert settings.classes.names == ("wall", "floor")
+    assert from_preset(settings)[1] == "classes: two (wall, floor) (preset small: None)"
+
+
+def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
+    line = "small --out run --class-weights"
+    assert parsed(f"{line} inverse_root_frequency").settings.class_weights == "inverse_root_frequency"
+    assert parsed(f"{line} {'2.5 ' * 20}").settings.class_weights == (2.5,) * 20
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("paper --out RUN", "no data: give --data DIR"),
+        ("paper --out RUN --data scans", "no weights to start from: give --init FILE"),
+        ("small --out RUN --devices 3", "a step of 2 scenes cannot be shared by 3 processes"),
+        ("small --out RUN --accumulate 0", "must be positive"),
+        ("small --out RUN --data nowhere", "nowhere: expected a folder with a scene, found nothing there"),
+        ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a file of weights"),
+        ("small --out RUN --init small --classes TABLE --data nowhere", "TABLE: expected a table of classes as JSON"),
+    ],
+)
+def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(line: str, told: str, tmp_path, capsys):
+    table = tmp_path / "table.json"
+    assert main(["train", *line.replace("RUN", str(tmp_path / "run")).replace("TABLE", str(table)).split()]) == 2
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith("semgs: error: ")
+    assert told.replace("TABLE", str(table)) in last
 
 
 def test_the_help_lists_the_settings_without_torch():

@@ -10,9 +10,9 @@ from semgs.evaluation.ablation import ROWS, ablation_grid, row_settings, steps_g
 from semgs.evaluation.report import SavedReport, SavedResult
 from semgs.evaluation.scores import FrameScores
 from semgs.evaluation.tables import printed
-from semgs.model.parts import lacking
 from semgs.objectives.weights import LossWeights
 from semgs.training.presets import small
+from semgs.training.settings import Switches
 
 PAPER = [  # the check marks of the paper's Table III: Sh-Layer, Sw-Trans, C-Inj, Sm-Loss
     (False, False, False, False),
@@ -26,32 +26,34 @@ PAPER = [  # the check marks of the paper's Table III: Sh-Layer, Sw-Trans, C-Inj
 def test_the_rows_are_those_of_the_paper():
     found = []
     for row in ROWS:
-        network = lacking(row.without)
-        found.append(
-            (
-                network.get("shared_layers", True),
-                network.get("windows", 2) > 1,
-                network.get("camera_aware_colour", True) and network.get("camera_aware_semantic", True),
-                row_settings(small(), row, 5).losses.smoothness > 0,
-            )
+        settings = row_settings(small(), row, 5)
+        network = settings.network
+        assert network.camera_aware_colour == network.camera_aware_semantic
+        parts = (
+            network.shared_layers,
+            network.windows > 1,
+            network.camera_aware_colour,
+            settings.losses.smoothness > 0,
         )
+        assert parts == row.parts
+        found.append(parts)
     assert found == PAPER
 
 
 def test_nothing_else_differs_between_rows_of_a_seed():
     settings = replace(small(), steps=7, losses=LossWeights(0.2, 0.9, 0.003))
     rows = [row_settings(settings, row, 9) for row in ROWS]
-    assert {replace(one, without=(), losses=settings.losses) for one in rows} == {replace(settings, seed=9)}
+    assert all(replace(one, network=Switches(), losses=settings.losses) == replace(settings, seed=9) for one in rows)
     assert [one.losses for one in rows[:4]] == [LossWeights(0.2, 0.9, 0.0)] * 4
     assert rows[4] == replace(settings, seed=9)
 
 
 @pytest.mark.parametrize(
     "settings",
-    [replace(small(), without=("windows",)), replace(small(), losses=LossWeights(smoothness=0.0))],
+    [replace(small(), network=Switches(windows=1)), replace(small(), losses=LossWeights(smoothness=0.0))],
 )
 def test_a_full_method_that_lacks_a_part_is_refused(settings):
-    with pytest.raises(ValueError, match=r"the full method lacks (windows|smoothness)"):
+    with pytest.raises(ValueError, match=r"the full method lacks (Sw-Trans|Sm-Loss)"):
         row_settings(settings, ROWS[0], 1)
 
 

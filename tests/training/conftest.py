@@ -103,7 +103,7 @@ def network() -> Callable[[], TinyNetwork]:
 def _tiny_renderer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets the stand-in take the place of splatting, except in tests that ask for `real_rendering`."""
     if "real_rendering" not in request.fixturenames:
-        monkeypatch.setattr("semgs.training.step.render", shown_as_they_lie)
+        monkeypatch.setattr("semgs.training.objective.render", shown_as_they_lie)
 
 
 @pytest.fixture

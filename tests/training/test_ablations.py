@@ -38,7 +38,7 @@ def test_a_step_moves_every_parameter_that_takes_part(batch, settings, switch):
     model = fill_golden(SemGS(**TINY, **switch))  # no norm starts at zero, which would hide what is before it
     before = {name: value.clone() for name, value in model.named_parameters()}
     state = TrainingState.begin(model, 1e-3, settings.average_decay)
-    reports = [training_step(state, batch(0), settings) for _ in range(2)]
+    reports = [training_step(state, [batch(0)], settings) for _ in range(2)]
     assert all(report.moved for report in reports)
     still = [name for name, value in model.named_parameters() if torch.equal(value, before[name])]
     # A bias before an instance norm has no effect.
@@ -52,7 +52,7 @@ def test_the_loss_weight_of_smoothness_is_the_fourth_switch(batch, settings):
         torch.manual_seed(2)
         state = TrainingState.begin(SemGS(**TINY), 1e-3, settings.average_decay)
         weights = LossWeights(semantic=0.5, smoothness=weight)
-        report = training_step(state, batch(0), replace(settings, losses=weights, depth_weight=0.0))
+        report = training_step(state, [batch(0)], replace(settings, losses=weights, depth_weight=0.0))
         assert report.smoothness > 0
         totals[weight] = report.total - 0.5 * report.semantic - report.colour
     assert totals[0.0] == pytest.approx(0, abs=1e-6)

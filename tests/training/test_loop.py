@@ -16,11 +16,12 @@ import torch
 from PIL import Image
 from rich.console import Console
 
-from semgs.data.views import Batch
 from semgs.files.errors import InputError
-from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
+from semgs.training.batches import Portion
+from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
 from semgs.training.loop import fit, resume
 from semgs.training.state import TrainingState
+from semgs.training.validation import Validation
 
 
 class Killed(BaseException):
@@ -31,20 +32,22 @@ class Killed(BaseException):
 def sitting(network, batch, settings, tmp_path):
     """One sitting of a run: begins or goes on, and may be cut before a step."""
 
-    def sit(out: Path, *, cut: int | None = None, ask_to_stop: int | None = None, **options) -> TrainingState:
+    def sit(
+        out: Path, *, cut: int | None = None, ask_to_stop: int | None = None, every: int = 6, **options
+    ) -> TrainingState:
         out.mkdir(exist_ok=True)
         state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
         resume(state, out)
 
-        def batches() -> Iterator[Batch]:
+        def batches() -> Iterator[Portion]:
             for step in range(state.step, settings.steps):
                 if step == cut:
                     raise Killed
                 if step == ask_to_stop:
                     os.kill(os.getpid(), signal.SIGTERM)
-                yield batch(step)
+                yield Portion((batch(step),))
 
-        fit(state, settings, out, batches(), [batch(1000), batch(1001)], **options)
+        fit(state, replace(settings, validate_every=every), out, batches(), [batch(1000), batch(1001)], **options)
         return state
 
     return sit
@@ -70,7 +73,7 @@ def test_a_run_killed_between_checkpoints_goes_on_from_the_last_one(sitting, tmp
     sitting(tmp_path / "cut", minutes=0.0)
     assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers["step"] == 1
     with pytest.raises(Killed):
-        sitting(tmp_path / "cut", cut=7)
+        sitting(tmp_path / "cut", cut=5)
     assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers["step"] == 1
     assert same(whole, sitting(tmp_path / "cut"))
 
@@ -116,6 +119,18 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, net
     ]
 
 
+def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(sitting, tmp_path, monkeypatch):
+    scores = iter([0.2, 0.5, 0.4, 0.3])
+    monkeypatch.setattr(
+        "semgs.training.loop.validate", lambda model, batches: Validation(20.0, next(scores), 0.5, None)
+    )
+    sitting(tmp_path / "run", save_minutes=0.0, every=3)
+    folder = tmp_path / "run" / "checkpoints"
+    assert sorted(path.stem for path in folder.glob("*.json")) == ["00000006", "00000010", "00000011", "00000012"]
+    assert newest_checkpoint(folder).numbers["best_score"] == 0.5
+    assert best_checkpoint(folder).numbers["step"] == 6
+
+
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, settings, tmp_path, monkeypatch):
     state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
     state.step = 4
@@ -142,7 +157,7 @@ def test_ten_broken_steps_in_a_row_end_the_run_and_keep_the_batch(network, batch
     state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
     state.model.register_forward_hook(lambda module, inputs, e: replace(e, depths=e.depths * float("nan")))
     with pytest.raises(FloatingPointError, match="10 steps in a row up to step 10"):
-        fit(state, settings, tmp_path, (batch(step) for step in range(12)), [])
+        fit(state, settings, tmp_path, (Portion((batch(step),)) for step in range(12)), [])
     assert (tmp_path / "bad_batch.safetensors").stat().st_size > 10_000
 
 
@@ -156,9 +171,17 @@ def test_the_log_has_each_step_once_and_the_validations_and_their_pictures(sitti
     assert steps == [9, 12]
     assert [line["step"] for line in checks] == [6, 12]
     assert 0 <= checks[0]["validation"]["miou"] <= 1
-    assert {"total", "psnr", "gradient_norm", "samples_per_second", "wait_share", "seconds", "skipped"} <= set(
-        lines[-2]
-    )
+    assert {
+        "total",
+        "psnr",
+        "gradient_norm",
+        "samples_per_second",
+        "wait_share",
+        "seconds",
+        "skipped",
+        "bad_scenes",
+        "memory_gb",
+    } <= set(lines[-2])
     picture = np.asarray(Image.open(tmp_path / "run" / "validation" / "00000006.png"))
     assert picture.shape == (2 * 16, 6 * 24, 3)
 
@@ -169,6 +192,21 @@ def test_a_log_that_ran_ahead_of_the_checkpoint_loses_what_is_computed_again(sit
     log.write_text(log.read_text() + '{"step": 9, "total": 1.0}\n{"step": 10, "tot')
     sitting(tmp_path / "run")
     assert [json.loads(line)["step"] for line in log.read_text().splitlines()] == [6, 7, 12, 12]
+
+
+def test_tensorboard_gets_the_numbers_of_the_log_and_the_pictures(sitting, tmp_path):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    with pytest.raises(Killed):
+        sitting(tmp_path / "run", cut=9, save_minutes=0.0)
+    sitting(tmp_path / "run")
+    events = EventAccumulator(str(tmp_path / "run" / "tensorboard")).Reload()
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    for name in ("total", "psnr", "memory_gb"):
+        told = [(event.step, event.value) for event in events.Scalars(f"training/{name}")]
+        assert told == [(line["step"], pytest.approx(line[name], rel=1e-4)) for line in lines if name in line]
+    assert [event.step for event in events.Scalars("validation/miou")] == [6, 12]
+    assert (events.Images("validation")[0].width, events.Images("validation")[0].height) == (6 * 24, 2 * 16)
 
 
 def test_a_console_that_is_no_terminal_gets_plain_lines(sitting, tmp_path):

@@ -2,11 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
 import torch
 
 from semgs.objectives.weights import LossWeights
-from semgs.training.presets import base
+from semgs.training.presets import PRESETS, base, paper, small
+from semgs.training.settings import Augmentation, Switches
 from semgs.training.state import TrainingState
+
+
+def test_paper_is_the_papers_training():
+    settings = paper()
+    # 4 GPUs with 2 scenes each; its data and MVSplat's weights cannot come with us.
+    assert (settings.model, settings.learning_rate, settings.steps, settings.batch) == ("base", 2e-4, 300_000, 8)
+    assert settings.losses == LossWeights(semantic=0.1, colour=1.0, smoothness=0.001)
+    assert (settings.contexts, settings.clip, settings.init, settings.data) == ((2, 4), 0.5, "", ())
+    assert (settings.class_weights, settings.depth_weight, settings.context_targets) == (None, 0, False)
+    assert (settings.sampling, settings.augmentation, settings.network) == ("even", Augmentation(), Switches())
+    with pytest.raises(ValueError, match="no data"):
+        settings.check_whole()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_knows_its_name_which_decides_nothing(name):
+    assert PRESETS[name]().preset == name
+    assert replace(PRESETS[name](), preset="") == PRESETS[name]()
+
+
+def test_small_and_base_draw_rooms():
+    assert small().data == base().data == ("rooms",)
+    assert small().init == base().init == "random"
 
 
 def test_base_trains_with_the_papers_numbers(network):

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import pytest
 
+from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
+from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
 from semgs.training.presets import PRESETS
 from semgs.training.run import claim, export_weights, read_settings
-from semgs.training.settings import VALIDATION_SEED, TrainingSettings, differences
+from semgs.training.settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings, differences
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -18,6 +20,33 @@ def test_settings_survive_json(name: str, tmp_path):
     settings = replace(PRESETS[name](), class_weights=(1.0,) * 20)
     claim(tmp_path / "run", settings)
     assert read_settings(tmp_path / "run") == settings
+    own = replace(
+        settings, classes=replace(SCANNET20, name="own"), class_weights="inverse_root_frequency", data=("rooms=2", "a"),
+        augmentation=Augmentation(crop=0.5), network=Switches(windows=1), losses=LossWeights(smoothness=0.0),
+    )  # fmt: skip
+    claim(tmp_path / "own", own)
+    assert read_settings(tmp_path / "own") == own
+
+
+def test_a_run_of_the_version_before_mixtures_goes_on(tmp_path):
+    """Its settings.json, word by word, but for numbers of the run's own."""
+    (tmp_path / "settings.json").write_text(
+        """{"model": "small", "steps": 12000, "batch": 2, "size": [96, 128], "contexts": [2, 3], "targets": 2,
+        "context_targets": true, "learning_rate": 0.001, "warmup": 0.05, "clip": 0.5, "average_decay": 0.998,
+        "losses": {"semantic": 0.1, "colour": 1.0, "smoothness": 0.001}, "class_weights": null, "depth_weight": 0.1,
+        "weights": "random", "seed": 0, "scene_reuse": 1, "style": "home", "assets": null, "validate_every": 1000,
+        "validation_scenes": 16}"""
+    )
+    claim(tmp_path, PRESETS["small"]())
+
+
+def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, tmp_path):
+    here = replace(settings, data=("rooms", "/data/scans=2"), init="/w/mine.safetensors")
+    claim(tmp_path, here)
+    claim(tmp_path, replace(here, data=("rooms", "../scans=2"), init="mine.safetensors"))
+    for change in ({"data": ("rooms", "/data/scans=3")}, {"data": ("rooms", "/data/others=2")}, {"init": "random"}):
+        with pytest.raises(ValueError, match=next(iter(change))):
+            claim(tmp_path, replace(here, **change))
 
 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):

@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from semgs.training.objective import render_targets
 from semgs.training.state import TrainingState
-from semgs.training.step import learning_rate, render_targets, training_step
+from semgs.training.step import learning_rate, training_step
 
 
 def begin(network, settings) -> TrainingState:
@@ -23,18 +24,18 @@ def weights(state: TrainingState) -> torch.Tensor:
 def test_three_steps_change_every_parameter_and_lower_the_loss_of_their_batch(network, batch, settings):
     state = begin(network, settings)
     before = {name: value.clone() for name, value in state.model.named_parameters()}
-    totals = [training_step(state, batch(0), settings).total for _ in range(3)]
+    totals = [training_step(state, [batch(0)], settings).total for _ in range(3)]
     assert all((value != before[name]).any() for name, value in state.model.named_parameters())
     assert totals[2] < totals[0]
     assert state.step == 3
 
 
 def test_the_total_is_the_paper_s_plus_the_weighted_depth_term(network, batch, settings):
-    report = training_step(begin(network, settings), batch(1), settings)
+    report = training_step(begin(network, settings), [batch(1)], settings)
     expected = 0.5 * report.semantic + report.colour + 0.1 * report.smoothness + 0.1 * report.depth
     assert report.total == pytest.approx(expected, rel=1e-5)
     assert report.depth > 0
-    off = training_step(begin(network, settings), batch(1), replace(settings, depth_weight=0.0))
+    off = training_step(begin(network, settings), [batch(1)], replace(settings, depth_weight=0.0))
     assert off.depth == 0
 
 
@@ -52,7 +53,7 @@ def test_context_targets_render_the_contexts_after_the_targets(network, batch, s
 
 def test_a_gradient_longer_than_the_clip_is_shortened_to_it(network, batch, settings):
     state = begin(network, settings)
-    report = training_step(state, batch(3), replace(settings, clip=1e-3))
+    report = training_step(state, [batch(3)], replace(settings, clip=1e-3))
     norm = torch.linalg.vector_norm(torch.cat([p.grad.flatten() for p in state.model.parameters()]))
     assert report.gradient_norm > 1e-2
     assert float(norm) == pytest.approx(1e-3, rel=1e-3)
@@ -61,7 +62,7 @@ def test_a_gradient_longer_than_the_clip_is_shortened_to_it(network, batch, sett
 @pytest.mark.parametrize("broken", ["means", "depths"])
 def test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted(network, batch, settings, broken: str):
     state = begin(network, settings)
-    training_step(state, batch(0), settings)
+    training_step(state, [batch(0)], settings)
     before, average = weights(state), [value.clone() for value in state.average.parameters()]
 
     def break_it(module, inputs, encoding):
@@ -71,12 +72,12 @@ def test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted(network, ba
         return replace(encoding, gaussians=replace(gaussians, means=gaussians.means * math.nan))
 
     hook = state.model.register_forward_hook(break_it)
-    assert not training_step(state, batch(1), settings).moved
+    assert not training_step(state, [batch(1)], settings).moved
     assert torch.equal(weights(state), before)
     assert all(torch.equal(a, b) for a, b in zip(average, state.average.parameters(), strict=True))
     assert (state.step, state.skipped, state.skipped_in_a_row) == (2, 1, 1)
     hook.remove()
-    assert training_step(state, batch(2), settings).moved
+    assert training_step(state, [batch(2)], settings).moved
     assert (state.skipped, state.skipped_in_a_row) == (1, 0)
 
 
@@ -102,10 +103,10 @@ def test_the_schedule_of_a_tiny_run_is_finite_and_positive(steps: int):
 
 def test_the_average_starts_at_the_weights_and_forgets_more_slowly_as_it_ages(network, batch, settings):
     state = begin(network, settings)
-    training_step(state, batch(0), settings)
+    training_step(state, [batch(0)], settings)
     first = weights(state)
     assert torch.equal(torch.nn.utils.parameters_to_vector(state.average.parameters()), first)
-    training_step(state, batch(1), settings)
+    training_step(state, [batch(1)], settings)
     second = weights(state)
     # The second update keeps (1 + 1) / (10 + 1) of the first.
     expected = first * (2 / 11) + second * (9 / 11)

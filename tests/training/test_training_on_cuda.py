@@ -36,7 +36,7 @@ def test_a_step_measures_the_same_on_both_devices(cuda) -> None:
     reports = []
     for device in ("cpu", cuda):
         state = TrainingState.begin(fill_golden(networks.small()).to(device), 1e-3, 0.99)
-        reports.append(training_step(state, labelled(0), presets.small()))
+        reports.append(training_step(state, [labelled(0)], presets.small()))
         assert validate(state.average.module, [labelled(1)]).pictures is not None
     here, there = reports
     assert there.moved

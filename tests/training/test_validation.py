@@ -8,8 +8,8 @@ import torch
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rendering.rendering import Rendering
+from semgs.training.objective import render_targets
 from semgs.training.pictures import strip
-from semgs.training.step import render_targets
 from semgs.training.validation import validate
 
 

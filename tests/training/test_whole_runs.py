@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 import torch
 
+from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
 from semgs.rooms.stream import RoomSamples, sample
 from semgs.training import batches
-from semgs.training.batches import training_batches, validation_batches
+from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
 from semgs.training.run import export_weights
@@ -39,6 +40,18 @@ SETTINGS = TrainingSettings(
 )
 
 
+def batches_of(settings: TrainingSettings, folder: Path, start: int = 0) -> list[Batch]:
+    """The batches that a run sees from a step on; `folder` is its own."""
+    folder.mkdir(exist_ok=True)
+    portions = training_batches(settings, surveyed(settings, folder), start, workers=0, pool=folder / "rooms")
+    return [batch for portion in portions for batch in portion.pieces]
+
+
+def validated(settings: TrainingSettings, folder: Path) -> list[Batch]:
+    """The batches that a run is validated on."""
+    return validation_batches(settings, surveyed(settings, folder))
+
+
 @pytest.mark.usefixtures("real_rendering")
 def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting_or_two(tmp_path: Path):
     pytest.importorskip("embreex")
@@ -59,11 +72,10 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
 
 
-def test_step_k_sees_the_same_batch_wherever_the_run_began():
+def test_step_k_sees_the_same_batch_wherever_the_run_began(tmp_path: Path):
     pytest.importorskip("embreex")
     settings = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 4), targets=2)
-    whole = list(training_batches(settings, 0, workers=0, pool=Path("unused")))
-    rest = list(training_batches(settings, 2, workers=0, pool=Path("unused")))
+    whole, rest = batches_of(settings, tmp_path), batches_of(settings, tmp_path, start=2)
     assert [batch.scenes for batch in whole[2:]] == [batch.scenes for batch in rest]
     for a, b in zip(whole[2:], rest, strict=True):
         assert torch.equal(a.context.images, b.context.images)
@@ -71,19 +83,19 @@ def test_step_k_sees_the_same_batch_wherever_the_run_began():
         assert len(a.context) in (2, 3, 4)
 
 
-def test_validation_rooms_depend_neither_on_the_seed_of_the_run_nor_on_its_style():
+def test_validation_rooms_depend_neither_on_the_seed_of_the_run_nor_on_its_style(tmp_path: Path):
     pytest.importorskip("embreex")
     options = {"model": "small", "steps": 1, "size": (16, 24), "contexts": (2, 2), "validation_scenes": 1}
-    (one,) = validation_batches(TrainingSettings(seed=1, **options))
-    (two,) = validation_batches(TrainingSettings(seed=2, style="plain", **options))
+    (one,) = validated(TrainingSettings(seed=1, **options), tmp_path)
+    (two,) = validated(TrainingSettings(seed=2, style="plain", **options), tmp_path)
     assert torch.equal(one.target.images, two.target.images)
 
 
-def test_a_training_sees_rooms_of_its_style():
+def test_a_training_sees_rooms_of_its_style(tmp_path: Path):
     pytest.importorskip("embreex")
     options = {"model": "small", "steps": 1, "batch": 1, "size": (16, 24), "contexts": (2, 2)}
-    (home,) = training_batches(TrainingSettings(**options), 0, workers=0, pool=Path("unused"))
-    (plain,) = training_batches(TrainingSettings(style="plain", **options), 0, workers=0, pool=Path("unused"))
+    (home,) = batches_of(TrainingSettings(**options), tmp_path)
+    (plain,) = batches_of(TrainingSettings(style="plain", **options), tmp_path)
     assert torch.equal(
         plain.context.images[0], sample(0, 0, size=(16, 24), contexts=2, targets=2, style="plain")[0].images
     )
@@ -145,11 +157,11 @@ def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
     )
     monkeypatch.setattr("semgs.rooms.pool.FRAMES", 5)
     monkeypatch.setattr("semgs.rooms.pool.WINDOW", 3)
-    whole = list(training_batches(settings, 0, workers=0, pool=tmp_path / "one"))
-    (last,) = training_batches(settings, 2, workers=0, pool=tmp_path / "two")
+    whole = batches_of(settings, tmp_path / "one")
+    (last,) = batches_of(settings, tmp_path / "two", start=2)
     assert torch.equal(whole[2].context.images, last.context.images)
     assert torch.equal(whole[2].target.labels, last.target.labels)
-    assert {path.name[:6] for path in (tmp_path / "one").iterdir()} == {"scene_"}
+    assert {path.name[:6] for path in (tmp_path / "one" / "rooms").iterdir()} == {"scene_"}
 
 
 def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypatch):
@@ -166,8 +178,9 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
     settings = TrainingSettings(
         model="small", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=str(tmp_path)
     )
-    training_batches(settings, 0, workers=0, pool=Path("unused"))
-    validation_batches(settings)
+    data = surveyed(settings, tmp_path)
+    training_batches(settings, data, 0, workers=0, pool=Path("unused"))
+    validation_batches(settings, data)
     assert splits == {settings.seed: "training", VALIDATION_SEED: "validation"}
 
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from semgs.data.class_files import LabelSet, read_class_file
 from semgs.data.classes import IGNORE, ClassTable, class_table
 from semgs.data.frames import Frame
 from semgs.data.layouts.fields import Fields, parsed
@@ -80,13 +82,17 @@ def open_transforms(path: Path) -> Scene:
                 label_path=_map(fields, "label_file_path", (".png",), notes),
             )
         )
+    classes = _classes(shared, frames)
+    if isinstance(classes, LabelSet):
+        frames = [replace(frame, meaning=classes.meaning) for frame in frames]
+        classes = classes.table
     return Scene(
         path=file,
         name=file.absolute().parent.name,
         layout="transforms.json",
         unit=_unit(shared, listed),
         frames=tuple(frames),
-        classes=_classes(shared, frames),
+        classes=classes,
         absent=tuple(absent),
         notes=tuple(notes.sentences(absent, len(listed), listed)),
         applied_transform=_applied_transform(shared),
@@ -241,17 +247,19 @@ def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
     return "metric" if metric else "unknown"
 
 
-def _classes(shared: Fields, frames: Sequence[Frame]) -> ClassTable | None:
-    """The table that labels refer to, None where no frame has any.
+def _classes(shared: Fields, frames: Sequence[Frame]) -> ClassTable | LabelSet | None:
+    """The table that labels refer to, by its name or in a file (`*.json`, beside the scene's or from there); None where no frame has any.
 
     Raises:
-        InputError: there are labels and `label_set` names no known table, or `label_ignore` is not 255.
+        InputError: there are labels and `label_set` names no known table or file, or `label_ignore` is not 255.
     """
     if not any(frame.label_path for frame in frames):
         return None
     name, ignore = shared.text("label_set"), shared.number("label_ignore")
     if ignore not in (None, IGNORE):
         raise shared.refused("label_ignore", f"{IGNORE}", f"{ignore:g}")
+    if name is not None and name.endswith(".json"):
+        return read_class_file(shared.path.parent / name)
     try:
         return class_table(name or "")
     except ValueError as error:

@@ -1,0 +1,92 @@
+"""Class tables of one's own: a JSON file that names the classes, their colours and the numbers that stand for them in label pictures.
+
+    {"name": "five",
+     "classes": [{"name": "wall", "colour": [174, 199, 232], "ids": [1]},
+                 {"name": "seat", "colour": [188, 189, 34], "ids": [5, 6]}],
+     "ignored": [0]}
+
+`ids` may be left out of all classes: then the numbers are positions in the list, from 0. `ignored` are numbers of pixels without a label;
+255 always is one. Any other number in a label picture is an error. No torch.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from semgs.data.classes import IGNORE, ClassTable
+from semgs.files.errors import InputError
+
+
+@dataclass(frozen=True)
+class LabelSet:
+    """A table of classes and what the numbers in label pictures mean.
+
+    Attributes:
+        table: the classes.
+        meaning: of each number from 0 to 255, the label, 255 for none, or None for a number that must not occur.
+    """
+
+    table: ClassTable
+    meaning: tuple[int | None, ...]
+
+
+def read_class_file(path: str | Path) -> LabelSet:
+    """The table in a file.
+
+    Raises:
+        InputError: it is absent, no JSON, or not as described above; the key at fault is named.
+    """
+    path = Path(path).expanduser()
+    expected = "a table of classes as JSON"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(path, expected, error.strerror or str(error)) from error
+    except ValueError as error:
+        raise InputError(path, expected, str(error)) from error
+    if not isinstance(content, dict) or not isinstance(content.get("classes"), list) or not content["classes"]:
+        raise InputError(path, 'an object with a list "classes"', "something else", advice="see docs/train.md")
+    if unknown := sorted(content.keys() - {"name", "classes", "ignored"}):
+        raise InputError(path, "name, classes, ignored", repr(unknown[0]))
+    listed = content["classes"]
+    numbered = any(isinstance(one, dict) and "ids" in one for one in listed)
+    names, colours, ids = [], [], []
+    for index, one in enumerate(listed):
+        key = f"classes[{index}]"
+        if not isinstance(one, dict) or not isinstance(one.get("name"), str) or not one["name"]:
+            raise InputError(path, "an object with a name", repr(one), key=key)
+        if unknown := sorted(one.keys() - {"name", "colour", "ids"}):
+            raise InputError(path, "name, colour, ids", repr(unknown[0]), key=key)
+        colour = one.get("colour", [])
+        if not _numbers(colour) or len(colour) != 3:
+            raise InputError(path, "[red, green, blue] from 0 to 255", repr(colour), key=f"{key}.colour")
+        own = one.get("ids", [] if numbered else [index])
+        if not _numbers(own) or not own:
+            raise InputError(path, "a list of numbers from 0 to 255", repr(own), key=f"{key}.ids")
+        names.append(one["name"])
+        colours.append((colour[0], colour[1], colour[2]))
+        ids.append(own)
+    ignored = content.get("ignored", [])
+    if not _numbers(ignored):
+        raise InputError(path, "a list of numbers from 0 to 255", repr(ignored), key="ignored")
+    meaning: list[int | None] = [None] * 256
+    for label, numbers in [*enumerate(ids), (IGNORE, [*ignored, *({IGNORE} - set(ignored))])]:
+        for number in numbers:
+            if meaning[number] is not None:
+                raise InputError(path, "numbers that mean one thing each", f"{number} twice", key="classes")
+            meaning[number] = label
+    try:
+        table = ClassTable(
+            str(content.get("name", path.stem)), tuple(names), tuple(colours), tuple(own[0] for own in ids)
+        )
+    except ValueError as error:
+        raise InputError(path, expected, str(error), key="classes") from error
+    return LabelSet(table, tuple(meaning))
+
+
+def _numbers(value: Any) -> bool:
+    """Whether a value is a list of whole numbers from 0 to 255."""
+    return isinstance(value, list) and all(type(one) is int and 0 <= one <= 255 for one in value)

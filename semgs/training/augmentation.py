@@ -1,0 +1,93 @@
+"""Augmentation: a sample seen in another way, its cameras with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from semgs.data.views import Views, cropped, resized
+from semgs.geometry.cameras import Cameras
+from semgs.training.settings import Augmentation
+
+
+def window(views: Views, size: tuple[int, int], share: float = 1.0, place: tuple[float, float] = (0.5, 0.5)) -> Views:
+    """The views at another size without stretching them: a window of its aspect is cut out, then resized.
+
+    Args:
+        views: with any leading axes.
+        size: the new (height, width) [px].
+        share: side of the window, as a part of that of the largest window of that aspect.
+        place: where it is between the top and left (0) and the bottom and right (1).
+    """
+    if share == 1 and views.size == size:
+        return views
+    scale = share * min(views.size[0] / size[0], views.size[1] / size[1])
+    height, width = (min(max(1, round(scale * side)), limit) for side, limit in zip(size, views.size, strict=True))
+    top, left = (
+        round(part * (limit - side)) for part, side, limit in zip(place, (height, width), views.size, strict=True)
+    )
+    return resized(cropped(views, top, left, (height, width)), size)
+
+
+def flipped(views: Views) -> Views:
+    """The views of the mirrored world, whose x axis points the other way: every picture is mirrored, and so is its camera.
+
+    A point p of the world becomes M p with M = diag(-1, 1, 1); a camera with the pose R, t becomes one with M R M, M t, so that a
+    pixel at u comes to lie at width - u.
+    """
+    width = views.size[1]
+    mirror = torch.diag(torch.tensor([-1.0, 1.0, 1.0, 1.0], dtype=torch.float64))
+    intrinsics = views.cameras.intrinsics.clone()
+    intrinsics[..., 0, 1] = -intrinsics[..., 0, 1]
+    intrinsics[..., 0, 2] = width - intrinsics[..., 0, 2]
+    poses = mirror @ views.cameras.world_from_camera @ mirror
+    return replace(
+        views,
+        images=views.images.flip(-1),
+        cameras=Cameras(poses, intrinsics, views.cameras.size),
+        labels=None if views.labels is None else views.labels.flip(-1),
+        depths=None if views.depths is None else views.depths.flip(-1),
+    )
+
+
+def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views:
+    """The pictures with another exposure, white balance and saturation, the same for all of them.
+
+    Factors are exp(s) with s even in -strength to strength for exposure, a third of that for each channel, and for saturation
+    as much as for exposure.
+    """
+    exposure, saturation = np.exp(rng.uniform(-strength, strength, 2))
+    balance = np.exp(rng.uniform(-strength, strength, 3) / 3)
+    images = views.images
+    grey = images.mean(-3, keepdim=True)
+    images = grey + (images - grey) * saturation
+    images = images * torch.from_numpy(exposure * balance).to(images)[:, None, None]
+    return replace(views, images=images.clamp(0, 1))
+
+
+class Variation:
+    """What is done to one sample, the same for all views that it is given.
+
+    Args:
+        settings: how much.
+        seed, sample: of which sample; the same ones give the same variation.
+    """
+
+    def __init__(self, settings: Augmentation, seed: int, sample: int) -> None:
+        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, sample, 6))))
+        self._settings = settings
+        self._share = float(rng.uniform(settings.crop, 1))
+        self._place = (float(rng.uniform()), float(rng.uniform()))
+        self._flip = settings.flip and bool(rng.integers(2))
+        self._colours = int(rng.integers(2**63))
+
+    def __call__(self, views: Views, size: tuple[int, int]) -> Views:
+        """The views, varied and brought to a size (height, width) [px]; without augmentation the middle of each is what is kept."""
+        views = window(views, size, self._share, self._place if self._settings.crop < 1 else (0.5, 0.5))
+        if self._flip:
+            views = flipped(views)
+        if self._settings.colour:
+            views = recoloured(views, self._settings.colour, np.random.Generator(np.random.PCG64(self._colours)))
+        return views

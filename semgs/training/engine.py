@@ -1,0 +1,47 @@
+"""The engine: Lightning Fabric, which puts one loop on any device, number of processes and precision. The one import of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+
+def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: str = "32") -> Any:
+    """A Fabric whose processes run: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
+
+    With more than one device it starts the other processes of this machine by calling the same command again, unless
+    torchrun or SLURM has started them; the gradients of all are averaged (DDP).
+
+    Args:
+        device: "cpu" or "cuda".
+        devices: processes on each machine, each with a device of its own.
+        nodes: machines.
+        precision: "32", "bf16" for layers in bfloat16, or "auto" for that on GPUs that compute in it. Cameras, depth, Gaussians and
+            losses are float32 or better in any case.
+
+    Raises:
+        ImportError: Lightning Fabric is not installed; names the extra that brings it.
+    """
+    try:
+        from lightning_fabric import Fabric
+        from lightning_fabric.plugins import MixedPrecision, Precision
+    except ImportError as error:
+        raise ImportError('training needs Lightning Fabric: pip install "semgs[train]"') from error
+
+    class LayersInBfloat16(MixedPrecision):
+        """Autocast around the forward pass; views go in and terms come out in the precision they have."""
+
+        convert_input = Precision.convert_input
+        convert_output = Precision.convert_output
+
+    half = precision == "bf16" or (precision == "auto" and device == "cuda" and torch.cuda.is_bf16_supported(False))
+    fabric = Fabric(
+        accelerator=device,
+        devices=devices,
+        num_nodes=nodes,
+        strategy="ddp" if devices * nodes > 1 else "auto",
+        plugins=[LayersInBfloat16("bf16-mixed", device)] if half else None,
+    )
+    fabric.launch()
+    return fabric

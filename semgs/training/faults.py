@@ -1,0 +1,69 @@
+"""What goes wrong in a training and does not end it at once: scenes that cannot be read, steps without a gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from safetensors.torch import save
+from torch import Tensor
+
+from semgs.files.atomic import write_bytes
+from semgs.training.batches import Portion
+from semgs.training.survey import check_bad
+
+TOLERATED_IN_A_ROW = 10
+"""Steps without a finite gradient, one after the other, that end a run."""
+
+
+class BadScenes:
+    """Scenes that could not be read, each told of once.
+
+    Args:
+        scenes: how many there are in all.
+        say: where they are told.
+        known: those that were found before the first step.
+    """
+
+    def __init__(self, scenes: int, say: Callable[[str], None], known: Sequence[tuple[str, str]]) -> None:
+        self._scenes, self._say = scenes, say
+        self._known: dict[str, str] = {}
+        self.add(known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def add(self, found: Sequence[tuple[str, str]]) -> None:
+        """Take note of some.
+
+        Raises:
+            InputError: they are too many.
+        """
+        for path, why in found:
+            if path not in self._known:
+                self._known[path] = why
+                self._say(f"bad scene, skipped: {why}")
+        check_bad(list(self._known.items()), self._scenes)
+
+
+def broken_down(out: Path, step: int, portion: Portion, process: int | None = None) -> FloatingPointError:
+    """The error that ends a run, after its last batch has been written down to look at; of several processes, each its own."""
+    name = "bad_batch.safetensors" if process is None else f"bad_batch_{process}.safetensors"
+    tensors: dict[str, Tensor] = {}
+    for number, batch in enumerate(portion.pieces):
+        for part, views in (("context", batch.context), ("target", batch.target)):
+            held = {
+                "images": views.images,
+                "labels": views.labels,
+                "depths": views.depths,
+                "depth_range": views.depth_range,
+                "world_from_camera": views.cameras.world_from_camera,
+                "intrinsics": views.cameras.intrinsics,
+            }
+            tensors |= {f"{number}.{part}.{key}": one.contiguous() for key, one in held.items() if one is not None}
+    scenes = ", ".join(scene for batch in portion.pieces for scene in batch.scenes)
+    write_bytes(out / name, save(tensors, {"scenes": scenes}))
+    return FloatingPointError(
+        f"{out}: {TOLERATED_IN_A_ROW} steps in a row up to step {step} had no finite gradient; the last "
+        f"batch is in {name}; a lower learning rate may help, from a new run folder"
+    )

@@ -1,0 +1,108 @@
+"""The objective: a network and what it is trained for, as the one module that the engine wraps."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from semgs.data.views import Batch, Views
+from semgs.geometry.cameras import Cameras
+from semgs.model.encoding import Encoding
+from semgs.objectives.losses import depth_error, losses
+from semgs.objectives.metrics import psnr
+from semgs.rendering.render import render
+from semgs.rendering.rendering import Rendering
+from semgs.training.settings import TrainingSettings
+
+TERMS = ("total", "semantic", "colour", "smoothness", "depth", "psnr", "unlabelled")
+"""What the objective says of a batch; only `total` has a gradient."""
+
+
+class Objective(nn.Module):
+    """From a batch to the terms of its loss: encode the contexts, render the targets, compare.
+
+    Every term is a mean over scenes, so that the means of equal shares of a batch average to that of the whole.
+    """
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, batch: Batch, settings: TrainingSettings) -> dict[str, Tensor]:
+        """Each of `TERMS` as a number, `total` with its gradient; all are NaN where the Gaussians cannot be drawn."""
+        encoding = self.network(batch.context)
+        if not _can_be_drawn(encoding):
+            return _broken(encoding)
+        rendering, target = render_targets(encoding, batch, settings.context_targets)
+        assert not isinstance(settings.class_weights, str)  # the survey of the data made them numbers
+        terms = losses(rendering, target, settings.losses, class_weights=settings.class_weights)
+        depth = torch.zeros_like(terms.total)
+        if settings.depth_weight and batch.context.depths is not None:
+            depth = depth_error(encoding.depths, batch.context.depths.to(encoding.depths.device))
+        found = {
+            "semantic": terms.semantic,
+            "colour": terms.colour,
+            "smoothness": terms.smoothness,
+            "depth": depth,
+            "psnr": psnr(rendering.images, target.images).mean(),
+            "unlabelled": terms.total.new_tensor(float(terms.unlabelled)),
+        }
+        return {"total": terms.total + settings.depth_weight * depth} | {
+            name: term.detach() for name, term in found.items()
+        }
+
+
+def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:
+    """The Gaussians of the contexts as the targets see them (and the contexts, if asked), and what they should see.
+
+    The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device.
+    """
+    target = _joined(batch.target, batch.context) if context_targets else batch.target
+    near = batch.context.depth_range[..., 0].amin(-1, keepdim=True)
+    rendering = render(encoding.gaussians, target.cameras, near=near.expand(target.cameras.batch))
+    return rendering, target.to(rendering.images.device)
+
+
+def _can_be_drawn(encoding: Encoding) -> bool:
+    """Whether every number of the Gaussians is finite."""
+    finite: list[bool] = []
+
+    def look(tensor: Tensor) -> Tensor:
+        finite.append(bool(torch.isfinite(tensor.detach()).all()))
+        return tensor
+
+    encoding.gaussians.map(look)
+    return all(finite)
+
+
+def _broken(encoding: Encoding) -> dict[str, Tensor]:
+    """NaN for every term, with a gradient to everything, so that processes that share a step agree that it is none."""
+    held: list[Tensor] = [encoding.depths]
+
+    def hold(tensor: Tensor) -> Tensor:
+        held.append(tensor)
+        return tensor
+
+    encoding.gaussians.map(hold)
+    total = torch.stack([tensor.sum() for tensor in held]).sum() * torch.nan
+    return {name: total if name == "total" else total.detach() for name in TERMS}
+
+
+def _joined(first: Views, second: Views) -> Views:
+    """The views of both, of the same scenes, along the view axis."""
+
+    def join(a: Tensor | None, b: Tensor | None, axis: int) -> Tensor | None:
+        return None if a is None or b is None else torch.cat((a, b), dim=axis)
+
+    return Views(
+        images=torch.cat((first.images, second.images), dim=-4),
+        cameras=Cameras(
+            torch.cat((first.cameras.world_from_camera, second.cameras.world_from_camera), dim=-3),
+            torch.cat((first.cameras.intrinsics, second.cameras.intrinsics), dim=-3),
+            first.size,
+        ),
+        depth_range=torch.cat((first.depth_range, second.depth_range), dim=-2),
+        labels=join(first.labels, second.labels, -3),
+        depths=join(first.depths, second.depths, -3),
+        classes=first.classes,
+    )

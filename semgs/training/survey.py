@@ -1,0 +1,305 @@
+"""Survey: what the data of a run are, found out once before it starts and kept in RUN/data.json.
+
+Every scene is opened (headers, not pictures), so that what is missing is told before hours are spent; where the settings ask
+for it, it is counted how often each class occurs. A run goes on with the scenes that it began with or not at all: sample k is
+drawn from them by number.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.views import Views
+from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
+from semgs.rooms.stream import RoomSamples
+from semgs.training.samples import Folder, relabelled
+from semgs.training.settings import INVERSE_ROOT_FREQUENCY, ROOMS, Source, TrainingSettings
+
+RECORD = "data.json"
+
+TOLERATED = 0.05
+"""The part of all scenes that may be bad."""
+
+FRAMES_COUNTED = 4
+"""Frames of each scene in which classes are counted."""
+
+Pixels = np.ndarray
+"""Pixels of each class [class], float64."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the data are.
+
+    Attributes:
+        classes: the table of the run.
+        folders: the scenes of each source that is not the rooms.
+        scenes: how many scenes they have, bad ones included.
+        bad: scenes that cannot be used: path and why.
+        class_weights: what the settings ask for, as numbers.
+        notes: what the user should be told, a sentence each.
+    """
+
+    classes: ClassTable
+    folders: tuple[Folder, ...]
+    scenes: int
+    bad: tuple[tuple[str, str], ...]
+    class_weights: tuple[float, ...] | None
+    notes: tuple[str, ...] = ()
+
+
+def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSamples]) -> Survey:
+    """Look at the data, or read what was found when the run began.
+
+    Args:
+        settings: of the run.
+        out: its folder, for the record.
+        rooms: gives small rooms to count classes in, if they are asked for.
+
+    Raises:
+        InputError: there are no scenes, too many bad ones, none with labels, labels of other classes, or other scenes than those that
+            the run began with.
+    """
+    classes = settings.classes or SCANNET20
+    if settings.sampling == "balanced" and all(source.is_rooms for source in settings.sources):
+        raise InputError(
+            ROOMS, "scenes in folders, to balance the sampling of", "rooms alone, which are drawn as they come"
+        )
+    opened = [_opened(source, settings) for source in settings.sources if not source.is_rooms]
+    good = [scene for folder in opened for scene in folder.scenes]
+    bad = tuple(one for folder in opened for one in folder.bad)
+    check_bad(bad, len(good) + len(bad))
+    for folder in opened:
+        if not folder.scenes:
+            path, why = folder.bad[0]
+            raise InputError(folder.source.path, "scenes that can be used", f"none; of {path}: {why}")
+    _check_labels(settings, good, classes)
+    pixels = _remembered(out / RECORD, good)
+    if pixels is None:
+        pixels = _pixels(settings, good, rooms, classes)
+        _remember(out / RECORD, good, pixels)
+    shares = _shares(settings, opened, pixels, classes)
+    weights = settings.class_weights
+    if (isinstance(weights, str) or settings.sampling == "balanced") and not shares.any():
+        raise InputError(
+            ", ".join(settings.data), f"pixels of the classes of {classes.name}, to find how often each occurs", "none"
+        )
+    return Survey(
+        classes=classes,
+        folders=_folders(settings, opened, pixels, shares),
+        scenes=len(good) + len(bad),
+        bad=bad,
+        class_weights=inverse_root_frequency(shares) if isinstance(weights, str) else weights,
+        notes=tuple(_notes(settings, good, classes)),
+    )
+
+
+def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
+    """End a training whose scenes are bad.
+
+    Raises:
+        InputError: more than 5 % of them are; the first one is named.
+    """
+    if len(bad) > TOLERATED * scenes:
+        path, why = bad[0]
+        raise InputError(
+            path, f"at most {TOLERATED:.0%} bad scenes", f"{len(bad)} of {scenes}", advice=f"of this one: {why}"
+        )
+
+
+def inverse_root_frequency(shares: Pixels) -> tuple[float, ...]:
+    """Factors 1 / sqrt(share) of each class, scaled so that a mean labelled pixel has 1; one that never occurs has that of the rarest.
+
+    Raises:
+        ValueError: no class occurs.
+    """
+    if not shares.sum() > 0:
+        raise ValueError("no class of the table occurs in the data, so they cannot be weighed by how often they do")
+    shares = shares / shares.sum()
+    weights = np.where(shares > 0, shares, shares[shares > 0].min()) ** -0.5
+    return tuple(float(weight) for weight in np.round(weights / (weights * shares).sum(), 4))
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A source whose scenes have been opened."""
+
+    source: Source
+    scenes: tuple[Scene, ...]
+    bad: tuple[tuple[str, str], ...]
+
+
+def _opened(source: Source, settings: TrainingSettings) -> _Opened:
+    """The scenes of a source, and those that cannot be used."""
+    scenes, bad = [], []
+    needed = settings.contexts[1] + settings.targets
+    for path in scene_paths(source.path):
+        try:
+            scene = open_scene(path)
+            if len(scene) < needed:
+                raise InputError(
+                    path,
+                    f"at least {needed} usable frames ({settings.contexts[1]} input views and {settings.targets} to compare with)",
+                    f"{len(scene)}",
+                    advice="ask for fewer --contexts or --targets",
+                )
+        except InputError as error:
+            bad.append((str(path), str(error)))
+        else:
+            scenes.append(scene)
+    return _Opened(source, tuple(scenes), tuple(bad))
+
+
+def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
+    """Refuse labels that the table of the run cannot say, and data without any.
+
+    Raises:
+        InputError: labels are of another table and none was asked for, or none of their classes is in the one asked for, or
+            there are no labels at all although classes are to be learned.
+    """
+    labelled = [scene for scene in scenes if scene.classes is not None]
+    for scene in labelled:
+        assert scene.classes is not None
+        if settings.classes is None and scene.classes != classes:
+            raise InputError(
+                scene.path, f"labels of table {classes.name}", f"those of {scene.classes.name}",
+                advice="name the table of the training with --classes FILE",
+            )  # fmt: skip
+        if not set(scene.classes.names) & set(classes.names):
+            raise InputError(
+                scene.path, f"classes of table {classes.name}: {', '.join(classes.names)}",
+                f"table {scene.classes.name}, which has none of them",
+            )  # fmt: skip
+    wanted = settings.losses.semantic or settings.losses.smoothness
+    if wanted and not labelled and not any(source.is_rooms for source in settings.sources):
+        raise InputError(
+            scenes[0].path, "scenes with labels, to learn classes from", "none with any",
+            advice="train colour and depth alone with --losses.semantic 0 --losses.smoothness 0",
+        )  # fmt: skip
+
+
+def _notes(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> list[str]:
+    """What becomes of tables that are not that of the run, and of scenes without labels."""
+    tables = {scene.classes.name: scene.classes for scene in scenes if scene.classes not in (None, classes)}
+    if classes != SCANNET20 and any(
+        source.is_rooms for source in (*settings.sources, Source.parsed(settings.validation))
+    ):
+        tables["rooms"] = SCANNET20
+    notes = []
+    for name, table in tables.items():
+        kept = [one for one in table.names if one in classes.names]
+        notes.append(
+            f"labels of {name}: {len(kept)} of {len(table)} classes are in table {classes.name}; pixels of the others are ignored"
+        )
+    without = sum(scene.classes is None for scene in scenes)
+    if without:
+        notes.append(f"{without} of {len(scenes)} scenes have no labels; they teach colour alone")
+    return notes
+
+
+def _pixels(
+    settings: TrainingSettings, scenes: Sequence[Scene], rooms: Callable[[], RoomSamples], classes: ClassTable
+) -> list[Pixels | None]:
+    """Pixels of each class in each scene and, last, in some rooms; None where the settings need not know."""
+    if settings.class_weights != INVERSE_ROOT_FREQUENCY and settings.sampling == "even":
+        return [None] * (len(scenes) + 1)
+    pixels: list[Pixels | None] = [_counted(_some(scene), classes) if scene.classes else None for scene in scenes]
+    if any(source.is_rooms for source in settings.sources):
+        drawn = rooms()
+        return [*pixels, _counted([drawn[k][0] for k in range(len(drawn))], classes)]
+    return [*pixels, None]
+
+
+def _some(scene: Scene) -> list[Views]:
+    """A few frames spread over a scene; those that cannot be read are left to the training to tell of."""
+    views = []
+    for index in np.unique(np.linspace(0, len(scene) - 1, FRAMES_COUNTED).round().astype(int)):
+        with contextlib.suppress(InputError):
+            views.append(scene.read([int(index)]))
+    return views
+
+
+def _counted(views: Sequence[Views], classes: ClassTable) -> Pixels:
+    """Pixels of each class of the table in some views."""
+    total = np.zeros(len(classes))
+    for one in views:
+        labels = relabelled(one, classes).labels
+        if labels is not None:
+            total += np.bincount(labels[labels != IGNORE].numpy(), minlength=len(classes))
+    return total
+
+
+def _shares(
+    settings: TrainingSettings, opened: Sequence[_Opened], pixels: Sequence[Pixels | None], classes: ClassTable
+) -> Pixels:
+    """The share of each class in what the run sees: of each source by its weight, every scene of it alike."""
+    total = np.zeros(len(classes))
+    folders, counts = iter(opened), iter(pixels)
+    for source in settings.sources:
+        held = pixels[-1:] if source.is_rooms else [next(counts) for _ in next(folders).scenes]
+        shares = [one / one.sum() for one in held if one is not None and one.sum() > 0]
+        if shares:
+            total += float(source.weight) * np.mean(shares, axis=0)
+    return total
+
+
+def _folders(
+    settings: TrainingSettings, opened: Sequence[_Opened], pixels: Sequence[Pixels | None], shares: Pixels
+) -> tuple[Folder, ...]:
+    """The scenes of each folder with their chances: equal, or the mean factor of their pixels when rare classes have larger ones."""
+    factors = np.array(inverse_root_frequency(shares)) if settings.sampling == "balanced" else None
+    counts = iter(pixels)
+    folders = []
+    for folder in opened:
+        chances = np.ones(len(folder.scenes))
+        for index in range(len(folder.scenes)):
+            held = next(counts)
+            if factors is not None and held is not None and held.sum() > 0:
+                chances[index] = (held * factors).sum() / held.sum()
+        paths = tuple(scene.path.absolute() for scene in folder.scenes)
+        folders.append(Folder(paths, tuple(float(one) for one in chances / chances.sum())))
+    return tuple(folders)
+
+
+def _remember(record: Path, scenes: Sequence[Scene], pixels: Sequence[Pixels | None]) -> None:
+    """Write what the data are."""
+    counts = [None if one is None else one.tolist() for one in pixels]
+    listed = [
+        {"name": scene.name, "frames": len(scene), "pixels": held}
+        for scene, held in zip(scenes, counts[:-1], strict=True)
+    ]
+    write_json(record, {"scenes": listed, "rooms": {"pixels": counts[-1]}})
+
+
+def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | None:
+    """The pixels that were counted when the run began, None where it begins.
+
+    Raises:
+        InputError: the record is damaged, or of other scenes.
+    """
+    if not record.is_file():
+        return None
+    try:
+        before = json.loads(record.read_text(encoding="utf-8"))
+        there = [(one["name"], one["frames"]) for one in before["scenes"]]
+        counts = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(record, "what the data of the run are", str(error)) from error
+    here = [(scene.name, len(scene)) for scene in scenes]
+    if there != here:
+        other = sorted({name for name, _ in set(there) ^ set(here)})
+        raise InputError(
+            record, f"the {len(there)} scenes that the run began with", f"{len(here)}, of which {other[0]} differs",
+            advice="bring those back, or train in a new folder",
+        )  # fmt: skip
+    return [None if one is None else np.array(one, dtype=np.float64) for one in counts]

@@ -1,0 +1,106 @@
+"""Where a training starts: a network drawn at random, or weights of which it keeps all that fits its classes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.files.errors import InputError
+from semgs.model.conventions import Conventions
+from semgs.model.presets import NAMES
+from semgs.model.semgs import SemGS
+from semgs.weights.file import fill, is_ours, read_header, read_tensors
+from semgs.weights.load import drawn, find, from_mvsplat, load, shipped
+
+CLASS_HEAD = "semantic_head.2."
+"""Where the names of the layer that predicts classes begin; its first rows are the covariance's, which any table has."""
+
+
+def start(
+    name: str,
+    init: str,
+    *,
+    seed: int = 0,
+    classes: ClassTable = SCANNET20,
+    own_classes: bool = False,
+    switches: Mapping[str, bool | int] | None = None,
+) -> SemGS:
+    """The network that a training starts with; `origin` of the result says what was kept of which weights.
+
+    Args:
+        name: "small" or "base".
+        init: "random", the name of weights that ship, or a file: ours, or MVSplat's checkpoint for "base".
+        seed: of what is drawn.
+        classes: the table to train on.
+        own_classes: weights of another table are taken without their class head, which is drawn; else they are refused.
+        switches: constructor arguments that differ from the network of that name; they must be those that the weights have.
+
+    Raises:
+        InputError: the weights are absent, cannot be read or do not fit; the tensor, table or switch is named.
+    """
+    switched = {} if switches is None else dict(switches)
+    if init == "random":
+        if not switched:
+            return load(name, init, seed=seed, classes=classes)
+        return with_settings(drawn(name, seed, classes).settings | switched, classes, seed)
+    if init in NAMES and shipped(init) is None:
+        raise InputError(
+            init, "random, a file of weights, or a name under which some ship", "a name under which none do"
+        )
+    _, path = find(init)
+    if not is_ours(path):
+        if not switched or name == "small":
+            return load(name, path, seed=seed, classes=classes)
+        return from_mvsplat(with_settings(drawn(name, seed, classes).settings | switched, classes, seed), path, seed)
+    header = read_header(path)
+    for key, value in switched.items():
+        if header.settings.get(key, value) != value:
+            raise InputError(
+                path, f"weights of a network with {key} = {value}", f"{header.settings[key]}", key="settings"
+            )
+    if header.classes == classes or not own_classes or header.settings.get("name") != name:
+        model = load(name, path, classes=classes)
+        model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
+        return model
+    return _with_other_classes(path, header.settings, classes, seed)
+
+
+def with_settings(settings: Mapping[str, Any], classes: ClassTable | None, seed: int = 0) -> SemGS:
+    """An untrained network from what `SemGS.settings` says; the caller's random state is left as it was.
+
+    Raises:
+        TypeError, ValueError: these are no such settings.
+    """
+    given = dict(settings)
+    if isinstance(given["conventions"], dict):
+        given["conventions"] = Conventions(**given["conventions"])
+    given["cnn_widths"] = tuple(given["cnn_widths"])
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = SemGS(classes=classes, **given)
+    model.origin = f"untrained: drawn at random with seed {seed}"
+    return model
+
+
+def _with_other_classes(path: Path, settings: Mapping[str, Any], classes: ClassTable, seed: int) -> SemGS:
+    """The network of a file for another table: everything but the rows of the classes."""
+    model = with_settings(settings, classes, seed)
+    own, theirs = model.state_dict(), read_tensors(path)
+    fresh = [name for name in own if name.startswith(CLASS_HEAD)]
+    kept = dict(theirs)
+    for name in fresh:
+        rows = own[name].clone()
+        shared = len(rows) - len(classes)
+        if name in theirs and theirs[name].shape[1:] == rows.shape[1:] and len(theirs[name]) >= shared:
+            rows[:shared] = theirs[name][:shared]
+        kept[name] = rows
+    fill(model, kept, path)
+    model.origin = (
+        f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; drawn anew for the {len(classes)} classes of "
+        f"{classes.name} with seed {seed}: {', '.join(fresh)}"
+    )
+    return model

@@ -1,0 +1,79 @@
+"""Several pieces and several processes compute what one does."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from semgs.data.views import Batch
+from semgs.training.batches import Share
+from semgs.training.state import TrainingState
+from semgs.training.step import descend
+
+
+def parts(batch: Batch, count: int) -> list[Batch]:
+    """The scenes of a batch in equal pieces."""
+    from dataclasses import replace
+
+    from semgs.geometry.cameras import Cameras
+
+    def cut(views, rows):
+        cameras = Cameras(views.cameras.world_from_camera[rows], views.cameras.intrinsics[rows], views.size)
+        return replace(
+            views, images=views.images[rows], cameras=cameras, depth_range=views.depth_range[rows],
+            labels=views.labels[rows], depths=views.depths[rows],
+        )  # fmt: skip
+
+    each = len(batch.scenes) // count
+    slices = [slice(index * each, (index + 1) * each) for index in range(count)]
+    return [Batch(cut(batch.context, rows), cut(batch.target, rows), batch.scenes[rows]) for rows in slices]
+
+
+def test_pieces_of_a_batch_have_the_gradient_of_the_whole(network, batch, settings):
+    whole, found = batch(0, scenes=4), []
+    for pieces in ([whole], parts(whole, 2), parts(whole, 4)):
+        state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+        report = descend(state, pieces, settings, 1e-3)
+        found.append((torch.cat([one.grad.flatten() for one in state.model.parameters()]), report))
+    for gradient, report in found[1:]:
+        torch.testing.assert_close(gradient, found[0][0], rtol=1e-5, atol=1e-7)
+        for name in ("total", "semantic", "colour", "smoothness", "depth", "psnr", "gradient_norm"):
+            assert getattr(report, name) == pytest.approx(getattr(found[0][1], name), rel=1e-5)
+
+
+def test_shares_take_every_scene_of_every_step_once():
+    for world, accumulate in ((1, 1), (2, 1), (2, 3), (1, 12)):
+        shares = [Share(rank, world, accumulate) for rank in range(world)]
+        for step in (0, 7):
+            taken = [k for share in shares for piece in share.pieces(step, 12) for k in piece]
+            assert taken == list(range(12 * step, 12 * step + 12))
+
+
+@pytest.mark.parametrize("share", [Share(0, 4), Share(0, 1, 4), Share(0, 2, 2), Share(0, 1, 0)])
+def test_a_step_that_cannot_be_shared_equally_is_refused(share: Share):
+    with pytest.raises(ValueError, match="a step of 6 scenes cannot be shared"):
+        share.check(6)
+
+
+def test_two_processes_that_share_a_step_have_the_gradient_of_one():
+    tests = Path(__file__).resolve().parent
+    path = os.pathsep.join([str(tests.parent.parent), str(tests.parent), str(tests)])
+    told = subprocess.run(
+        [sys.executable, str(tests / "two_processes.py")],
+        env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
+        capture_output=True, text=True, check=True, timeout=280,
+    ).stdout  # fmt: skip
+    found = json.loads(told.splitlines()[-1])
+    assert found["world"] == 2
+    assert found["double"]["gradient"] < 1e-9
+    assert found["double"]["report"] < 1e-6  # averaged in float32
+    assert found["single"]["gradient"] < 1e-5
+    for dtype in ("double", "single"):
+        assert (found[dtype]["unlabelled"], found[dtype]["moved"]) == (0, 1)
+    assert found["skipped"] == 2

@@ -1,0 +1,70 @@
+"""Where a training starts, and what it keeps of weights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.files.errors import InputError
+from semgs.weights.file import save
+from semgs.weights.load import load, shipped
+from semgs.weights.start import CLASS_HEAD, start
+
+FIVE = ClassTable("five", ("wall", "floor", "seat", "bed", "lamp"), tuple((k, k, k) for k in range(5)), tuple(range(5)))
+
+
+def test_other_classes_keep_all_but_the_class_head():
+    model = start("small", "small", seed=3, classes=FIVE, own_classes=True)
+    there, here = load("small").state_dict(), model.state_dict()
+    assert model.classes == FIVE
+    other = {name for name in here if here[name].shape != there[name].shape or not torch.equal(here[name], there[name])}
+    assert other == {f"{CLASS_HEAD}weight", f"{CLASS_HEAD}bias"}
+    for name in other:
+        assert len(here[name]) == 7 + 5
+        assert torch.equal(here[name][:7], there[name][:7]), "sizes and axes of the Gaussians are those of the weights"
+    assert f"{len(here) - 2} of {len(here)} tensors kept" in model.origin
+    assert f"drawn anew for the 5 classes of five with seed 3: {CLASS_HEAD}weight, {CLASS_HEAD}bias" in model.origin
+    again = start("small", "small", seed=3, classes=FIVE, own_classes=True).state_dict()
+    assert all(torch.equal(here[name], again[name]) for name in here)
+
+
+def test_the_same_classes_keep_everything():
+    model = start("small", str(shipped("small")), classes=SCANNET20, own_classes=True)
+    there = load("small").state_dict()
+    assert all(torch.equal(value, there[name]) for name, value in model.state_dict().items())
+    assert model.origin == f"small.safetensors: all {len(there)} tensors kept"
+
+
+def test_another_table_is_refused_unless_it_is_asked_for():
+    with pytest.raises(InputError, match=r"class table five \(5 classes\), found scannet20 \(20 classes\)"):
+        start("small", "small", classes=FIVE)
+
+
+@pytest.mark.parametrize(
+    ("init", "told"),
+    [("nowhere.safetensors", "a file of weights"), ("base", "under which some ship")],
+)
+def test_weights_that_are_not_there_are_refused(init: str, told: str):
+    with pytest.raises(InputError, match=told):
+        start("base", init)
+
+
+def test_weights_of_another_network_are_refused():
+    with pytest.raises(InputError, match='weights of "base", found weights of "small"'):
+        start("base", "small")
+    with pytest.raises(InputError, match='weights of "base", found weights of "small"'):
+        start("base", "small", classes=FIVE, own_classes=True)
+
+
+def test_switches_make_another_network_and_must_be_those_of_the_weights(tmp_path: Path):
+    plain, full = start("small", "random", seed=2), start("small", "random", seed=2, switches={"windows": 1})
+    assert plain.settings | {"windows": 1} == full.settings
+    assert all(torch.equal(value, full.state_dict()[name]) for name, value in plain.state_dict().items())
+    save(tmp_path / "full.safetensors", full, {})
+    again = start("small", str(tmp_path / "full.safetensors"))
+    assert again.settings == full.settings
+    with pytest.raises(InputError, match="weights of a network with windows = 2, found 1"):
+        start("small", str(tmp_path / "full.safetensors"), switches={"windows": 2})
