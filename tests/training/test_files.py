@@ -95,7 +95,9 @@ def test_a_scene_that_breaks_is_passed_over_told_once_and_counted(tmp_path):
         picture.write_bytes(picture.read_bytes()[: picture.stat().st_size * 2 // 3])
     settings = replace(SETTINGS, data=(str(tmp_path / "data"),), steps=8)
     found = portions(settings, tmp_path / "run")
-    assert Counter(path for portion in found for path, _ in portion.bad).keys() == {str(broken.parent / "transforms.json")}
+    assert Counter(path for portion in found for path, _ in portion.bad).keys() == {
+        str(broken.parent / "transforms.json")
+    }
     assert all("scene2" not in scene for portion in found for one in portion.pieces for scene in one.scenes)
     told: list[str] = []
     bad = BadScenes(30, told.append, [])
