@@ -450,6 +450,38 @@ MUTANTS = (
         "validation scores the mean of scenes for that of pixels", "semgs/training/validation.py",
         "counts if confusion is None else confusion + counts", "counts", ("tests/training/test_validation.py",),
     ),
+    # Training
+    Mutant(
+        "gradients of pieces are summed for averaged", "semgs/training/step.py",
+        'terms["total"] / len(pieces)', 'terms["total"]', ("tests/training/test_processes.py",),
+    ),
+    Mutant(
+        "all processes take the same scenes", "semgs/training/batches.py",
+        "step * batch + self.rank * self.accumulate * each", "step * batch", ("tests/training/test_processes.py",),
+    ),
+    Mutant(
+        "a mirrored camera keeps its principal point", "semgs/training/augmentation.py",
+        "intrinsics[..., 0, 2] = width - intrinsics[..., 0, 2]", "pass", ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
+        "a mirrored world keeps its poses", "semgs/training/augmentation.py",
+        "poses = mirror @ views.cameras.world_from_camera @ mirror", "poses = views.cameras.world_from_camera",
+        ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
+        "classes are brought to another table by position", "semgs/training/samples.py",
+        "table.names.index(name) if name in table.names else IGNORE", "views.classes.names.index(name)",
+        ("tests/training/test_files.py",),
+    ),
+    Mutant(
+        "the moving average forgets as its weights should stay", "semgs/training/state.py",
+        "torch._foreach_lerp_(averages, weights, 1 - now)", "torch._foreach_lerp_(averages, weights, now)",
+        ("tests/training/test_step.py",),
+    ),
+    Mutant(
+        "a run that goes on has Adam begin anew", "semgs/training/state.py",
+        '{"state": held, "param_groups"', '{"state": {}, "param_groups"', ("tests/training/test_loop.py",),
+    ),
     Mutant(
         "PSNR is of the square of the error", METRICS,
         "return -10 * (images.clamp(0, 1) - truth)", "return -20 * (images.clamp(0, 1) - truth)", OF_METRICS,

@@ -178,6 +178,8 @@ def fit(
         Sitting(minutes, save_minutes, state.seconds) as sitting,
     ):
         known = BadScenes(scenes, log.say, bad)
+        if validation and state.step == 0 and settings.init != "random":
+            _check(state, validation, out, log)  # what the weights to start from are worth
         for portion, waited in timed(batches):
             if portion.failure is not None:
                 raise portion.failure

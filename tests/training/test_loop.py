@@ -33,7 +33,13 @@ def sitting(network, batch, settings, tmp_path):
     """One sitting of a run: begins or goes on, and may be cut before a step."""
 
     def sit(
-        out: Path, *, cut: int | None = None, ask_to_stop: int | None = None, every: int = 6, **options
+        out: Path,
+        *,
+        cut: int | None = None,
+        ask_to_stop: int | None = None,
+        every: int = 6,
+        init: str = "random",
+        **options,
     ) -> TrainingState:
         out.mkdir(exist_ok=True)
         state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
@@ -47,7 +53,14 @@ def sitting(network, batch, settings, tmp_path):
                     os.kill(os.getpid(), signal.SIGTERM)
                 yield Portion((batch(step),))
 
-        fit(state, replace(settings, validate_every=every), out, batches(), [batch(1000), batch(1001)], **options)
+        fit(
+            state,
+            replace(settings, validate_every=every, init=init),
+            out,
+            batches(),
+            [batch(1000), batch(1001)],
+            **options,
+        )
         return state
 
     return sit
@@ -192,6 +205,13 @@ def test_a_log_that_ran_ahead_of_the_checkpoint_loses_what_is_computed_again(sit
     log.write_text(log.read_text() + '{"step": 9, "total": 1.0}\n{"step": 10, "tot')
     sitting(tmp_path / "run")
     assert [json.loads(line)["step"] for line in log.read_text().splitlines()] == [6, 7, 12, 12]
+
+
+def test_a_run_that_starts_from_weights_is_validated_before_its_first_step(sitting, tmp_path, settings):
+    sitting(tmp_path / "run", init="some.safetensors")
+    sitting(tmp_path / "run", init="some.safetensors")
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in lines if "validation" in line] == [0, 6, 12]
 
 
 def test_tensorboard_gets_the_numbers_of_the_log_and_the_pictures(sitting, tmp_path):

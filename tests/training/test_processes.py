@@ -6,12 +6,14 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
 from semgs.data.views import Batch
+from semgs.geometry.cameras import Cameras
 from semgs.training.batches import Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
@@ -19,9 +21,6 @@ from semgs.training.step import descend
 
 def parts(batch: Batch, count: int) -> list[Batch]:
     """The scenes of a batch in equal pieces."""
-    from dataclasses import replace
-
-    from semgs.geometry.cameras import Cameras
 
     def cut(views, rows):
         cameras = Cameras(views.cameras.world_from_camera[rows], views.cameras.intrinsics[rows], views.size)
@@ -61,6 +60,7 @@ def test_a_step_that_cannot_be_shared_equally_is_refused(share: Share):
         share.check(6)
 
 
+@pytest.mark.long
 def test_two_processes_that_share_a_step_have_the_gradient_of_one():
     tests = Path(__file__).resolve().parent
     path = os.pathsep.join([str(tests.parent.parent), str(tests.parent), str(tests)])
