@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from torch.utils.data import DataLoader, Dataset
 
 from semgs import __version__
@@ -20,9 +21,11 @@ from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution, lock_digest
 from semgs.rooms.scenes import ROOM, write_scene
-from semgs.rooms.style import STYLES, Style
+from semgs.rooms.style import RENDERS, STYLES, Render, Renders, Style
 
 SETTINGS, INDEX, ATTRIBUTION = "settings.json", "index.json", "ATTRIBUTION.md"
+TRACED = 0.1
+"""Share of the scenes of a mixed data set that are traced."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Recipe:
         size: image (height, width) [px].
         frames: of each scene.
         style: the world that the rooms are of.
-        render: how frames are lit.
+        render: how scenes are lit.
         library: meshes and pictures to draw from, None for none. Wherever its folder is, it is that of the package's lock.
 
     Raises:
@@ -45,7 +48,7 @@ class Recipe:
     size: tuple[int, int]
     frames: int = 12
     style: Style = "home"
-    render: str = "shaded"
+    render: Renders = "shaded"
     library: Library | None = None
 
     def __post_init__(self) -> None:
@@ -54,11 +57,18 @@ class Recipe:
             "size": (min(self.size) >= 1, "positive height and width"),
             "frames": (self.frames >= 2, "2 or more"),
             "style": (self.style in STYLES, f"one of {', '.join(STYLES)}"),
-            "render": (self.render == "shaded", "shaded"),
+            "render": (self.render in RENDERS, f"one of {', '.join(RENDERS)}"),
         }
         for name, (holds, expected) in checks.items():
             if not holds:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
+
+    def render_of(self, index: int) -> Render:
+        """How a scene is lit; of a mixed data set by a hash of the seed and the scene's number."""
+        if self.render != "mixed":
+            return self.render
+        draw = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, index, 4)))).random()
+        return "traced" if draw < TRACED else "shaded"
 
     def as_json(self) -> dict:
         """As `settings.json` keeps it, with the version that drew it: another one may draw other rooms."""
@@ -100,7 +110,7 @@ def write_dataset(
         ValueError: the number of scenes or workers is too small, or the folder holds scenes of another recipe, or more scenes.
         InputError: the folder is not ours, or a file of the assets cannot be read.
         OSError: the disk is full.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex, or for traced scenes mitsuba, is not installed; names the extra that brings it.
     """
     if scenes < 1 or workers < 0:
         raise ValueError(
@@ -208,7 +218,7 @@ class _Drawing(Dataset):
         try:
             write_scene(
                 self._folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-                library=recipe.library, style=recipe.style,
+                library=recipe.library, style=recipe.style, render=recipe.render_of(index),
             )  # fmt: skip
         except Exception as error:
             error.add_note(f"while {scene_name(index)} was drawn:\n{traceback.format_exc()}")
@@ -227,7 +237,7 @@ def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
         room = json.loads((folder / scene_name(index) / ROOM).read_text(encoding="utf-8"))
-        listed.append({"folder": scene_name(index), "kind": room["kind"], "pixels": room["pixels"]})
+        listed.append({"folder": scene_name(index), "kind": room["kind"], "render": recipe.render_of(index), "pixels": room["pixels"]})
         for name, pixels in room["pixels"].items():
             total[name] += pixels
     return {**recipe.as_json(), "label_set": SCANNET20.name, "pixels": total, "scenes": listed}

@@ -21,7 +21,7 @@ from semgs.rooms.cameras import draw_intrinsics, draw_path
 from semgs.rooms.plans import Plan
 from semgs.rooms.room import build_room
 from semgs.rooms.stream import fitted, generator, shoot
-from semgs.rooms.style import Style
+from semgs.rooms.style import Render, Style
 
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
@@ -45,7 +45,14 @@ class Walk:
 
 
 def draw_scene(
-    seed: int, index: int, *, size: tuple[int, int], frames: int, library: Library | None = None, style: Style = "home"
+    seed: int,
+    index: int,
+    *,
+    size: tuple[int, int],
+    frames: int,
+    library: Library | None = None,
+    style: Style = "home",
+    render: Render = "shaded",
 ) -> Walk:
     """A walk through the room of sample (seed, index) of the stream; the same arguments give the same bits.
 
@@ -53,7 +60,7 @@ def draw_scene(
         ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or a library for a style that
             takes none.
         InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex, or for traced views mitsuba, is not installed; names the extra that brings it.
     """
     if frames < 2 or min(size) < 1:
         raise ValueError(f"frames = {frames}, size = {size}; expected at least two frames and positive sides")
@@ -63,7 +70,7 @@ def draw_scene(
     reach = (frames - 1) / 2
     path = fitted(rng, room, draw_path(rng, room, intrinsics, size, reach), intrinsics, size)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, frames)]
-    return Walk(shoot(rng, room, poses, intrinsics, size), room.plan, room.files)
+    return Walk(shoot(rng, room, poses, intrinsics, size, render), room.plan, room.files)
 
 
 def write_scene(
@@ -75,6 +82,7 @@ def write_scene(
     index: int = 0,
     library: Library | None = None,
     style: Style = "home",
+    render: Render = "shaded",
     quality: int = 92,
     overwrite: bool = False,
 ) -> None:
@@ -92,6 +100,7 @@ def write_scene(
         index: which room of the stream.
         library: meshes and pictures to draw from, None for none.
         style: the world that the room is of.
+        render: how it is lit.
         quality: of the JPEGs, 1 to 95.
         overwrite: replace a scene that was written there before.
 
@@ -100,10 +109,11 @@ def write_scene(
         InputError: the folder is not ours, or is there already and `overwrite` is not set.
         OSError: the disk is full.
     """
-    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style)
+    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style, render=render)
     length, width, height = (round(float(side), 3) for side in walk.plan.size)
     record: dict[str, Any] = {
         "style": style,
+        "render": render,
         "seed": seed,
         "index": index,
         "kind": walk.plan.kind,

@@ -31,6 +31,19 @@ class Frame:
     depths: Float32[np.ndarray, "h w"]
 
 
+@dataclass(frozen=True)
+class Hits:
+    """Where rays from one place end, as `shading_kernels.locate` tells it."""
+
+    directions: Float64[np.ndarray, "n 3"]
+    triangles: Int[np.ndarray, " n"]
+    depths: Float64[np.ndarray, " n"]
+    places: Float64[np.ndarray, "n 3"]
+    normals: Float64[np.ndarray, "n 3"]
+    feet: Float64[np.ndarray, " n"]
+    uv: Float64[np.ndarray, "n 3"]
+
+
 def pixel_directions(
     world_from_camera: Float64[np.ndarray, "4 4"],
     intrinsics: Float64[np.ndarray, "3 3"],
@@ -71,19 +84,17 @@ def photograph(
     """One frame. Labels and depths are those of the pixel's centre; colours of pixels on an edge are the mean of four rays."""
     pixels, width = centres(size), size[1]
     spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
-    seen = _meet(room, world_from_camera, pixel_directions(world_from_camera, intrinsics, pixels), spread)
+    seen = meet(room, world_from_camera[:3, 3], pixel_directions(world_from_camera, intrinsics, pixels), spread)
     strengths, light = _light(room, seen, width)
     colours = _shade(room, seen, strengths, light)
-    triangles, depths = seen.triangles, seen.depths
-    owners = np.where(triangles < 0, -1, room.owners[triangles])
-    jumps = _jumps(depths.reshape(size), (triangles >= room.shells.first).reshape(size))
-    edges = np.flatnonzero(_edges(owners.reshape(size)) | jumps)
+    triangles, depths, owners = seen.triangles, seen.depths, parts_of(room, seen)
+    edges = edge_pixels(room, seen, size)
     if len(edges):
         total = colours[edges]
         for shift in EDGE_RAYS:
             directions = pixel_directions(world_from_camera, intrinsics, pixels[edges] + shift)
-            beside = _meet(room, world_from_camera, directions, spread)
-            parts = np.where(beside.triangles < 0, -1, room.owners[beside.triangles])
+            beside = meet(room, world_from_camera[:3, 3], directions, spread)
+            parts = parts_of(room, beside)
             borrowed = np.empty((len(edges), light.shape[1]))
             light_kernels.borrow(edges, parts, owners, width, light, borrowed)
             total = total + _shade(room, beside, _strengths(room, beside, width), borrowed)
@@ -94,6 +105,17 @@ def photograph(
         labels.reshape(size).astype(np.uint8),
         depths.reshape(size).astype(np.float32),
     )
+
+
+def parts_of(room: Room, hits: Hits) -> Int[np.ndarray, " n"]:
+    """The part that each ray meets, -1 where it meets none."""
+    return np.where(hits.triangles < 0, -1, room.owners[hits.triangles])
+
+
+def edge_pixels(room: Room, seen: Hits, size: tuple[int, int]) -> Int[np.ndarray, " e"]:
+    """Numbers of the pixels at which one part ends and another begins, or a shell ends before itself."""
+    jumps = _jumps(seen.depths.reshape(size), (seen.triangles >= room.shells.first).reshape(size))
+    return np.flatnonzero(_edges(parts_of(room, seen).reshape(size)) | jumps)
 
 
 def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
@@ -120,58 +142,73 @@ def _both_sides(across: np.ndarray, down: np.ndarray) -> np.ndarray:
     return sides
 
 
-@dataclass(frozen=True)
-class _Hits:
-    """Where rays from one place end, as `shading_kernels.locate` tells it."""
-
-    directions: Float64[np.ndarray, "n 3"]
-    triangles: Int[np.ndarray, " n"]
-    depths: Float64[np.ndarray, " n"]
-    places: Float64[np.ndarray, "n 3"]
-    normals: Float64[np.ndarray, "n 3"]
-    feet: Float64[np.ndarray, " n"]
-    uv: Float64[np.ndarray, "n 3"]
-
-
-def _meet(
-    room: Room, world_from_camera: Float64[np.ndarray, "4 4"], directions: Float64[np.ndarray, "n 3"], spread: float
-) -> _Hits:
-    """First hits along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
-    count, solids, shells = len(directions), room.solids, room.shells
+def meet(
+    room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.ndarray, "n 3"], spread: float
+) -> Hits:
+    """First hits from a place along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
     origins = np.empty_like(directions)
-    origins[:] = world_from_camera[:3, 3]
+    origins[:] = origin
     triangles, _ = room.caster.cast(origins, directions)
+    return locate(room, triangles, origins, directions, spread)
+
+
+def locate(
+    room: Room,
+    triangles: Int[np.ndarray, " n"],
+    origins: Float64[np.ndarray, "n 3"],
+    directions: Float64[np.ndarray, "n 3"],
+    spread: float,
+) -> Hits:
+    """Where rays meet the triangles that they are known to hit; `spread` is a pixel's width at depth 1."""
+    count, solids, shells = len(directions), room.solids, room.shells
     depths, feet = np.empty(count), np.empty(count)
     places, normals, uv = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
     kernels.locate(
         triangles, origins, directions, spread, room.planes, room.owners, solids.rotations, solids.centres, solids.sizes,
         solids.shapes, shells.first, shells.corners, shells.normals, shells.uv, shells.density, depths, places, normals, feet, uv,
     )  # fmt: skip
-    return _Hits(directions, triangles, depths, places, normals, feet, uv)
+    return Hits(directions, triangles, depths, places, normals, feet, uv)
 
 
-def _light(room: Room, hits: _Hits, width: int) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
+def _light(room: Room, hits: Hits, width: int) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
     """What of each light would arrive, and smoothed over neighbouring pixels: what comes round (RGB), then the share of each
     light that is seen. Five to eight rays a pixel."""
     count, lights = len(hits.triangles), len(room.lights)
     light = np.zeros((count, 3 + lights))
-    round_about, origins, ways = np.zeros((count, 3)), np.empty((count, 3)), np.empty((count, 3))
-    for tap in range(light_kernels.TAPS):
-        light_kernels.near_rays(hits.triangles, hits.directions, hits.places, room.planes, width, tap, origins, ways)
-        near, distances = room.caster.cast(origins, ways, np.ones(count))
-        light_kernels.bring_back(near, distances, room.owners, room.glow, room.ambient, round_about)
-    light[:, :3] = round_about
+    light[:, :3] = _round_about(room, hits, width)
+    origins, ways = np.empty((count, 3)), np.empty((count, 3))
     strengths = np.empty((lights, count))
     for number, row in enumerate(room.lights):
         kernels.towards_light(row, hits.triangles, hits.places, hits.normals, width, origins, ways, strengths[number])
         lit = np.flatnonzero(strengths[number])
         light[lit, 3 + number] = room.caster.reached(origins[lit], ways[lit], 1.0)
+    return strengths, _smoothed(light, hits, width)
+
+
+def ambience(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3"]:
+    """Light from everywhere, less where something is near (linear RGB), at the pixels of an image `width` wide."""
+    return _smoothed(_round_about(room, hits, width), hits, width)
+
+
+def _round_about(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3"]:
+    """What light comes round to each pixel, by four rays."""
+    count = len(hits.triangles)
+    round_about, origins, ways = np.zeros((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    for tap in range(light_kernels.TAPS):
+        light_kernels.near_rays(hits.triangles, hits.directions, hits.places, room.planes, width, tap, origins, ways)
+        near, distances = room.caster.cast(origins, ways, np.ones(count))
+        light_kernels.bring_back(near, distances, room.owners, room.glow, room.ambient, round_about)
+    return round_about
+
+
+def _smoothed(light: Float64[np.ndarray, "n c"], hits: Hits, width: int) -> Float64[np.ndarray, "n c"]:
+    """The mean over each pixel's neighbours on its surface."""
     smoothed = np.empty_like(light)
     light_kernels.smooth(light, hits.triangles, hits.normals, hits.places, hits.depths, width, smoothed)
-    return strengths, smoothed
+    return smoothed
 
 
-def _strengths(room: Room, hits: _Hits, width: int) -> Float64[np.ndarray, "l n"]:
+def _strengths(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "l n"]:
     """What of each light would arrive if nothing were between."""
     strengths = np.empty((len(room.lights), len(hits.triangles)))
     origins, ways = np.empty_like(hits.places), np.empty_like(hits.places)
@@ -181,7 +218,7 @@ def _strengths(room: Room, hits: _Hits, width: int) -> Float64[np.ndarray, "l n"
 
 
 def _shade(
-    room: Room, hits: _Hits, strengths: Float64[np.ndarray, "l n"], light: Float64[np.ndarray, "n c"]
+    room: Room, hits: Hits, strengths: Float64[np.ndarray, "l n"], light: Float64[np.ndarray, "n c"]
 ) -> Float64[np.ndarray, "n 3"]:
     """Linear RGB radiance."""
     solids, pack = room.solids, room.pictures

@@ -234,6 +234,51 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
 
 
 @nb.njit(cache=True)
+def colour_at(
+    part, place, normal, direction, foot, uv, rotations, centres, sizes, materials, shifts, pixels, table, local, facing, out
+):  # fmt: skip
+    """Write the linear RGB of a part's material at a place on it into `out` [3]; `local` and `facing` [3] are room to work in."""
+    material = materials[part]
+    turn = rotations[part]
+    ax, ay, az = place[0] - centres[part, 0], place[1] - centres[part, 1], place[2] - centres[part, 2]
+    x = turn[0, 0] * ax + turn[1, 0] * ay + turn[2, 0] * az
+    y = turn[0, 1] * ax + turn[1, 1] * ay + turn[2, 1] * az
+    z = turn[0, 2] * ax + turn[1, 2] * ay + turn[2, 2] * az
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    mx = abs(turn[0, 0] * nx + turn[1, 0] * ny + turn[2, 0] * nz)
+    my = abs(turn[0, 1] * nx + turn[1, 1] * ny + turn[2, 1] * nz)
+    mz = abs(turn[0, 2] * nx + turn[1, 2] * ny + turn[2, 2] * nz)
+    if mz >= mx and mz >= my:
+        u, v = (x, y) if sizes[part, 0] >= sizes[part, 1] else (y, x)
+    elif mx >= my:
+        u, v = y, z
+    else:
+        u, v = x, z
+    if material[KIND] == PICTURE:
+        local[0], local[1], local[2] = x, y, z
+        facing[0], facing[1], facing[2] = mx, my, mz
+        picture(pixels, table, material, local, facing, sizes[part], direction, uv, foot, shifts[part], out)
+    else:
+        texture(material, x, y, z, u, v, foot, shifts[part], out)
+
+
+@nb.njit(cache=True)
+def paint(
+    parts, directions, places, normals, feet, uv, rotations, centres, sizes, materials, shifts, pixels, table, colours
+):  # fmt: skip
+    """Write the linear RGB of the material at each place into `colours` [r 3]; where there is no part (-1), 0."""
+    local, facing = np.empty(3), np.empty(3)
+    for r in range(len(parts)):
+        if parts[r] < 0:
+            colours[r, 0] = colours[r, 1] = colours[r, 2] = 0.0
+            continue
+        colour_at(
+            parts[r], places[r], normals[r], directions[r], feet[r], uv[r], rotations, centres, sizes, materials, shifts,
+            pixels, table, local, facing, colours[r],
+        )  # fmt: skip
+
+
+@nb.njit(cache=True)
 def shade(
     triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
     lights, strengths, round_about, seen, colours,
@@ -250,30 +295,12 @@ def shade(
             continue
         part = owners[triangles[r]]
         material = materials[part]
-        turn = rotations[part]
         px, py, pz = places[r, 0], places[r, 1], places[r, 2]
-        ax, ay, az = px - centres[part, 0], py - centres[part, 1], pz - centres[part, 2]
-        x = turn[0, 0] * ax + turn[1, 0] * ay + turn[2, 0] * az
-        y = turn[0, 1] * ax + turn[1, 1] * ay + turn[2, 1] * az
-        z = turn[0, 2] * ax + turn[1, 2] * ay + turn[2, 2] * az
         nx, ny, nz = normals[r, 0], normals[r, 1], normals[r, 2]
-        mx = abs(turn[0, 0] * nx + turn[1, 0] * ny + turn[2, 0] * nz)
-        my = abs(turn[0, 1] * nx + turn[1, 1] * ny + turn[2, 1] * nz)
-        mz = abs(turn[0, 2] * nx + turn[1, 2] * ny + turn[2, 2] * nz)
-        if mz >= mx and mz >= my:
-            u, v = (x, y) if sizes[part, 0] >= sizes[part, 1] else (y, x)
-        elif mx >= my:
-            u, v = y, z
-        else:
-            u, v = x, z
-        if material[KIND] == PICTURE:
-            local[0], local[1], local[2] = x, y, z
-            facing[0], facing[1], facing[2] = mx, my, mz
-            picture(
-                pixels, table, material, local, facing, sizes[part], directions[r], uv[r], feet[r], shifts[part], albedo
-            )
-        else:
-            texture(material, x, y, z, u, v, feet[r], shifts[part], albedo)
+        colour_at(
+            part, places[r], normals[r], directions[r], feet[r], uv[r], rotations, centres, sizes, materials, shifts,
+            pixels, table, local, facing, albedo,
+        )  # fmt: skip
 
         up = 0.85 + 0.15 * nz
         dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]

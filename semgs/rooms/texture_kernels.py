@@ -27,6 +27,8 @@ VARIATION = 21
 """How much cells differ in brightness."""
 TINT = 22
 """Strength of the colour noise (the rest is brightness noise)."""
+MIRROR = 23
+"""1 for glass that shows the room; the shaded picture of it is its colour."""
 
 PLAIN, STRIPES, CHECKER, TILES, WOOD, PLANKS, WEAVE, MARBLE, DOTS, BOOKS, LANDSCAPE, ABSTRACT, OUTDOOR, PICTURE = range(
     14

@@ -162,7 +162,7 @@ class Coverings:
         if key not in self._chosen:
             self._chosen[key] = self.material(part)
         chosen = self._chosen[key]
-        return part if chosen is None else replace(part, material=_with_axis(chosen, part.material))
+        return part if chosen is None else replace(part, material=_in_place_of(part.material, chosen))
 
     def _is_cloth(self, material: Row) -> bool:
         kind = int(material[t.KIND])
@@ -221,8 +221,10 @@ class Coverings:
         return bool(self.rng.random() < share)
 
 
-def _with_axis(chosen: Row, material: Row) -> Row:
-    """The chosen picture, its grain along the axis of the material that it stands for."""
+def _in_place_of(material: Row, chosen: Row) -> Row:
+    """The chosen picture, its grain along the axis of the material that it stands for; what was a mirror stays one."""
+    chosen = chosen.copy()
+    chosen[t.MIRROR] = material[t.MIRROR]
     if material[t.KIND] != t.WOOD or chosen[t.KIND] != t.PICTURE:
         return chosen
     return m.along(chosen, int(material[t.AXIS]))
