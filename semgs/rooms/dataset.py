@@ -18,7 +18,7 @@ from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_bytes, write_json
 from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.lock import attribution, lock_digest
+from semgs.rooms.assets.lock import attribution
 from semgs.rooms.scenes import ROOM, write_scene
 from semgs.rooms.style import STYLES, Style
 
@@ -35,7 +35,7 @@ class Recipe:
         frames: of each scene.
         style: the world that the rooms are of.
         render: how frames are lit.
-        library: meshes and pictures to draw from, None for none. Wherever its folder is, it is that of the package's lock.
+        library: meshes and pictures to draw from, None for none. Wherever its folders are, their locks name it.
 
     Raises:
         ValueError: a field is out of its range.
@@ -69,7 +69,7 @@ class Recipe:
             "frames": self.frames,
             "style": self.style,
             "render": self.render,
-            "assets": None if self.library is None else f"lock {lock_digest()}",
+            "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
         }
 
 
@@ -134,7 +134,7 @@ def write_dataset(
             del scenes_drawn  # ends the workers now, even if the error is kept for long
     index = _index(folder, recipe, scenes)
     if recipe.library is not None:
-        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes)).encode())
+        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes), recipe.library.lock).encode())
     write_json(folder / INDEX, index)
     return index
 
