@@ -57,16 +57,16 @@ def compartments(shelf: Surface) -> list[tuple[float, float, float, float]]:
     """Free rectangles between boards and uprights, seen from the front: left, right, board, roof [m].
 
     A vertical line through the shelf is free between two surfaces that are farther apart than a book is high; neighbouring lines with
-    the same gap make a rectangle.
+    the same gap make a rectangle, and uprights that cross it cut it.
     """
     lowest, highest = box([shelf])
-    places = np.arange(lowest[0] + STEP, highest[0] - STEP / 2, STEP)
-    depth = lowest[1] + 0.45 * (highest[1] - lowest[1])
+    corners = shelf.vertices[shelf.faces]
+    depth = float(lowest[1] + 0.45 * (highest[1] - lowest[1]))
     found: list[tuple[float, float, float, float]] = []
     open_ones: dict[tuple[float, float], tuple[float, float]] = {}
-    for x, heights in zip(places.tolist(), _crossings(shelf, places, depth), strict=True):
+    for x in np.arange(lowest[0] + STEP, highest[0] - STEP / 2, STEP).tolist():
         still = {}
-        for board, roof in pairwise(heights.tolist()):
+        for board, roof in pairwise(_crossings(corners, (x, depth, None))):
             if roof - board <= LOWEST:
                 continue
             before = next((gap for gap in open_ones if abs(gap[0] - board) + abs(gap[1] - roof) < 0.02), (board, roof))
@@ -74,22 +74,28 @@ def compartments(shelf: Surface) -> list[tuple[float, float, float, float]]:
         found += [(*span, *gap) for gap, span in open_ones.items() if gap not in still]
         open_ones = still
     found += [(*span, *gap) for gap, span in open_ones.items()]
-    return [(left, right, board, roof) for left, right, board, roof in found if right - left > NARROWEST]
+    pieces = []
+    for left, right, board, roof in found:
+        cuts = [x for x in _crossings(corners, (None, depth, (board + roof) / 2)) if left < x < right]
+        pieces += [
+            (start, end, board, roof) for start, end in pairwise((left, *cuts, right)) if end - start > NARROWEST
+        ]
+    return pieces
 
 
-def _crossings(shelf: Surface, places: Float64[np.ndarray, " p"], depth: float) -> list[Float64[np.ndarray, " h"]]:
-    """Heights at which the vertical line through each place meets the shelf, ascending [m]."""
-    a, b, c = (shelf.vertices[shelf.faces[:, k]] for k in range(3))
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
-    a, b, c, area = (values[np.abs(area) > 1e-12] for values in (a, b, c, area))
-    heights = []
-    for x in places:
-        v = ((x - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (depth - a[:, 1])) / area
-        w = ((b[:, 0] - a[:, 0]) * (depth - a[:, 1]) - (x - a[:, 0]) * (b[:, 1] - a[:, 1])) / area
-        met = (v >= 0) & (w >= 0) & (v + w <= 1)
-        z = (a + v[:, None] * (b - a) + w[:, None] * (c - a))[met, 2]
-        heights.append(np.unique(np.round(z, 3)))
-    return heights
+def _crossings(
+    corners: Float64[np.ndarray, "t 3 3"], line: tuple[float | None, float | None, float | None]
+) -> list[float]:
+    """Where a line along one axis, the one that is None, meets triangles, ascending and rounded to millimetres [m]."""
+    along = line.index(None)
+    u, v = (axis for axis in range(3) if axis != along)
+    flat = corners[..., (u, v)] - np.array((line[u], line[v]), dtype=np.float64)
+    a, b, c = flat[:, 0], flat[:, 1], flat[:, 2]
+    weights = np.stack([p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))], axis=1)
+    area = weights.sum(axis=1)
+    met = (np.abs(area) > 1e-12) & ((weights >= 0).all(axis=1) | (weights <= 0).all(axis=1))
+    places = (weights[met] * corners[met][..., along]).sum(axis=1) / area[met]
+    return np.unique(np.round(places, 3)).tolist()
 
 
 def _book() -> tuple[Float64[np.ndarray, "16 3"], Int[np.ndarray, "8 3"]]:

@@ -60,6 +60,7 @@ class Kind:
         largest: longest side before scaling [m]; what is larger has come apart.
         hull: least share of its box that its convex hull fills.
         gap: parts farther than this from all others hang in the air [m].
+        core: least share of each side that all but a hundredth of the surface must reach over: a stray triangle makes no side.
     """
 
     label: str
@@ -76,6 +77,7 @@ class Kind:
     largest: float = 3.2
     hull: float = 0.3
     gap: float = 0.03
+    core: float = 0.55
 
 
 @dataclass(frozen=True)
@@ -200,7 +202,7 @@ KINDS: dict[str, Kind] = {
     ),
     "officechair": Kind(
         "chair", "office_chair", "chair", 1, _plain("seating.chairs.office_chair.OfficeChairFactory", triangles=6000),
-        (0.55, 0.55, 0.85), (0.68, 0.7, 1.15), hull=0.25,
+        (0.55, 0.55, 0.85), (0.68, 0.7, 1.15), stretch=1.15, hull=0.25,
     ),
     "table": Kind(
         "table", "dining_table", "table", 2, _plain("tables.dining_table.TableDiningFactory", triangles=5000),
@@ -222,7 +224,7 @@ KINDS: dict[str, Kind] = {
             "shelves.simple_bookcase.SimpleBookcaseFactory", "shelves.large_shelf.LargeShelfFactory",
             "shelves.cell_shelf.CellShelfFactory", triangles=4000,
         ),
-        (0.7, 0.26, 0.75), (1.9, 0.38, 2.1), stretch=2.0,
+        (0.7, 0.26, 0.75), (1.9, 0.38, 2.1),
     ),
     "wardrobe": Kind(
         "cabinet", "wardrobe", "otherfurniture", 1,
@@ -240,12 +242,12 @@ KINDS: dict[str, Kind] = {
     ),
     "refrigerator": Kind(
         "refrigerator", "refrigerator", "refrigerator", 2,
-        _plain("appliances.beverage_fridge.BeverageFridgeFactory", triangles=2600, flatten="all"),
+        _plain("appliances.beverage_fridge.BeverageFridgeFactory", triangles=8000, weld=False),
         (0.56, 0.62, 1.55), (0.75, 0.72, 1.88), drawn=True, stretch=4.0,
     ),
     "stove": Kind(
         "otherfurniture", "stove", "ignore", 1,
-        _plain("appliances.oven.OvenFactory", triangles=6000, flatten="all"),
+        _plain("appliances.oven.OvenFactory", triangles=8000, weld=False),
         (0.58, 0.58, 0.86), (0.62, 0.66, 0.94), drawn=True, stretch=2.5,
     ),
     "toilet": Kind(
@@ -262,7 +264,7 @@ KINDS: dict[str, Kind] = {
     ),
     "door": Kind(
         "door", "door", "door", 3, _plain("elements.doors.DoorFactory", flatten="all"),
-        (0.78, 0.05, 1.98), (0.98, 0.16, 2.1), mount="wall", hull=0.2, stretch=3.0,
+        (0.78, 0.05, 1.98), (0.98, 0.16, 2.1), mount="wall", stretch=3.0, hull=0.2, core=0.2,
     ),
     "window": Kind(
         "window", "window", "window", 2,

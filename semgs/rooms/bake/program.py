@@ -28,6 +28,7 @@ import random
 import sys
 import traceback
 from pathlib import Path
+from typing import Any
 
 CLEAR = (0.6, 0.65, 0.68, 1.0)
 """Colour that what is transparent gets."""
@@ -36,6 +37,8 @@ EMITTERS = (
     "BSDF_REFRACTION", "BSDF_VELVET", "BSDF_SHEEN", "BSDF_TOON", "BSDF_TRANSPARENT",
 )  # fmt: skip
 """Shaders whose colour is shown as it is."""
+ROOM = 0.015
+"""Left between the cloths of a bed, which are about to be coarser [m]."""
 FEWEST = 40
 """Triangles that each object of a piece keeps at least."""
 
@@ -81,12 +84,11 @@ def make(factory, seed, setting="", size=(), triangles=7000, flatten="none", wel
     np.random.seed(seed)
     random.seed(seed)
     with FixedSeed(seed):
-        if setting == "bed":
-            maker = coarse_bed()(seed)
-        else:
-            maker = getattr(importlib.import_module(f"infinigen.assets.objects.{module}"), name)(seed)
+        known = importlib.import_module(f"infinigen.assets.objects.{module}")
+        maker = (coarse_bed() if setting == "bed" else getattr(known, name))(seed)
         if setting:
-            SETTINGS[setting](maker, *size)
+            tell: Any = SETTINGS[setting]
+            tell(maker, *size)
         root = maker.spawn_asset(seed)
         try:
             maker.finalize_assets(root)
@@ -173,7 +175,7 @@ SETTINGS = {
 }
 
 
-def coarse_bed():
+def coarse_bed() -> Any:
     """A factory of made beds whose cloth falls in seconds: coarse grids, few frames, pillows laid rather than dropped."""
     import numpy as np
     from infinigen.assets.objects.clothes import blanket
@@ -213,7 +215,10 @@ def coarse_bed():
             cloths = [self.spread(i, mattress)]
             if uniform() < 0.5:
                 cloths.append(self.cover(i, cloths[0], mattress))
-            for thing in (mattress, *cloths, *self.pillows(i, top(mattress))):
+                cloths[1].location.z += ROOM  # coarse cloths cross a little
+            pillows = self.pillows(i, top(mattress))
+            mattress.scale.z *= 1 - ROOM / top(mattress)
+            for thing in (mattress, *cloths, *pillows):
                 thing.parent = frame
             butil.select_none()
             return frame

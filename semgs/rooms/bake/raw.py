@@ -19,8 +19,6 @@ FEWEST, MOST = 60, 130_000
 """Triangles that a make may have."""
 SAMPLES = 20_000
 """Points on the surface by which a piece is judged."""
-CORE = 0.55
-"""Least share of each side that all but a hundredth of the surface must reach over: a stray triangle does not make a side."""
 WELD = 1e-4
 """Corners nearer than this are one [m]."""
 LOOSE = 0.01
@@ -117,7 +115,7 @@ def check_whole(mesh: RawMesh, kind: Kind) -> None:
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     points = _on_surface(corners)
     core = (np.ptp(np.quantile(points, (0.005, 0.995), axis=0), axis=0) / sides).min()
-    if core < CORE:
+    if core < kind.core:
         raise Torn(f"stray triangles: nearly all of it is within {core:.2f} of a side")
     hull = _hull(points) / sides.prod()
     if hull < kind.hull:
