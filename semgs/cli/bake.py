@@ -25,7 +25,7 @@ class Bake:
     however many there are; the same command goes on where an interrupted one stopped, a larger --pieces adds.
 
     Infinigen (BSD-3) and Blender (GPL) run in an environment of their own, which is made once: it needs Python 3.11 and some
-    850 MB from the package index that pip uses. A piece takes 5 to 40 s of one core.
+    600 MB from the package index that pip uses. A piece takes 5 to 40 s of one core.
 
     DIR becomes:
     - models/: the pieces, .glb, some 0.1 MB each

@@ -71,7 +71,7 @@ class Library:
         memory: what may be kept [bytes].
 
     Raises:
-        InputError: a folder is none, a file is missing or altered, two folders have a file of one name, or nothing is in the split.
+        InputError: a folder is none, a file is missing or altered, or two folders have a file of one name.
     """
 
     def __init__(
@@ -93,11 +93,6 @@ class Library:
             if check:
                 verify(folder)
             self._add(folder)
-        if not self.meshes and not self.pictures:
-            raise InputError(
-                ", ".join(map(str, self.folders)), f"meshes or pictures for the list {split}", "none",
-                advice="what semgs rooms bake makes is for training and validation rooms" if split == "other" else None,
-            )  # fmt: skip
 
     def _add(self, folder: Path) -> None:
         """What a folder has for the split."""
@@ -172,11 +167,17 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
 
     Raises:
         ValueError: there is no such style, or it uses no assets.
-        InputError: as `Library`.
+        InputError: as `Library`, or the folders have nothing for such rooms.
     """
     if style not in SPLIT_OF_STYLE:
         raise ValueError(f"style {style!r}; expected one that uses assets: {', '.join(SPLIT_OF_STYLE)}")
-    return Library(folders, SPLIT_OF_STYLE[style], check=check)
+    library = Library(folders, SPLIT_OF_STYLE[style], check=check)
+    if not library.meshes and not library.pictures:
+        raise InputError(
+            ", ".join(map(str, library.folders)), f"meshes or pictures of the list {library.split}", "none",
+            advice="what semgs rooms bake makes is for training and validation rooms" if style == "other" else None,
+        )  # fmt: skip
+    return library
 
 
 def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
@@ -208,7 +209,7 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "t 3 3"]]) -> int:
+def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "_ 3 3"]]) -> int:
     """Where a pair of drapes has more cloth: 1 at positive x, else -1."""
     cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, turned, strict=True) if _is_cloth(p)]
     return 1 if cloth and (np.concatenate(cloth) > 0).mean() >= 0.5 else -1

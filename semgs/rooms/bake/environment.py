@@ -16,11 +16,11 @@ from semgs.files.errors import InputError
 
 PYTHON = (3, 11)
 """The one version that Blender's package is built for."""
-DOWNLOAD_MB, DISK_GB = 850, 2.5
+DOWNLOAD_MB, DISK_GB = 600, 2.5
 """What making the environment takes, about."""
 MARK, STAMP, LOG = "semgs-bake", "complete", "install.log"
 """Files in the folder: that it is ours, that everything is in it, and what pip said."""
-PATIENCE = 300
+PATIENCE = 300.0
 """Longest that Blender may take to be imported [s]."""
 
 

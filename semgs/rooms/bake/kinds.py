@@ -60,7 +60,7 @@ class Kind:
         largest: longest side before scaling [m]; what is larger has come apart.
         hull: least share of its box that its convex hull fills.
         gap: parts farther than this from all others hang in the air [m].
-        core: least share of each side that all but a hundredth of the surface must reach over: a stray triangle makes no side.
+        core: least share of each side that nearly all of the surface must reach over: a stray triangle makes no side.
     """
 
     label: str
@@ -202,7 +202,7 @@ KINDS: dict[str, Kind] = {
     ),
     "officechair": Kind(
         "chair", "office_chair", "chair", 1, _plain("seating.chairs.office_chair.OfficeChairFactory", triangles=6000),
-        (0.55, 0.55, 0.85), (0.68, 0.7, 1.15), stretch=1.15, hull=0.25,
+        (0.55, 0.55, 0.85), (0.68, 0.7, 1.0), hull=0.25,
     ),
     "table": Kind(
         "table", "dining_table", "table", 2, _plain("tables.dining_table.TableDiningFactory", triangles=5000),
@@ -264,7 +264,8 @@ KINDS: dict[str, Kind] = {
     ),
     "door": Kind(
         "door", "door", "door", 3, _plain("elements.doors.DoorFactory", flatten="all"),
-        (0.78, 0.05, 1.98), (0.98, 0.16, 2.1), mount="wall", stretch=3.0, hull=0.2, core=0.2,
+        (0.78, 0.05, 1.98), (0.98, 0.16, 2.1), mount="wall", turned=False, stretch=3.0, hull=0.2,
+        core=0.2,
     ),
     "window": Kind(
         "window", "window", "window", 2,

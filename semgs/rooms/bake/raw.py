@@ -21,6 +21,8 @@ SAMPLES = 20_000
 """Points on the surface by which a piece is judged."""
 WELD = 1e-4
 """Corners nearer than this are one [m]."""
+FEW = 0.02
+"""Share of the surface at either end of a side that may be stray triangles."""
 LOOSE = 0.01
 """Share of the surface that may hang in the air: a screw, a pull."""
 
@@ -114,7 +116,7 @@ def check_whole(mesh: RawMesh, kind: Kind) -> None:
         raise Torn(f"{_metres(sides)} large")
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     points = _on_surface(corners)
-    core = (np.ptp(np.quantile(points, (0.005, 0.995), axis=0), axis=0) / sides).min()
+    core = (np.ptp(np.quantile(points, (FEW, 1 - FEW), axis=0), axis=0) / sides).min()
     if core < kind.core:
         raise Torn(f"stray triangles: nearly all of it is within {core:.2f} of a side")
     hull = _hull(points) / sides.prod()
