@@ -33,7 +33,7 @@ from semgs.rooms.assets.lock import verify
 from semgs.training.batches import training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint, save_checkpoint
 from semgs.training.log import RunLog
-from semgs.training.run import claim
+from semgs.training.run import claim, hold_assets
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
@@ -85,9 +85,10 @@ def train(
         InputError: it holds something else, the assets are missing or altered, or the state of another network, or the weights to start from do not fit.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
-    if settings.assets is not None:
-        verify(settings.assets)
+    for folder in settings.assets:
+        verify(folder)
     claim(out, settings)
+    hold_assets(out, settings.assets)
     model = load(settings.model, settings.weights, seed=settings.seed).to(device)
     state = TrainingState.begin(model, settings.learning_rate, settings.average_decay)
     resume(state, out, console)
