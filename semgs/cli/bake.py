@@ -47,7 +47,7 @@ class Bake:
     """Of the stream of pieces; streams of different seeds have nothing in common."""
     workers: int = 1
     """Pieces that are made at once, each on a core of its own and in about 1 GB of memory."""
-    limit: float = 600.0
+    limit: float = 1200.0
     """Longest that one piece may take [s]; what is not done by then is left for the next call."""
     environment: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
     """Where Infinigen's environment is or shall be; by default a folder in the user's cache."""

@@ -27,6 +27,8 @@ MEMORY = 256 << 20
 
 PANE_WIDTH = 0.12
 """Flat triangles of windows that are wider than this are panes [m]."""
+WORKTOP = 0.06
+"""How far below its highest point the top of a kitchen's cabinets begins [m]."""
 DRAPES = ("cloth", "curtain", "couch")
 """Words in the names of materials of drapes; the rest are rods."""
 
@@ -194,19 +196,32 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
         corners = corners[whole]
         uv = primitive.uv[primitive.faces]
         picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
-        panels.append(
-            Panel(
-                labels.get(primitive.name),
-                primitive.material,
-                primitive.colour,
-                picture,
-                primitive.clear,
-                corners,
-                corner_normals(corners),
-                uv[whole],
+        uv, normals = uv[whole], corner_normals(corners)
+        for label, part in _labelled(row, corners, labels.get(primitive.name)):
+            panels.append(
+                Panel(
+                    label,
+                    primitive.material,
+                    primitive.colour,
+                    picture,
+                    primitive.clear,
+                    corners[part],
+                    normals[part],
+                    uv[part],
+                )
             )
-        )
     return tuple(panels)
+
+
+def _labelled(
+    row: MeshRow, corners: Float32[np.ndarray, "t 3 3"], label: str | None
+) -> list[tuple[str | None, Bool[np.ndarray, " t"]]]:
+    """The classes of a primitive's triangles: the catalogue's, but that kitchen cabinets which it calls a counter as a whole are
+    cabinets below their top, as the parametric ones are."""
+    if row.label != "counter" or row.subtype != "kitchen_base_cabinet" or row.parts:
+        return [(label, np.ones(len(corners), bool))]
+    top = corners[..., 2].min(axis=1) > row.extents[2] - WORKTOP
+    return [(found, part) for found, part in ((None, top), ("cabinet", ~top)) if part.any()]
 
 
 def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "_ 3 3"]]) -> int:

@@ -48,7 +48,7 @@ def bake(
     *,
     python: Path,
     environment: Path,
-    limit: float = 600.0,
+    limit: float = 1200.0,
     workers: int = 1,
     done: Callable[[int], None] = lambda count: None,
 ) -> Baked:
