@@ -161,7 +161,7 @@ class Ablate:
         from semgs.rooms.dataset import Recipe, write_dataset
         from semgs.training.settings import VALIDATION_SEED
 
-        library = None if settings.assets is None else Library(settings.assets, "validation", check=False)
+        library = Library(settings.assets, "validation", check=False) if settings.assets else None
         recipe = Recipe(VALIDATION_SEED, settings.size, library=library)
         with what_the_user_gave(), show_progress("Drawing rooms", SCENES) as done:
             write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.workers, done=done)

@@ -44,6 +44,7 @@ COMMANDS = {
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
+    "rooms bake": Command("semgs.cli.bake", "Bake", "Make furniture for rooms from a seed, with Infinigen."),
     "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
     "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
@@ -89,7 +90,8 @@ def _run(arguments: list[str]) -> int:
     if not arguments:
         print(_help(), file=sys.stderr)
         return BAD_INPUT
-    name, rest = arguments[0], arguments[1:]
+    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1  # a folder that is called bake is ./bake
+    name, rest = " ".join(arguments[:words]), arguments[words:]
     if name in ("-h", "--help", "help"):
         print(_help())
         return 0

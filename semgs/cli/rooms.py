@@ -40,6 +40,7 @@ class Rooms:
     - semgs rooms data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
     - semgs rooms data/furnished --scenes 1000 --assets assets
     - semgs rooms --sheet rooms.png --seed 3
+    - semgs rooms bake furniture --pieces 100 makes furniture for --assets; see semgs rooms bake --help
     """
 
     out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")] = None
@@ -57,9 +58,9 @@ class Rooms:
     a baseline; other is a second world that is held out: choose by it, do not train in it."""
     render: Literal["shaded"] = "shaded"
     """How frames are lit: sun, sky, lamps and shadows, a fifth of a second a frame."""
-    assets: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Folder of meshes and pictures, which is checked once against the list in the package: half of the homes are furnished with
-    its meshes, most get its pictures. Other uses files of its own. None needs nothing."""
+    assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
+    """Folder of meshes and pictures, which is checked once against its lock: half of the homes are furnished with its meshes,
+    most get its pictures. Other uses files of its own. Again for another folder; none needs nothing."""
     workers: int | None = None
     """Processes that draw; by default as many as this process may use cores. 0 draws in this one."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
@@ -107,7 +108,7 @@ class Rooms:
             raise UsageError(f"--sheet is {self.sheet}; expected a file in a folder that is there")
 
     def _library(self) -> Library | None:
-        if self.assets is None:
+        if not self.assets:
             return None
         from semgs.rooms.assets.library import open_library
 
@@ -131,7 +132,7 @@ class Rooms:
             ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True
         )
         print("classes, % of labelled pixels: " + ", ".join(f"{name} {100 * share:.1f}" for share, name in shares))
-        if self.assets is not None:
+        if self.assets:
             print(f"{out / ATTRIBUTION} says whose work is in the pictures; keep it beside them")
         print(
             f"{out / INDEX} counts them for every scene. Look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"

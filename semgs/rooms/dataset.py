@@ -19,7 +19,7 @@ from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_bytes, write_json
 from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.lock import attribution, lock_digest
+from semgs.rooms.assets.lock import attribution
 from semgs.rooms.scenes import ROOM, write_scene
 from semgs.rooms.style import RENDERS, STYLES, Render, Renders, Style
 
@@ -38,7 +38,7 @@ class Recipe:
         frames: of each scene.
         style: the world that the rooms are of.
         render: how scenes are lit.
-        library: meshes and pictures to draw from, None for none. Wherever its folder is, it is that of the package's lock.
+        library: meshes and pictures to draw from, None for none. Wherever its folders are, their locks name it.
 
     Raises:
         ValueError: a field is out of its range.
@@ -79,7 +79,7 @@ class Recipe:
             "frames": self.frames,
             "style": self.style,
             "render": self.render,
-            "assets": None if self.library is None else f"lock {lock_digest()}",
+            "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
         }
 
 
@@ -144,7 +144,7 @@ def write_dataset(
             del scenes_drawn  # ends the workers now, even if the error is kept for long
     index = _index(folder, recipe, scenes)
     if recipe.library is not None:
-        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes)).encode())
+        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes), recipe.library.lock).encode())
     write_json(folder / INDEX, index)
     return index
 
@@ -237,7 +237,14 @@ def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
         room = json.loads((folder / scene_name(index) / ROOM).read_text(encoding="utf-8"))
-        listed.append({"folder": scene_name(index), "kind": room["kind"], "render": recipe.render_of(index), "pixels": room["pixels"]})
+        listed.append(
+            {
+                "folder": scene_name(index),
+                "kind": room["kind"],
+                "render": recipe.render_of(index),
+                "pixels": room["pixels"],
+            }
+        )
         for name, pixels in room["pixels"].items():
             total[name] += pixels
     return {**recipe.as_json(), "label_set": SCANNET20.name, "pixels": total, "scenes": listed}

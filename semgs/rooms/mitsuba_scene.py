@@ -223,9 +223,7 @@ def _lights(mi: ModuleType, room: Room) -> dict[str, Any]:
     return result
 
 
-def _shining(
-    source: dict[str, Any], intensity: Float64[np.ndarray, " 3"], area: float, sides: int
-) -> dict[str, Any]:
+def _shining(source: dict[str, Any], intensity: Float64[np.ndarray, " 3"], area: float, sides: int) -> dict[str, Any]:
     """A shape that light passes through and that shines with an intensity where it shows this area; `sides` is how many times
     that area its surface is."""
     return {
@@ -239,7 +237,9 @@ def _shining(
     }
 
 
-def _grid(middle: Float64[np.ndarray, " 3"], half_width: Float64[np.ndarray, " 3"], half_height: float) -> Float64[np.ndarray, "25 3"]:
+def _grid(
+    middle: Float64[np.ndarray, " 3"], half_width: Float64[np.ndarray, " 3"], half_height: float
+) -> Float64[np.ndarray, "25 3"]:
     """Places over a window."""
     shares = np.linspace(-0.8, 0.8, 5)
     across, up = np.meshgrid(shares, shares)
@@ -248,7 +248,9 @@ def _grid(middle: Float64[np.ndarray, " 3"], half_width: Float64[np.ndarray, " 3
 
 def _open(room: Room, sun: Float64[np.ndarray, " 16"]) -> bool:
     """Whether the sun finds a hole in the wall behind its window."""
-    places = _grid(sun[1:4], sun[10:13], sun[13]) - BEHIND * np.array([-sun[11], sun[10], 0.0]) / np.hypot(sun[10], sun[11])
+    places = _grid(sun[1:4], sun[10:13], sun[13]) - BEHIND * np.array([-sun[11], sun[10], 0.0]) / np.hypot(
+        sun[10], sun[11]
+    )
     return bool(room.caster.reached(places, np.broadcast_to(-sun[7:10], places.shape)).mean() > 0.5)
 
 

@@ -142,9 +142,7 @@ def _both_sides(across: np.ndarray, down: np.ndarray) -> np.ndarray:
     return sides
 
 
-def meet(
-    room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.ndarray, "n 3"], spread: float
-) -> Hits:
+def meet(room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.ndarray, "n 3"], spread: float) -> Hits:
     """First hits from a place along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
     origins = np.empty_like(directions)
     origins[:] = origin

@@ -44,7 +44,9 @@ def contact_sheet(
     colours[: len(SCANNET20)] = SCANNET20.colours
     tiles = []
     for index in range(FRAMES):
-        views, _ = sample(seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style, render=render)
+        views, _ = sample(
+            seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style, render=render
+        )
         assert views.labels is not None
         picture = (views.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
         tiles.append(np.concatenate((picture, colours[views.labels[0].numpy()]), axis=1))

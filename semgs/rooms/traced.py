@@ -38,8 +38,16 @@ def trace(
         with np.errstate(divide="ignore", invalid="ignore"):
             detail = np.where(surfaces.means > 0, surfaces.colours / surfaces.means, 0.0)
         beyond = BEYOND * ambience(room, seen, size[1]).reshape(*size, 3)
-        radiance = denoise(light * detail + beyond * surfaces.colours, surfaces.colours, surfaces.normals) + surfaces.shine
+        radiance = (
+            denoise(light * detail + beyond * surfaces.colours, surfaces.colours, surfaces.normals) + surfaces.shine
+        )
         parts = parts_of(room, seen)
         labels = np.where(parts < 0, IGNORE, room.solids.labels[parts])
-        frames.append(Frame(radiance.astype(np.float32), labels.reshape(size).astype(np.uint8), seen.depths.reshape(size).astype(np.float32)))
+        frames.append(
+            Frame(
+                radiance.astype(np.float32),
+                labels.reshape(size).astype(np.uint8),
+                seen.depths.reshape(size).astype(np.float32),
+            )
+        )
     return frames

@@ -197,4 +197,4 @@ def _batch(samples: Sequence[Sample]) -> Batch:
 
 def _library(settings: TrainingSettings, split: Split) -> Library | None:
     """The assets of one split, not checked again."""
-    return None if settings.assets is None else Library(settings.assets, split, check=False)
+    return Library(settings.assets, split, check=False) if settings.assets else None

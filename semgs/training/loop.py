@@ -37,7 +37,7 @@ from semgs.training.engine import launched
 from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
-from semgs.training.run import claim, export_weights, network
+from semgs.training.run import claim, export_weights, hold_assets, network
 from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState
@@ -100,9 +100,10 @@ def train(
     began = time.monotonic()
     settings.check_whole()
     Share(0, devices * nodes, accumulate).check(settings.batch)
-    if settings.assets is not None:
-        verify(settings.assets)
+    for folder in settings.assets:
+        verify(folder)
     claim(out, settings)
+    hold_assets(out, settings.assets)
     fabric = launched(device, devices, nodes, precision)
     console = console if fabric.is_global_zero else None
     tell(console, from_preset(settings))

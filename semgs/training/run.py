@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from semgs.data.classes import SCANNET20
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
+from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
 from semgs.training.settings import Switches, TrainingSettings, changed, told
 from semgs.training.state import averaged_weights
@@ -41,6 +43,27 @@ def claim(out: Path, settings: TrainingSettings) -> None:
         raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
+
+
+def hold_assets(out: Path, folders: Sequence[str]) -> None:
+    """Note the locks of the assets that a run is furnished with, so that it goes on with the same only: a baked folder may have
+    grown.
+
+    Raises:
+        InputError: the run began with others.
+    """
+    record = out / "assets.json"
+    locks = [lock_digest(folder) for folder in folders]
+    if not record.exists():
+        if folders:
+            write_json(record, locks)
+        return
+    there = record.read_text(encoding="utf-8")
+    if json.loads(there) != locks:
+        raise InputError(
+            record, f"assets of the locks {', '.join(locks)}, which are asked for", f"others, {there}",
+            advice="give those that the run began with, or another run folder",
+        )  # fmt: skip
 
 
 def read_settings(out: Path) -> TrainingSettings:

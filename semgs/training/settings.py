@@ -185,8 +185,9 @@ class TrainingSettings:
     in RUN/rooms, which costs less and shows fewer rooms."""
     style: Style = "home"
     """The world that the rooms of the training are of: home or plain; other is held out. Validation rooms are always homes."""
-    assets: str | None = None
-    """Folder of meshes and pictures for the rooms, see semgs rooms --help; validation rooms get pieces that no training sees."""
+    assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Folder of meshes and pictures for the rooms, see semgs rooms --help; again for another one. Validation rooms get pieces
+    that no training sees."""
     validation: str = ROOMS
     """Where the scenes of validation come from: rooms, or a folder of scenes that are not trained on."""
     validate_every: int = 1000
@@ -222,7 +223,7 @@ class TrainingSettings:
                 f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",
             ),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
-            "assets": (self.assets is None or self.style == "home", "none in rooms of style plain"),
+            "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }
@@ -268,6 +269,8 @@ class TrainingSettings:
         values: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()
         }
+        if not isinstance(values.get("assets", ()), tuple):  # as older versions kept it
+            values["assets"] = (values["assets"],) if values["assets"] else ()
         for name, kind in (("losses", LossWeights), ("augmentation", Augmentation), ("network", Switches)):
             if name in values:
                 values[name] = kind(**values[name])

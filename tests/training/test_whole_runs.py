@@ -19,7 +19,7 @@ from semgs.training import batches
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
-from semgs.training.run import export_weights
+from semgs.training.run import export_weights, hold_assets
 from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 from semgs.weights.file import read_header
 from semgs.weights.load import load
@@ -176,7 +176,7 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
 
     monkeypatch.setattr(batches, "RoomSamples", Watched)
     settings = TrainingSettings(
-        model="small", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=str(tmp_path)
+        model="small", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=(str(tmp_path),)
     )
     data = surveyed(settings, tmp_path)
     training_batches(settings, data, 0, workers=0, pool=Path("unused"))
@@ -186,7 +186,7 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
 
 @pytest.mark.parametrize(
     ("change", "told"),
-    [({"style": "other"}, "held out"), ({"style": "plain", "assets": "x"}, "none in rooms of style plain")],
+    [({"style": "other"}, "held out"), ({"style": "plain", "assets": ("x",)}, "none in rooms of style plain")],
 )
 def test_worlds_that_no_training_may_see_are_refused(change, told):
     with pytest.raises(ValueError, match=told):
@@ -194,7 +194,25 @@ def test_worlds_that_no_training_may_see_are_refused(change, told):
 
 
 def test_assets_that_are_not_there_end_a_training_before_it_makes_its_folder(tmp_path):
-    settings = TrainingSettings(model="small", steps=1, assets=str(tmp_path / "none"))
+    settings = TrainingSettings(model="small", steps=1, assets=(str(tmp_path / "none"),))
     with pytest.raises(InputError, match="no such folder"):
         train(settings, tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_goes_on_with_the_assets_that_it_began_with(tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "assets" / "lock.json").write_text("one")
+    hold_assets(run, [str(tmp_path / "assets")])
+    hold_assets(run, [str(tmp_path / "assets")])
+    (tmp_path / "assets" / "lock.json").write_text("grown")
+    with pytest.raises(InputError, match="those that the run began with"):
+        hold_assets(run, [str(tmp_path / "assets")])
+
+
+@pytest.mark.parametrize(("saved", "meant"), [(None, ()), ("a", ("a",)), (["a", "b"], ("a", "b"))])
+def test_assets_of_settings_are_read_as_older_versions_kept_them_too(saved, meant):
+    settings = TrainingSettings(model="small", steps=1)
+    assert TrainingSettings.from_json(settings.as_json() | {"assets": saved}).assets == meant

@@ -156,7 +156,7 @@ def _mesh(path: Path, row: dict) -> MeshRow:
             name=str(row["name"]),
             label=str(row["class"]),
             subtype=str(row["subtype"]),
-            file=_inside(row["file"]),
+            file=inside(row["file"]),
             extents=(x, y, z),
             mount=str(row["mount"]),
             textured=bool(row["textured"]),
@@ -173,7 +173,7 @@ def _picture(path: Path, row: dict) -> PictureRow:
         return PictureRow(
             name=str(row["name"]),
             kind=str(row["kind"]),
-            file=_inside(row["file"]),
+            file=inside(row["file"]),
             size=(width, height),
             tileable=bool(row["tileable"]),
             tile=float(row["tile_cm"]) / 100 if row.get("tile_cm") else None,
@@ -193,8 +193,12 @@ def _origin(row: dict) -> dict[str, str]:
     }
 
 
-def _inside(file: str) -> str:
-    """The file's name, which must not lead out of the folder."""
+def inside(file: str) -> str:
+    """The name of a file in a folder of assets.
+
+    Raises:
+        ValueError: it leads out of the folder.
+    """
     if Path(file).is_absolute() or ".." in Path(file).parts:
         raise ValueError(f"file {file!r} leads out of the folder")
     return file

@@ -1,20 +1,23 @@
-"""Reading .glb files (glTF 2.0, binary) as far as furniture needs it: triangles, one set of texture coordinates, base colours."""
+"""Reading and writing .glb files (glTF 2.0, binary) as far as furniture needs it: triangles, one set of texture coordinates, base colours."""
 
 from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float32, Int64
 
+from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 
 HEADER, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TRIANGLES = 4
-COMPONENTS: dict[int, str] = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+SHORT, LONG, FLOAT = 5123, 5125, 5126
+COMPONENTS: dict[int, str] = {5121: "u1", SHORT: "<u2", LONG: "<u4", FLOAT: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -137,3 +140,64 @@ def _accessor(description: dict, data: bytes, number: int) -> np.ndarray:
     raw = _view(description, data, accessor["bufferView"])
     values = np.frombuffer(raw, np.dtype(dtype), accessor["count"] * width, accessor.get("byteOffset", 0))
     return values.reshape(-1, width) if width > 1 else values
+
+
+def write_glb(path: Path, primitives: Sequence[Primitive]) -> None:
+    """Write primitives so that `read_glb` reads them: a node, a mesh and a material each, pictures inside and once each.
+
+    Raises:
+        ValueError: a texture is neither JPEG nor PNG.
+        OSError: as `semgs.files.atomic.write_bytes`.
+    """
+    data = bytearray()
+    views: list[dict] = []
+    accessors: list[dict] = []
+    images: dict[bytes, int] = {}
+    meshes, materials, nodes = [], [], []
+
+    def view(raw: bytes) -> int:
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(raw)})
+        data.extend(raw + bytes(-len(raw) % 4))
+        return len(views) - 1
+
+    def accessor(values: np.ndarray, component: int, kind: str, **bounds: list[float]) -> int:
+        raw = np.ascontiguousarray(values, dtype=COMPONENTS[component]).tobytes()
+        accessors.append(
+            {"bufferView": view(raw), "componentType": component, "count": len(values), "type": kind, **bounds}
+        )
+        return len(accessors) - 1
+
+    for number, one in enumerate(primitives):
+        bounds = {"min": one.vertices.min(axis=0).tolist(), "max": one.vertices.max(axis=0).tolist()}
+        attributes = {"POSITION": accessor(one.vertices, FLOAT, "VEC3", **bounds)}
+        surface: dict = {"baseColorFactor": [*one.colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+        if one.texture is not None:
+            attributes["TEXCOORD_0"] = accessor(one.uv, FLOAT, "VEC2")
+            surface["baseColorTexture"] = {"index": images.setdefault(one.texture, len(images))}
+        component = SHORT if len(one.vertices) < 65536 else LONG
+        indices = accessor(one.faces.ravel(), component, "SCALAR")
+        meshes.append({"primitives": [{"attributes": attributes, "indices": indices, "material": number}]})
+        material = {"name": one.material, "pbrMetallicRoughness": surface, "doubleSided": True}
+        materials.append(material | ({"alphaMode": "BLEND"} if one.clear else {}))
+        nodes.append({"name": one.name, "mesh": number})
+    pictures = [{"bufferView": view(raw), "mimeType": _mime(raw)} for raw in images]
+    description = {
+        "asset": {"version": "2.0", "generator": "semgs"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": nodes, "meshes": meshes, "materials": materials, "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }  # fmt: skip
+    if pictures:
+        description |= {"images": pictures, "textures": [{"source": number} for number in range(len(pictures))]}
+    head = json.dumps(description, separators=(",", ":")).encode()
+    head += b" " * (-len(head) % 4)
+    body = b"".join(
+        (struct.pack("<II", len(head), JSON_CHUNK), head, struct.pack("<II", len(data), BINARY_CHUNK), data)
+    )
+    write_bytes(path, struct.pack("<4sII", HEADER, 2, 12 + len(body)) + body)
+
+
+def _mime(raw: bytes) -> str:
+    for start, kind in ((b"\xff\xd8", "image/jpeg"), (b"\x89PNG", "image/png")):
+        if raw.startswith(start):
+            return kind
+    raise ValueError("a texture is neither JPEG nor PNG")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,9 +12,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from semgs.files.errors import InputError
 from semgs.rooms.assets.catalogue import MeshRow, PictureRow, read_catalogue, usable
 from semgs.rooms.assets.glb import Primitive, read_glb
-from semgs.rooms.assets.lock import verify
+from semgs.rooms.assets.lock import LockRow, lock_digest, lock_of, read_lock, verify
 from semgs.rooms.assets.pictures import Pyramid, decode
 from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
 from semgs.rooms.shells import corner_normals
@@ -26,6 +27,8 @@ MEMORY = 256 << 20
 
 PANE_WIDTH = 0.12
 """Flat triangles of windows that are wider than this are panes [m]."""
+WORKTOP = 0.06
+"""How far below its highest point the top of a kitchen's cabinets begins [m]."""
 DRAPES = ("cloth", "curtain", "couch")
 """Words in the names of materials of drapes; the rest are rods."""
 
@@ -58,34 +61,65 @@ class Panel:
 
 
 class Library:
-    """The meshes and pictures of one split of a folder.
+    """The meshes and pictures of one split of a folder, or of several folders together.
 
     What is read stays in memory up to a bound, the least recently used leaves first; a copy sent to another process starts
     empty.
 
     Args:
-        folder: with `catalog.json` and `textures.json`.
+        folders: each with `catalog.json` and `textures.json`. The lists of one do not depend on the others.
         split: "training", "validation" or "other".
-        check: verify every file against the lock of the package; leave it out only where that was done before.
+        check: verify every file against the folder's lock; leave it out only where that was done before.
         memory: what may be kept [bytes].
 
     Raises:
-        InputError: the folder is none, or a file is missing or altered.
+        InputError: a folder is none, a file is missing or altered, or two folders have a file of one name.
     """
 
     def __init__(
-        self, folder: str | Path, split: Split = "training", *, check: bool = True, memory: int = MEMORY
+        self,
+        folders: str | Path | Sequence[str | Path],
+        split: Split = "training",
+        *,
+        check: bool = True,
+        memory: int = MEMORY,
     ) -> None:
-        self.folder, self.split, self.memory = Path(folder), split, memory
-        if check:
-            verify(self.folder)
-        catalogue = read_catalogue(self.folder)
-        meshes = [row for row in catalogue.meshes if usable(row)]
-        mesh_lists, picture_lists = split_meshes(meshes), split_pictures(catalogue.pictures)
-        self.meshes = tuple(row for row in meshes if mesh_lists[row.name] == split)
-        self.pictures = tuple(row for row in catalogue.pictures if picture_lists[row.name] == split)
+        given = [folders] if isinstance(folders, str | Path) else folders
+        self.folders, self.split, self.memory = tuple(Path(folder) for folder in given), split, memory
+        self.meshes: tuple[MeshRow, ...] = ()
+        self.pictures: tuple[PictureRow, ...] = ()
+        self._folder_of: dict[str, Path] = {}
         self._kept: OrderedDict[str, tuple[Any, int]] = OrderedDict()
         self._size = 0
+        for folder in self.folders:
+            if check:
+                verify(folder)
+            self._add(folder)
+
+    def _add(self, folder: Path) -> None:
+        """What a folder has for the split."""
+        catalogue = read_catalogue(folder)
+        meshes = [row for row in catalogue.meshes if usable(row)]
+        mesh_lists, picture_lists = split_meshes(meshes), split_pictures(catalogue.pictures)
+        self.meshes += tuple(row for row in meshes if mesh_lists[row.name] == self.split)
+        self.pictures += tuple(row for row in catalogue.pictures if picture_lists[row.name] == self.split)
+        everything: list[MeshRow | PictureRow] = [*catalogue.meshes, *catalogue.pictures]
+        for row in everything:
+            if self._folder_of.setdefault(row.file, folder) != folder:
+                other = self._folder_of[row.file]
+                raise InputError(
+                    folder, "files of other names than those of other folders", f"{row.file}, as in {other}"
+                )
+
+    @property
+    def lock(self) -> tuple[LockRow, ...]:
+        """The locks of all folders."""
+        return tuple(row for folder in self.folders for row in read_lock(lock_of(folder)))
+
+    @property
+    def lock_digests(self) -> tuple[str, ...]:
+        """What names the locks of the folders, and so their contents."""
+        return tuple(lock_digest(folder) for folder in self.folders)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": OrderedDict(), "_size": 0}
@@ -100,7 +134,7 @@ class Library:
         Raises:
             InputError: the file cannot be read.
         """
-        return self._remembered(row.name, lambda: _panels(self.folder / row.file, row), _weight)
+        return self._remembered(row.name, lambda: _panels(self._path(row), row), _weight)
 
     def pyramid(self, row: PictureRow, upright: bool = True) -> Pyramid:
         """The contents of a picture; if not upright, with columns and rows exchanged where its grain runs along columns.
@@ -110,9 +144,12 @@ class Library:
         """
 
         def read() -> Pyramid:
-            return _lying(decode((self.folder / row.file).read_bytes(), self.folder / row.file), upright)
+            return _lying(decode(self._path(row).read_bytes(), self._path(row)), upright)
 
         return self._remembered(f"{row.kind}/{row.name}/{upright}", read, lambda p: p.pixels.nbytes)
+
+    def _path(self, row: MeshRow | PictureRow) -> Path:
+        return self._folder_of[row.file] / row.file
 
     def _remembered(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
         if key in self._kept:
@@ -127,16 +164,22 @@ class Library:
         return value
 
 
-def open_library(folder: str | Path, style: str = "home", *, check: bool = True) -> Library:
+def open_library(folders: str | Path | Sequence[str | Path], style: str = "home", *, check: bool = True) -> Library:
     """The assets that rooms of a style may use: the training third of `home`, the held-out third of `other`.
 
     Raises:
         ValueError: there is no such style, or it uses no assets.
-        InputError: as `Library`.
+        InputError: as `Library`, or the folders have nothing for such rooms.
     """
     if style not in SPLIT_OF_STYLE:
         raise ValueError(f"style {style!r}; expected one that uses assets: {', '.join(SPLIT_OF_STYLE)}")
-    return Library(folder, SPLIT_OF_STYLE[style], check=check)
+    library = Library(folders, SPLIT_OF_STYLE[style], check=check)
+    if not library.meshes and not library.pictures:
+        raise InputError(
+            ", ".join(map(str, library.folders)), f"meshes or pictures of the list {library.split}", "none",
+            advice="what semgs rooms bake makes is for training and validation rooms" if style == "other" else None,
+        )  # fmt: skip
+    return library
 
 
 def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
@@ -153,22 +196,35 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
         corners = corners[whole]
         uv = primitive.uv[primitive.faces]
         picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
-        panels.append(
-            Panel(
-                labels.get(primitive.name),
-                primitive.material,
-                primitive.colour,
-                picture,
-                primitive.clear,
-                corners,
-                corner_normals(corners),
-                uv[whole],
+        uv, normals = uv[whole], corner_normals(corners)
+        for label, part in _labelled(row, corners, labels.get(primitive.name)):
+            panels.append(
+                Panel(
+                    label,
+                    primitive.material,
+                    primitive.colour,
+                    picture,
+                    primitive.clear,
+                    corners[part],
+                    normals[part],
+                    uv[part],
+                )
             )
-        )
     return tuple(panels)
 
 
-def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "t 3 3"]]) -> int:
+def _labelled(
+    row: MeshRow, corners: Float32[np.ndarray, "t 3 3"], label: str | None
+) -> list[tuple[str | None, Bool[np.ndarray, " t"]]]:
+    """The classes of a primitive's triangles: the catalogue's, but that kitchen cabinets which it calls a counter as a whole are
+    cabinets below their top, as the parametric ones are."""
+    if row.label != "counter" or row.subtype != "kitchen_base_cabinet" or row.parts:
+        return [(label, np.ones(len(corners), bool))]
+    top = corners[..., 2].min(axis=1) > row.extents[2] - WORKTOP
+    return [(found, part) for found, part in ((None, top), ("cabinet", ~top)) if part.any()]
+
+
+def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "_ 3 3"]]) -> int:
     """Where a pair of drapes has more cloth: 1 at positive x, else -1."""
     cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, turned, strict=True) if _is_cloth(p)]
     return 1 if cloth and (np.concatenate(cloth) > 0).mean() >= 0.5 else -1

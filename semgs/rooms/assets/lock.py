@@ -11,7 +11,7 @@ from pathlib import Path
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
-from semgs.rooms.assets.catalogue import MeshRow, PictureRow, read_catalogue
+from semgs.rooms.assets.catalogue import MeshRow, PictureRow, inside, read_catalogue
 
 NAME = "lock.json"
 LISTS = ("catalog.json", "textures.json")
@@ -74,7 +74,7 @@ def write_lock(path: str | Path, rows: Sequence[LockRow]) -> None:
 
 
 def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
-    """Read a lock, that of the package by default.
+    """Read a lock, that of the package by default. A file that it names must not lead out of the folder.
 
     Raises:
         InputError: it is missing or not of that form.
@@ -85,17 +85,26 @@ def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
         rows = []
         for file, origin, inner, sha256 in content["files"]:
             source, commit, licence, author = content["origins"][origin]
-            rows.append(LockRow(file, source, commit, inner, licence, author, sha256))
+            rows.append(LockRow(inside(file), source, commit, inner, licence, author, sha256))
         return tuple(rows)
     except (OSError, json.JSONDecodeError, KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(
-            path, "a lock of assets", f"{type(error).__name__}: {error}", advice="install semgs again"
+            path,
+            "a lock of assets",
+            f"{type(error).__name__}: {error}",
+            advice="install semgs, or bake the folder, again",
         ) from None
 
 
-def lock_digest() -> str:
-    """What names the package's lock, and so the assets that satisfy it: the beginning of its SHA-256."""
-    return hashlib.sha256((Path(str(files("semgs.rooms.assets"))) / NAME).read_bytes()).hexdigest()[:16]
+def lock_of(folder: str | Path) -> Path:
+    """The lock that a folder is held to: its own where it has one, as a baked library has, else that of the package."""
+    own = Path(folder) / NAME
+    return own if own.is_file() else Path(str(files("semgs.rooms.assets"))) / NAME
+
+
+def lock_digest(folder: str | Path) -> str:
+    """What names the lock of a folder, and so the assets that satisfy it: the beginning of its SHA-256."""
+    return hashlib.sha256(lock_of(folder).read_bytes()).hexdigest()[:16]
 
 
 def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
@@ -103,7 +112,7 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
 
     Args:
         folder: of the assets.
-        lock: None is the package's.
+        lock: None is the folder's own where it has one, else the package's.
 
     Raises:
         InputError: the folder is missing, or files are missing or altered; names the first ones and counts the others.
@@ -112,7 +121,7 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
     if not folder.is_dir():
         raise InputError(folder, "a folder of assets", "no such folder")
     missing, altered = [], []
-    for row in read_lock() if lock is None else lock:
+    for row in read_lock(lock_of(folder)) if lock is None else lock:
         try:
             if _digest(folder, row.file) != row.sha256:
                 altered.append(row.file)
@@ -128,7 +137,7 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
             folder,
             "the files of the lock, byte for byte",
             found,
-            advice="fetch the assets again, in a folder of their own",
+            advice="fetch or bake the assets again, in a folder of their own",
         )
 
 
@@ -137,7 +146,7 @@ def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> s
 
     Args:
         used: files, as the lock names them.
-        lock: None is the package's.
+        lock: of all folders that they are from; None is the package's.
 
     Raises:
         ValueError: a file is not in the lock.

@@ -21,7 +21,9 @@ OTHER_SHARE = 0.2
 VALIDATION_SHARE = 0.25
 """Of what is not in `other`."""
 
-KITS = ("kenney", "qt", "kkf", "kkr", "proc")
+BAKED = "bake"
+"""Maker of the pieces of `semgs rooms bake`: whoever trains bakes his own, so that none of them is ever in `other`."""
+KITS = ("kenney", "qt", "kkf", "kkr", "proc", BAKED)
 """Makers whose pieces of one class are one family."""
 
 SAME_GENERATOR = {
@@ -62,6 +64,7 @@ def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
         groups = families[label]
         wanted = OTHER_SHARE * sum(map(len, groups.values()))
         fixed = sum(len(names) for key, names in groups.items() if decided.get(key))
+        decided |= {key: False for key in groups if key.split()[0] == BAKED}
         open_keys = sorted((key for key in groups if key not in decided), key=_rank)
         held_out = _subset([len(groups[key]) for key in open_keys], wanted - fixed, fixed == 0 and len(groups) > 1)
         decided |= {key: number in held_out for number, key in enumerate(open_keys)}

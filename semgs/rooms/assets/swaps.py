@@ -31,6 +31,7 @@ class Rule:
         fill: least share of the piece's width that they must fill.
         centred: whether they stand in the middle of the depth; others stand with their back to the wall.
         hung: whether they fill the width and height that are there; `stretch` is then that of one against the other.
+        share: of the pieces that are exchanged at all, how many.
     """
 
     label: str
@@ -41,6 +42,7 @@ class Rule:
     fill: float = 0.72
     centred: bool = False
     hung: bool = False
+    share: float = 1.0
 
 
 RULES = {
@@ -74,6 +76,7 @@ RULES = {
     "window": Rule("window", low=0.5, high=2.0, stretch=1.8, hung=True),
     "curtain": Rule("curtain", ("curtain",)),
     "shower curtain": Rule("shower curtain", low=0.4, high=1.6, stretch=3.0, hung=True),
+    "picture": Rule("picture", low=0.5, high=2.0, stretch=1.3, hung=True, share=0.4),
     "clutter": Rule("clutter", low=0.8, high=1.3, stretch=1.0, fill=0.45, centred=True),
 }
 """By the name of the piece. Cloth may be gathered: curtains fit wherever they hang."""
@@ -86,8 +89,8 @@ TOP_BAND = 0.03
 """A top is what looks up within this of the highest point [m]."""
 TOP_SHARE = 0.6
 """Least share of the footprint that a top covers."""
-DEPTHS = {"window": 0.065, "curtain": 0.11, "shower curtain": 0.1}
-"""How far window frames stand out of the wall, what drapes take in front of them, and shower curtains anywhere [m]."""
+DEPTHS = {"window": 0.065, "curtain": 0.11, "shower curtain": 0.1, "picture": 0.03}
+"""How far window frames stand out of the wall, what drapes take in front of them, and shower curtains and pictures anywhere [m]."""
 HIGHEST = 1.12
 """How much higher than the piece a mesh may be."""
 FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
@@ -143,17 +146,20 @@ class Swaps:
 
     def __call__(self, piece: Piece) -> Piece:
         """The piece that stands in its place: of the same name and footprint, made of triangles, or the piece itself, as for
-        one that was exchanged before."""
+        one that was exchanged before. What a picture shows is its own."""
         if piece.parts[0].shape == SHELL:
             return piece
         key = piece.name, piece.size, piece.parts[0].material.tobytes()
         if key not in self._made:
             self._made[key] = self._exchanged(piece)
-        return self._made[key]
+        made = self._made[key]
+        if piece.name != "picture":
+            return made
+        return replace(made, parts=(*made.parts[:-1], replace(made.parts[-1], material=piece.parts[-1].material)))
 
     def _exchanged(self, piece: Piece) -> Piece:
         rule = RULES.get(piece.name)
-        if rule is None or self.rng.random() >= self.share:
+        if rule is None or self.rng.random() >= self.share * rule.share:
             return piece
         low, high = _bounds(piece)
         box = np.array([piece.size[0], piece.size[1], high - low])
@@ -170,7 +176,7 @@ class Swaps:
             scale, foot = _draped(panels, box, foot)
         self.coverings.gallery.use(row.file)
         parts = self._parts(panels, row, scale, foot)
-        parts += _kept(piece)
+        parts = _framed(parts, piece) if rule.label == "picture" else parts + _kept(piece)
         surface = _surface(panels, row, scale) if piece.name in SURFACED else None
         return Piece(piece.name, piece.size, tuple(parts), surface)
 
@@ -178,6 +184,8 @@ class Swaps:
         rows = [row for row in self.library.meshes if row.label == rule.label]
         if rule.label == "clutter":
             return [row for row in rows if row.mount == "surface" or row.subtype in FLOOR_CLUTTER]
+        if rule.label == "picture":
+            return [row for row in rows if row.mount == "wall"]
         return [row for row in rows if not rule.subtypes or row.subtype in rule.subtypes]
 
     def _parts(
@@ -306,6 +314,13 @@ def _kept(piece: Piece) -> list[Part]:
         for part in pane
     ]
     return wide + [part for part in piece.parts if part.material[t.KIND] == t.TILES]
+
+
+def _framed(parts: list[Part], piece: Piece) -> list[Part]:
+    """A frame with what the piece shows on its canvas, which is the part of fewest triangles."""
+    canvas = min(parts, key=lambda part: 0 if part.shell is None else len(part.shell.corners))
+    art = replace(piece.parts[-1], centre=canvas.centre, size=canvas.size)
+    return [*(part for part in parts if part is not canvas), art]
 
 
 def _is(name: str, words: tuple[str, ...]) -> bool:

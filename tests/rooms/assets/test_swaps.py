@@ -1,4 +1,6 @@
+import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import torch
 pytest.importorskip("embreex")
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import furniture
+from semgs.rooms import furniture, openings
 from semgs.rooms import materials as m
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
@@ -189,3 +191,77 @@ def test_the_style_chooses_the_split_and_plain_uses_no_assets(asset_folder):
     assert open_library(asset_folder, "other", check=False).split == "other"
     with pytest.raises(ValueError, match="plain"):
         open_library(asset_folder, "plain", check=False)
+
+
+@pytest.fixture
+def hung_library(tmp_path, write_mesh, box_mesh):
+    """A folder of one picture frame with a canvas, and one kitchen cabinet."""
+    folder, rows = tmp_path / "assets", []
+
+    def row(name, label, subtype, mount, size, nodes):
+        write_mesh(folder / f"{name}.glb", nodes)
+        rows.append(
+            {
+                "name": name, "class": label, "subtype": subtype, "file": f"{name}.glb", "extents_m": size, "mount": mount,
+                "textured": False, "licence": "CC0-1.0", "source_repo": "s", "commit": "c", "path": "p",
+            }
+        )  # fmt: skip
+
+    frame = box_mesh((0.6, 0.03, 0.5))
+    inner, _, uv = box_mesh((0.5, 0.02, 0.4))
+    canvas = (inner + np.array([0, -0.02, 0.05], np.float32))[8:12], np.array([[0, 1, 2], [0, 2, 3]]), uv[8:12]
+    row(
+        "aa_frame_1",
+        "picture",
+        "picture",
+        "wall",
+        [0.6, 0.045, 0.5],
+        {"n0_frame": (*frame, (0.2, 0.1, 0.1)), "n1_canvas": (*canvas, (1.0, 1.0, 1.0))},
+    )
+    body, top = box_mesh((1.5, 0.6, 0.86)), box_mesh((1.5, 0.6, 0.04))
+    lifted = top[0] + np.array([0, 0, 0.86], np.float32)
+    row(
+        "aa_run_1",
+        "counter",
+        "kitchen_base_cabinet",
+        "floor",
+        [1.5, 0.6, 0.9],
+        {
+            "n0_mesh": (
+                np.concatenate((body[0], lifted)),
+                np.concatenate((body[1], top[1] + 24)),
+                np.concatenate((body[2], top[2])),
+                (0.5, 0.5, 0.5),
+            )
+        },
+    )
+    (folder / "catalog.json").write_text(json.dumps(rows))
+    (folder / "textures.json").write_text("[]")
+    return Library(folder, check=False)
+
+
+def test_kitchen_cabinets_are_cabinets_below_their_top(hung_library):
+    panels = hung_library.panels(next(row for row in hung_library.meshes if row.label == "counter"))
+    heights = {panel.label: panel.corners[..., 2] for panel in panels}
+    assert heights.keys() == {None, "cabinet"}
+    assert heights[None].min() == pytest.approx(0.86, abs=1e-6)
+    assert heights["cabinet"].max() == pytest.approx(0.86, abs=1e-6)
+
+
+def test_a_frame_shows_what_the_picture_showed_each_its_own(hung_library):
+    make = openings.picture
+    pieces = (make(np.random.default_rng(seed)) for seed in range(200))
+    piece = next(p for p in pieces if len(p.parts) == 5 and abs(p.size[0] / p.size[2] - 1.2) < 0.1)
+    other = replace(
+        piece, parts=(*piece.parts[:-1], replace(piece.parts[-1], material=m.artwork(np.random.default_rng(9))))
+    )
+    swap = next(s for s in (swaps(hung_library, seed) for seed in range(50)) if s(piece).parts[0].shape == SHELL)
+    for one in (piece, other):
+        hung = swap(one)
+        assert [part.shape == SHELL for part in hung.parts] == [True, False]
+        assert (hung.parts[-1].material == one.parts[-1].material).all()
+        assert all(part.label == LABEL["picture"] for part in hung.parts)
+        frame, art = hung.parts
+        assert art.size[0] == pytest.approx(frame.size[0] * 5 / 6, rel=1e-5)
+        assert art.size[2] == pytest.approx(frame.size[2] * 4 / 5, rel=1e-5)
+        assert art.centre[1] > frame.centre[1]

@@ -1,0 +1,1 @@
+"""A library of furniture made with Infinigen, in the form of a folder of assets."""
