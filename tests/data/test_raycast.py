@@ -50,7 +50,7 @@ def test_a_ray_gets_to_the_end_of_its_reach_only_if_nothing_is_before_it():
     assert caster.reached(origins, directions, np.array([1.9, 2.1, 50.0])).tolist() == [True, False, True]
     triangles, distances = caster.cast(origins, directions, np.array([1.9, 2.1, 50.0]))
     assert triangles.tolist() == [-1, 0, -1]
-    assert distances.tolist() == [np.inf, 2.0, np.inf]
+    assert distances.tolist() == pytest.approx([np.inf, 2.0, np.inf], rel=1e-6)  # how Embree rounds depends on the CPU
 
 
 def test_no_rays_give_no_hits():
