@@ -14,7 +14,7 @@ from torch import Tensor
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
-from semgs.data.views import Views, resized
+from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 
@@ -132,8 +132,8 @@ class Scene:
         for frame in chosen:
             if frame.lens != lens and not frame.lens.is_pinhole:
                 lens, maps = frame.lens, frame.lens.maps()
-            view = frame.read((bounds.near, bounds.far), self.classes, maps=None if frame.lens.is_pinhole else maps)
-            views.append(view if size is None else resized(view, size))
+            given = None if frame.lens.is_pinhole else maps
+            views.append(frame.read((bounds.near, bounds.far), self.classes, size=size, maps=given))
         return joined(views, self.classes or SCANNET20)
 
 

@@ -23,6 +23,7 @@ from semgs.files.errors import InputError
 
 FORMATS = ("JPEG", "PNG")
 _ORIENTATION = 0x0112
+_SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
 """What Pillow raises on files that are damaged, by format and place of the damage."""
 
@@ -107,7 +108,20 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
     Raises:
         InputError: absent, cut short, of another format, of another size, CMYK, or with an undecidable EXIF rotation.
     """
-    data = _bytes(path)
+    return decode_rgb(_bytes(path), path, size)
+
+
+def decode_rgb(data: bytes, path: str | Path, size: tuple[int, int] | None = None) -> np.ndarray:
+    """As `read_rgb`, of a picture inside another file.
+
+    Args:
+        data: the picture's bytes.
+        path: the file that they are from, for messages.
+        size: as for `read_rgb`.
+
+    Raises:
+        InputError: as `read_rgb`.
+    """
     with _opened(path, data) as image:
         _decode(path, image)
         header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
@@ -155,7 +169,7 @@ def read_uint16(path: str | Path) -> np.ndarray:
     """
     with _opened(path) as image:
         _decode(path, image)
-        if image.mode not in ("I;16", "I;16B", "I;16L") or image.format != "PNG":
+        if image.mode not in _SIXTEEN_BITS or image.format != "PNG":
             raise InputError(path, "a 16-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
         return np.asarray(image).astype(np.uint16)
 
@@ -171,6 +185,23 @@ def read_uint8(path: str | Path) -> np.ndarray:
         if image.mode not in ("L", "P") or image.format != "PNG":
             raise InputError(path, "an 8-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
         return np.array(image)
+
+
+def decode_map(data: bytes, path: str | Path) -> np.ndarray:
+    """A PNG of one channel as it is stored, uint8 or uint16 [h w]; of a palette picture the indices, not the colours.
+
+    Args:
+        data: the picture's bytes.
+        path: the file that they are from, for messages.
+
+    Raises:
+        InputError: cut short, or not that.
+    """
+    with _opened(path, data) as image:
+        _decode(path, image)
+        if image.format != "PNG" or image.mode not in ("L", "P", *_SIXTEEN_BITS):
+            raise InputError(path, "a PNG of one channel", f"a {image.format} of mode {image.mode}")
+        return np.asarray(image).astype(np.uint16 if image.mode in _SIXTEEN_BITS else np.uint8)
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:
