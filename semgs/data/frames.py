@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -15,10 +15,14 @@ from semgs.data.lens import Lens
 from semgs.data.views import Views, resized
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
+from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
 
 ASPECT_TOLERANCE = 0.02
 """Depth and label maps may be smaller than their picture, as phones' are, if their aspect is the same to this fraction."""
+
+SATURATED = 65535
+"""The largest count of a 16-bit depth map: nothing was measured, or something beyond. Unknown, as 0 is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +33,7 @@ class Frame:
 
     Attributes:
         name: as listed in the scene's file ("images/0001.jpg").
-        picture_path: where it is.
+        picture_path: where it is: a file, or what stands for one in an archive or a recording.
         lens: the camera that took it, distortion included.
         world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
         depth_path: z-depth map, 16-bit PNG or .npy, or whatever holds or yields it; None where there is none.
@@ -39,12 +43,12 @@ class Frame:
     """
 
     name: str
-    picture_path: Path
+    picture_path: Stored
     lens: Lens
     world_from_camera: np.ndarray
-    depth_path: Path | None = None
+    depth_path: Stored | None = None
     depth_unit: float = 0.001
-    label_path: Path | None = None
+    label_path: Stored | None = None
     points: np.ndarray | None = field(default=None, repr=False)
 
     @property
@@ -102,12 +106,17 @@ class Frame:
         Raises:
             InputError: the map is absent, damaged, of another type, or has another aspect than the picture.
         """
-        path = self.depth_path
-        if path is None:
-            return None
+        return None if self.depth_path is None else self.fitted(self.depth_path, self.depth_map(self.depth_path))
+
+    def depth_map(self, path: Stored) -> Float32[np.ndarray, "rows columns"]:
+        """A depth map at its own size [m], 0 where unknown.
+
+        Raises:
+            InputError: it is absent, damaged or of another type.
+        """
         if path.suffix.lower() == ".npy":
             try:
-                counts = np.load(path, allow_pickle=False)
+                counts = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
             except (OSError, ValueError, EOFError) as error:
                 raise InputError(path, "an array of depths", str(error)) from error
             if not isinstance(counts, np.ndarray) or counts.ndim != 2 or counts.dtype.kind not in "fiu":
@@ -116,7 +125,9 @@ class Frame:
             counts = read_uint16(path)
         depths = counts.astype(np.float32) * np.float32(self.depth_unit)
         depths[~np.isfinite(depths) | (depths < 0)] = 0
-        return self.fitted(path, depths)
+        if counts.dtype == np.uint16:
+            depths[counts == SATURATED] = 0
+        return depths
 
     def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
         """The class of each pixel as stored, 255 = none; None where the frame has no class map.
@@ -128,7 +139,7 @@ class Frame:
             return None
         return self.fitted(self.label_path, read_labels(self.label_path, classes, key=f"frame {self.name}"))
 
-    def fitted(self, path: Path, values: np.ndarray) -> np.ndarray:
+    def fitted(self, path: Stored, values: np.ndarray) -> np.ndarray:
         """A map at the picture's size, each pixel from the one that its centre lies in.
 
         Raises:
@@ -144,7 +155,7 @@ class Frame:
         return np.ascontiguousarray(values[row[:, None], column])
 
 
-def read_labels(path: Path, classes: ClassTable, key: str) -> UInt8[np.ndarray, "h w"]:
+def read_labels(path: Stored, classes: ClassTable, key: str) -> UInt8[np.ndarray, "h w"]:
     """A class map: indices of the table, or 255 for none.
 
     Args:

@@ -121,3 +121,23 @@ class Lens:
 def _matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
     """K of focal lengths and a principal point."""
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
+
+
+def carried_over(values: np.ndarray, source: Lens, target: Lens) -> np.ndarray:
+    """A map [h w] of one pinhole as another sees it from the same place, looking the same way; 0 where it sees beyond.
+
+    Each pixel gets the value of the pixel that its ray meets; nothing is mixed, so that z-depths stay what they are.
+
+    Args:
+        values: of `source`, which may be for another size of the same picture.
+        source: the pinhole that the map is of.
+        target: the pinhole to carry it to.
+    """
+    (height, width), (rows, columns) = target.size, values.shape
+    x = (np.arange(width) + _HALF - target.centre[0]) / target.focal[0] * source.focal[0] + source.centre[0]
+    y = (np.arange(height) + _HALF - target.centre[1]) / target.focal[1] * source.focal[1] + source.centre[1]
+    column = np.floor(x * (columns / source.size[1])).astype(np.int64)
+    row = np.floor(y * (rows / source.size[0])).astype(np.int64)
+    inside = ((row >= 0) & (row < rows))[:, None] & (column >= 0) & (column < columns)
+    met = values[row.clip(0, rows - 1)[:, None], column.clip(0, columns - 1)]
+    return np.where(inside, met, values.dtype.type(0))

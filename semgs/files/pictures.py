@@ -20,6 +20,7 @@ from PIL import Image, UnidentifiedImageError
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
 _ORIENTATION = 0x0112
@@ -52,7 +53,7 @@ class PictureHeader:
     transparent: bool
 
 
-def read_header(path: str | Path) -> PictureHeader:
+def read_header(path: str | Stored) -> PictureHeader:
     """Size, orientation and transparency of a JPEG or PNG.
 
     Raises:
@@ -62,7 +63,7 @@ def read_header(path: str | Path) -> PictureHeader:
         return _header(path, image)
 
 
-def is_turned(path: str | Path, header: PictureHeader, size: tuple[int, int] | None) -> bool:
+def is_turned(path: str | Stored, header: PictureHeader, size: tuple[int, int] | None) -> bool:
     """Whether the EXIF rotation of a picture has to be applied, so that its pixels are those of a camera of `size`.
 
     Programs disagree on EXIF: some work on the stored pixels, some on the turned ones. The camera's size tells which,
@@ -98,7 +99,7 @@ def is_turned(path: str | Path, header: PictureHeader, size: tuple[int, int] | N
     return size == turned
 
 
-def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarray:
+def read_rgb(path: str | Stored, size: tuple[int, int] | None = None) -> np.ndarray:
     """A picture as uint8 [h w 3], RGB.
 
     Args:
@@ -111,7 +112,7 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
     return decode_rgb(_bytes(path), path, size)
 
 
-def decode_rgb(data: bytes, path: str | Path, size: tuple[int, int] | None = None) -> np.ndarray:
+def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = None) -> np.ndarray:
     """As `read_rgb`, of a picture inside another file.
 
     Args:
@@ -134,7 +135,7 @@ def decode_rgb(data: bytes, path: str | Path, size: tuple[int, int] | None = Non
     return np.ascontiguousarray(_TURNS[header.orientation](rgb)) if turn else rgb
 
 
-def read_grey(path: str | Path, size: tuple[int, int], longest: int) -> np.ndarray:
+def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.ndarray:
     """A picture in grey, uint8 [h w], reduced so that its longer side is at most `longest` pixels.
 
     For finding features, where speed counts more than the last bit: JPEGs are decoded at a smaller size.
@@ -161,7 +162,7 @@ def read_grey(path: str | Path, size: tuple[int, int], longest: int) -> np.ndarr
     return np.asarray(cv2.resize(np.ascontiguousarray(grey), (width, height), interpolation=cv2.INTER_AREA))
 
 
-def read_uint16(path: str | Path) -> np.ndarray:
+def read_uint16(path: str | Stored) -> np.ndarray:
     """A 16-bit PNG of one channel, uint16 [h w]: depth maps.
 
     Raises:
@@ -174,7 +175,7 @@ def read_uint16(path: str | Path) -> np.ndarray:
         return np.asarray(image).astype(np.uint16)
 
 
-def read_uint8(path: str | Path) -> np.ndarray:
+def read_uint8(path: str | Stored) -> np.ndarray:
     """An 8-bit PNG of one channel, uint8 [h w]: labels and masks; of a palette picture the indices, not the colours.
 
     Raises:
@@ -187,7 +188,7 @@ def read_uint8(path: str | Path) -> np.ndarray:
         return np.array(image)
 
 
-def decode_map(data: bytes, path: str | Path) -> np.ndarray:
+def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
     """A PNG of one channel as it is stored, uint8 or uint16 [h w]; of a palette picture the indices, not the colours.
 
     Args:
@@ -220,35 +221,38 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     write_bytes(Path(path), buffer.getvalue())
 
 
-def _bytes(path: str | Path) -> bytes:
+def _bytes(path: str | Stored) -> bytes:
     """The content of a file.
 
     Raises:
         InputError: it cannot be read.
     """
     try:
-        return Path(path).read_bytes()
+        return stored(path).read_bytes()
     except OSError as error:
         raise InputError(path, "a picture", error.strerror or str(error)) from error
 
 
-def _opened(path: str | Path, data: bytes | None = None) -> Image.Image:
+def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     """The picture with its header read and its pixels not yet.
 
     Raises:
         InputError: the file is absent, or no JPEG or PNG.
     """
-    if data is None and not Path(path).is_file():
+    held = stored(path)
+    if data is None and not held.is_file():
         raise InputError(path, "a picture", "no such file")
+    if data is None and not isinstance(held, Path):
+        data = _bytes(held)
     try:
-        return Image.open(path if data is None else io.BytesIO(data), formats=FORMATS)
+        return Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
         raise InputError(path, "a JPEG or PNG picture", "something else or a damaged header") from error
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG picture", str(error)) from error
 
 
-def _header(path: str | Path, image: Image.Image) -> PictureHeader:
+def _header(path: str | Stored, image: Image.Image) -> PictureHeader:
     """What the header of an opened picture says.
 
     Raises:
@@ -263,7 +267,7 @@ def _header(path: str | Path, image: Image.Image) -> PictureHeader:
     return PictureHeader((image.height, image.width), orientation if known else 1, transparent)
 
 
-def _decode(path: str | Path, image: Image.Image) -> None:
+def _decode(path: str | Stored, image: Image.Image) -> None:
     """Decode all pixels.
 
     Raises:
@@ -275,7 +279,7 @@ def _decode(path: str | Path, image: Image.Image) -> None:
         raise InputError(path, "a complete picture", str(error)) from error
 
 
-def _channels(path: str | Path, image: Image.Image) -> np.ndarray:
+def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
     """The pixels of an 8-bit picture as [h w 3] or, with alpha, [h w 4].
 
     Raises:
