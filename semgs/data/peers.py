@@ -10,11 +10,13 @@ from semgs.files.errors import InputError
 ROWS_972 = "rows-972"
 GSNERF_LABELS = "gsnerf-labels"
 TOOLBOX_UNDISTORTION = "toolbox-undistortion"
+ROW_229 = "row-229.5"
 
 READINGS = {
     ROWS_972: "ScanNet's cameras scaled as S-Ray and GSNeRF do: as if its pictures of 968 rows had 972",
     GSNERF_LABELS: "ScanNet's labels as GSNeRF's released code has them: otherfurniture is table, no label is class 19",
     TOOLBOX_UNDISTORTION: "ScanNet++'s fisheye undone as its toolbox does: without the half pixel between COLMAP and OpenCV",
+    ROW_229: "Replica's principal point at row 229.5 of 480, as S-Ray and GSNeRF have it: 10 above where it was rendered",
 }
 """What may be asked for, and what it does."""
 

@@ -12,24 +12,21 @@ colour by some 6 px at 2 m. https://www.microsoft.com/en-us/research/project/rgb
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float32
-
 from semgs.data.asked import Asked
-from semgs.data.frames import Frame
 from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
 from semgs.data.layouts.numbers import matrix
 from semgs.data.layouts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
-from semgs.data.lens import Lens, carried_over
+from semgs.data.layouts.scannet import ScanNetFrame
+from semgs.data.lens import Lens
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
 LAYOUT = "frame files"
 LOOKED_FOR = "frame-000000.color.png with frame-000000.pose.txt (7-Scenes, 3DMatch, BundleFusion)"
+ASKS = ("intrinsics", "depth_unit")
 
 START = "frame-"
 COLOUR, DEPTH, POSE = tuple(f".color{ending}" for ending in PICTURES), (".depth.png",), (".pose.txt",)
@@ -59,7 +56,6 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
     Raises:
         InputError: a pose is damaged, the intrinsics are unknown, or fewer than two frames have a picture and a pose.
     """
-    asked.only(path, LAYOUT, "intrinsics", "depth_unit")
     colours, depths, poses = (numbered(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
     if not colours:
         raise InputError(path, f"pictures {START}000000{COLOUR[0]}", "none", "frame files")
@@ -90,30 +86,9 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
         (calibration or KINECT_COLOUR).lens,
         name=sequence_name(path),
         unit="metric",
-        frame=partial(KinectFrame, depth_unit=unit, depth_lens=depth_lens),
+        frame=partial(ScanNetFrame, depth_unit=unit, depth_lens=depth_lens),
         notes=notes,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class KinectFrame(Frame):
-    """A frame whose depth map is of another pinhole than its picture.
-
-    Attributes:
-        depth_lens: that pinhole, taken to be at the same place; None where it is the picture's.
-    """
-
-    depth_lens: Lens | None = None
-
-    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
-        """The z-depth that the picture's own rays meet [m], 0 where unknown; as `Frame.read_depths`.
-
-        Raises:
-            InputError: as `Frame.read_depths`.
-        """
-        if self.depth_path is None or self.depth_lens is None:
-            return super().read_depths()
-        return carried_over(self.depth_map(self.depth_path), self.depth_lens, self.lens)
 
 
 def _in(folder: Path, names: tuple[str, ...]) -> list[Path]:

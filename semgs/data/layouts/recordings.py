@@ -107,7 +107,9 @@ def recorded(
     ]
     told = [f"{len(names)} of {len(shots)} frames {what}, the first is {names[0]}." for names, what in counted if names]
     if len(frames) < 2:
-        raise InputError(path, "at least two usable frames", f"{len(frames)}", layout, advice=" ".join(told[:3]) or None)
+        raise InputError(
+            path, "at least two usable frames", f"{len(frames)}", layout, advice=" ".join(told[:3]) or None
+        )
     return Scene(
         path=path,
         name=name,

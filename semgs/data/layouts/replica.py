@@ -5,38 +5,40 @@ PNG in millimetres. A class map holds Replica's ids (0: none), which become Scan
 `info_semantic.json` lies near, its names count.
 
 The renderer had 90 degrees across the picture, so fx = fy = W / 2, and its principal point at ((W - 1) / 2, (H - 1) / 2) counts from the
-centre of the first pixel: (W / 2, H / 2) here, 320 and 240 for 640x480. S-Ray's and GSNeRF's code has 229.5 for cy, 10 rows above; to
-compare with what they print, ask for intrinsics 320 320 320 230. https://github.com/Harry-Zhi/semantic_nerf
+centre of the first pixel: (W / 2, H / 2) here, 320 and 240 for 640x480. S-Ray's and GSNeRF's code has 229.5 for cy, 10 rows above:
+the reading "row-229.5" of `semgs.data.peers`. https://github.com/Harry-Zhi/semantic_nerf
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import UInt8
-
 from semgs.data.asked import Asked
-from semgs.data.classes import IGNORE, SCANNET20, ClassTable
-from semgs.data.frames import Frame
-from semgs.data.layouts.calibrations import asked_calibration
+from semgs.data.classes import SCANNET20
+from semgs.data.layouts.calibrations import HALF, asked_calibration
 from semgs.data.layouts.fields import parsed
 from semgs.data.layouts.recordings import Shot, numbered, recorded, sequence_name
-from semgs.data.layouts.replica_classes import IDS, labels_by_id
+from semgs.data.layouts.replica_classes import IDS, NYU40
+from semgs.data.layouts.scannet import ScanNetFrame
+from semgs.data.layouts.scannet_labels import labels_of_ids
 from semgs.data.layouts.trajectories import read_trajectory
 from semgs.data.lens import Lens
+from semgs.data.peers import READINGS, ROW_229
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
-from semgs.files.pictures import decode_map
 
 LAYOUT = "Replica"
 LOOKED_FOR = "traj_w_c.txt with rgb/rgb_0.png (Replica, Semantic-NeRF's)"
+APPLICABLE = (ROW_229,)
+ASKS = ("intrinsics",)
 
 POSES, RGB, DEPTH, CLASSES = "traj_w_c.txt", "rgb", "depth", "semantic_class"
 INFO = "info_semantic.json"
 MILLIMETRE = 0.001
+PEERS_ROW = (229.5 + HALF) / 480
+"""Where the peers have the principal point, as a part of the height."""
 
 
 def recognises(path: Path) -> bool:
@@ -44,20 +46,18 @@ def recognises(path: Path) -> bool:
     return (path / POSES).is_file() and bool(numbered(path / RGB, "rgb_", (".png",)))
 
 
-def open_replica(path: Path, asked: Asked) -> Scene:
+def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
     """The scene of a sequence, frames in the order of their numbers.
 
     Args:
         path: its folder (`office_0/Sequence_1`).
+        as_peers: readings of `APPLICABLE`.
         asked: may give intrinsics.
 
     Raises:
         InputError: the poses are damaged, or fewer than two frames have a picture and a pose.
     """
-    asked.only(path, LAYOUT, "intrinsics")
-    colours, depths, labels = (
-        numbered(path / folder, f"{folder}_", (".png",)) for folder in (RGB, DEPTH, CLASSES)
-    )
+    colours, depths, labels = (numbered(path / folder, f"{folder}_", (".png",)) for folder in (RGB, DEPTH, CLASSES))
     trajectory = read_trajectory(path / POSES)
     if trajectory.times is not None:
         raise InputError(path / POSES, "a 4x4 matrix a line", "lines of 8 numbers", trajectory.places[0])
@@ -74,53 +74,32 @@ def open_replica(path: Path, asked: Asked) -> Scene:
         )
         for number in sorted({*colours, *range(len(trajectory))})
     ]
-    unknown = sorted(set(names.values()) - set(IDS.values()))
+    by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
+    unknown = sorted(set(names.values()) - NYU40.keys())
     return recorded(
         path,
         LAYOUT,
         shots,
-        given.lens if given else _lens,
+        given.lens if given else partial(_lens, row=PEERS_ROW if ROW_229 in as_peers else 0.5),
         name=sequence_name(path),
         unit="metric",
-        frame=partial(ClassIdFrame, depth_unit=MILLIMETRE, labels_by_id=labels_by_id(names)),
+        frame=partial(ScanNetFrame, depth_unit=MILLIMETRE, labels_of_ids=by_id),
         classes=SCANNET20,
-        notes=[f"{len(unknown)} classes of {told_by} are none of Replica's and ignored, the first is {unknown[0]}."]
-        if unknown
-        else [],
+        notes=[
+            *(
+                [f"{len(unknown)} classes of {told_by} are none of Replica's and ignored, the first is {unknown[0]}."]
+                if unknown
+                else []
+            ),
+            *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
+        ],
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ClassIdFrame(Frame):
-    """A frame whose class map holds ids of its data set.
-
-    Attributes:
-        labels_by_id: the label of each id; larger ids have none.
-    """
-
-    labels_by_id: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint8), repr=False)
-
-    def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
-        """The class of each pixel, 255 = none; as `Frame.read_labels`.
-
-        Raises:
-            InputError: the map is absent, damaged, or of another aspect than the picture.
-        """
-        if self.label_path is None:
-            return None
-        try:
-            data = self.label_path.read_bytes()
-        except OSError as error:
-            raise InputError(self.label_path, "a class map", error.strerror or str(error)) from error
-        lookup = np.full(1 << 16, IGNORE, np.uint8)
-        lookup[: len(self.labels_by_id)] = self.labels_by_id
-        return self.fitted(self.label_path, lookup[decode_map(data, self.label_path)])
-
-
-def _lens(picture: Path, size: tuple[int, int]) -> Lens:
-    """The renderer's camera for pictures of a size (height, width)."""
+def _lens(picture: Path, size: tuple[int, int], row: float) -> Lens:
+    """The renderer's camera for pictures of a size (height, width), the principal point at this part of the height."""
     height, width = size
-    return Lens(size, (width / 2, width / 2), (width / 2, height / 2))
+    return Lens(size, (width / 2, width / 2), (width / 2, row * height))
 
 
 def _names(path: Path) -> tuple[dict[int, str], Path | None]:

@@ -9,11 +9,6 @@ as it spells them: `base-cabinet` as kitchen cabinet, `wall-cabinet` as cabinet,
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import UInt8
-
-from semgs.data.classes import IGNORE, SCANNET20
-
 NYU40 = {
     "backpack": 40, "base-cabinet": 3, "basket": 40, "bathtub": 36, "beam": 38, "beanbag": 39, "bed": 4, "bench": 39,
     "bike": 40, "bin": 40, "blanket": 40, "blinds": 13, "book": 23, "bottle": 40, "box": 29, "bowl": 40, "camera": 40,
@@ -34,17 +29,3 @@ NYU40 = {
 
 IDS = {number: name for number, name in enumerate(NYU40, start=1)}
 """The name of each id."""
-
-
-def labels_by_id(names: dict[int, str]) -> UInt8[np.ndarray, " n"]:
-    """The label in `SCANNET20` of each id from 0 to the largest, 255 where it is ignored.
-
-    Args:
-        names: of the ids; a name that is none of Replica's is ignored.
-    """
-    labels = np.full(max(names, default=0) + 1, IGNORE, np.uint8)
-    for number, name in names.items():
-        nyu40 = NYU40.get(name, 0)
-        if number > 0 and nyu40 in SCANNET20.raw_ids:
-            labels[number] = SCANNET20.raw_ids.index(nyu40)
-    return labels

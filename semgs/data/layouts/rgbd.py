@@ -35,11 +35,20 @@ from semgs.files.pictures import read_uint16
 
 LAYOUT = "RGB-D folders"
 LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"
+ASKS = ("intrinsics", "depth_unit")
 
 COLOURS = ("color", "colour", "rgb", "image", "images")
 DEPTHS = ("depth", "depths")
 POSES = ("pose", "poses", "extrinsics")
-TRAJECTORIES = ("traj.txt", "traj_w_c.txt", "trajectory.txt", "trajectory.log", "poses.txt", "pose.txt", "groundtruth.txt")
+TRAJECTORIES = (
+    "traj.txt",
+    "traj_w_c.txt",
+    "trajectory.txt",
+    "trajectory.log",
+    "poses.txt",
+    "pose.txt",
+    "groundtruth.txt",
+)
 RESULTS = "results"
 MAPS = (".png", ".npy")
 
@@ -89,7 +98,6 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
     Raises:
         InputError: the intrinsics are not known, the files of frames cannot be paired, or fewer than two frames have a picture and a pose.
     """
-    asked.only(path, LAYOUT, "intrinsics", "depth_unit")
     files = _files(path)
     if files is None:
         raise InputError(path, LOOKED_FOR, "none of it")
@@ -110,7 +118,9 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
         LAYOUT,
         [
             replace(shot, depth=depths.get(shot.picture))
-            for shot in (_shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses))
+            for shot in (
+                _shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses)
+            )
         ],
         calibration.lens,
         name=sequence_name(path),

@@ -1,9 +1,9 @@
 """Trajectories: the poses of many frames in one text file, in the forms that recordings come with. All are camera to world.
 
-    8 numbers a line      time, tx ty tz, qx qy qz qw: TUM RGB-D's, and what most SLAM systems write
-    16 or 12 a line       a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
-    3, then 4 lines of 4  Redwood's .log: three integers and a 4x4 matrix
-    lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
+8 numbers a line      time, tx ty tz, qx qy qz qw: TUM RGB-D's, and what most SLAM systems write
+16 or 12 a line       a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
+3, then 4 lines of 4  Redwood's .log: three integers and a 4x4 matrix
+lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
 """
 
 from __future__ import annotations
@@ -62,9 +62,7 @@ def read_trajectory(path: Path) -> Trajectory:
         parts = [
             [value for _, values in held[start + (step == 5) : start + step] for value in values] for start in starts
         ]
-        return Trajectory(
-            path, np.stack([as_motion(part) for part in parts]), tuple(places[start] for start in starts)
-        )
+        return Trajectory(path, np.stack([as_motion(part) for part in parts]), tuple(places[start] for start in starts))
     odd = next((index for index, length in enumerate(lengths) if length != lengths[0]), 0)
     raise InputError(path, FORMS, f"{lengths[odd]} numbers", places[odd])
 

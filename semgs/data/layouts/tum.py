@@ -29,6 +29,7 @@ from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"
 LOOKED_FOR = "rgb.txt with groundtruth.txt (TUM RGB-D)"
+ASKS = ("intrinsics", "depth_unit")
 
 RGB, DEPTH, POSES, CALIBRATION = "rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"
 COUNTS_PER_METRE = 5000
@@ -51,7 +52,6 @@ def open_tum(path: Path, asked: Asked) -> Scene:
     Raises:
         InputError: a list is damaged, there are no poses, nothing is at the same time, or the pictures have another size than the camera.
     """
-    asked.only(path, LAYOUT, "intrinsics", "depth_unit")
     if not (path / POSES).is_file():
         raise InputError(path / POSES, "the poses of the camera", "no such file", advice="some are kept back by TUM")
     times, names = _listed(path / RGB)
@@ -61,7 +61,8 @@ def open_tum(path: Path, asked: Asked) -> Scene:
     posed = associated(times, trajectory.times)
     if not posed:
         raise InputError(path, "pictures and poses at the same times", _spans(times, trajectory.times), "times")
-    mapped, depths = {}, []
+    mapped: dict[int, int] = {}
+    depths: list[str] = []
     if (path / DEPTH).is_file():
         depth_times, depths = _listed(path / DEPTH)
         mapped = associated(times, depth_times)
@@ -127,6 +128,4 @@ def _pose(trajectory: Trajectory, index: int | None) -> np.ndarray | None:
 
 def _spans(first: np.ndarray, second: np.ndarray) -> str:
     """From when to when two streams are."""
-    return (
-        f"pictures from {first.min():.3f} to {first.max():.3f} s and poses from {np.nanmin(second):.3f} to {np.nanmax(second):.3f} s"
-    )
+    return f"pictures from {first.min():.3f} to {first.max():.3f} s and poses from {np.nanmin(second):.3f} to {np.nanmax(second):.3f} s"

@@ -44,7 +44,9 @@ def test_a_point_is_where_3dmatchs_formula_puts_it(tmp_path: Path):
     room = miniature()
     scene = open_scene(with_intrinsics(tmp_path, room))
     depth = room.depths[3, 40, 12] / 1000
-    check_projection(scene, 3, back_projected(room.poses[3], (57.5, 56.25), (31.5, 24.5), (40, 12), depth), (40, 12), depth)
+    check_projection(
+        scene, 3, back_projected(room.poses[3], (57.5, 56.25), (31.5, 24.5), (40, 12), depth), (40, 12), depth
+    )
 
 
 def test_7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle(tmp_path: Path):
@@ -79,7 +81,9 @@ def test_pictures_of_no_known_camera_need_intrinsics(tmp_path: Path):
 def test_intrinsics_for_other_pictures_are_refused(tmp_path: Path):
     folder = write_frames(tmp_path / "seq-01", miniature(frames=2))
     (tmp_path / "camera-intrinsics.txt").write_text(K)
-    with pytest.raises(InputError, match=r"camera-intrinsics\.txt: expected a principal point inside pictures of 64x48"):
+    with pytest.raises(
+        InputError, match=r"camera-intrinsics\.txt: expected a principal point inside pictures of 64x48"
+    ):
         open_scene(folder)
 
 
@@ -125,5 +129,5 @@ def test_all_sequences_of_all_scenes_are_found_two_levels_below(tmp_path: Path):
     for name in ("chess/seq-01", "chess/seq-02", "fire/seq-01"):
         with_intrinsics(tmp_path / name, miniature(frames=2))
     assert [scene.name for scene in open_scenes(tmp_path)] == ["chess_seq-01", "chess_seq-02", "fire_seq-01"]
-    with pytest.raises(InputError, match="there is one in .*seq-01"):
+    with pytest.raises(InputError, match=r"there is one in .*seq-01"):
         open_scene(tmp_path / "chess")

@@ -120,7 +120,9 @@ def test_what_is_read_equals_what_was_written(tmp_path: Path, manner: str):
     assert scene.name == "my room"
     assert not scene.notes
     depth = room.depths[5, 33, 20] / 1000
-    check_projection(scene, 5, back_projected(room.poses[5], (57.5, 56.25), (31.5, 24.5), (33, 20), depth), (33, 20), depth)
+    check_projection(
+        scene, 5, back_projected(room.poses[5], (57.5, 56.25), (31.5, 24.5), (33, 20), depth), (33, 20), depth
+    )
 
 
 @pytest.mark.parametrize("manner", STATES_NO_UNIT)
@@ -128,7 +130,9 @@ def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: st
     scene = open_scene(MANNERS[manner](tmp_path, miniature(frames=3)))
     assert scene.unit == "unknown"
     assert all(frame.depth_path is None for frame in scene.frames)
-    assert scene.notes[0].startswith("3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001")
+    assert scene.notes[0].startswith(
+        "3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001"
+    )
 
 
 def test_numbers_count_as_people_count(tmp_path: Path):
@@ -167,7 +171,9 @@ def test_as_many_poses_as_pictures_or_none(tmp_path: Path):
     folder = nice_slam(tmp_path / "office0", miniature(frames=4))
     lines = (folder / "traj.txt").read_text().splitlines()
     (folder / "traj.txt").write_text("\n".join(lines[:3]))
-    with pytest.raises(InputError, match=r"traj\.txt: expected as many poses as pictures: 4 in .*results, found 3 poses"):
+    with pytest.raises(
+        InputError, match=r"traj\.txt: expected as many poses as pictures: 4 in .*results, found 3 poses"
+    ):
         open_scene(folder)
     (folder / "traj.txt").write_text("\n".join([*lines[:3], "1 2 3"]))
     with pytest.raises(InputError, match=r"traj\.txt: line 4: expected poses as 8 numbers .* found 3 numbers"):
@@ -195,11 +201,19 @@ def test_redwood_without_a_file_has_the_primesense(tmp_path: Path):
     [
         ("intrinsics.txt", "57 0 31\n0 57 24\n", "6 numbers"),
         ("intrinsics.txt", "57 0 31\n0 -57 24\n0 0 1", "positive focal lengths"),
-        ("intrinsics.txt", "57 0 310\n0 57 24\n0 0 1", r"principal point inside pictures of 64x48 .* \(310\.5, 24\.5\)"),
+        (
+            "intrinsics.txt",
+            "57 0 310\n0 57 24\n0 0 1",
+            r"principal point inside pictures of 64x48 .* \(310\.5, 24\.5\)",
+        ),
         ("intrinsics.txt", "1 2 3 4 5 6 7 8 9", "a camera matrix"),
         ("intrinsics.txt", "fx = 57", "line 1: expected numbers"),
         ("intrinsics.json", '{"fx": 57}', "intrinsics as fx, fy, cx, cy or as a matrix, found keys fx"),
-        ("intrinsics.json", '{"fx": 57, "fy": 57, "cx": 300, "cy": 200, "width": 640, "height": 480}', "some for 640x480"),
+        (
+            "intrinsics.json",
+            '{"fx": 57, "fy": 57, "cx": 300, "cy": 200, "width": 640, "height": 480}',
+            "some for 640x480",
+        ),
     ],
 )
 def test_intrinsics_that_cannot_be_are_refused_with_their_file(tmp_path: Path, name: str, content: str, message: str):
@@ -212,7 +226,9 @@ def test_intrinsics_that_cannot_be_are_refused_with_their_file(tmp_path: Path, n
 
 def test_what_a_layout_does_not_leave_open_cannot_be_asked(tmp_path: Path):
     folder = pose_files(tmp_path, miniature(frames=2))
-    with pytest.raises(InputError, match=r"camera: expected a layout that leaves camera open, found layout RGB-D folders"):
+    with pytest.raises(
+        InputError, match=r"camera: expected a layout that leaves camera open, found layout RGB-D folders"
+    ):
         open_scene(folder, camera="/camera/color")
     with pytest.raises(ValueError, match=r"depth_unit is -1"):
         open_scene(folder, depth_unit=-1.0)

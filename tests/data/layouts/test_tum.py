@@ -15,12 +15,17 @@ from semgs.files.errors import InputError
 START = 1311868164.363181
 
 
-def write_tum(folder: Path, room: Miniature, *, end: str = "\n", calibration: str | None = "32.5 31.0 30.5 24.5") -> Path:
+def write_tum(
+    folder: Path, room: Miniature, *, end: str = "\n", calibration: str | None = "32.5 31.0 30.5 24.5"
+) -> Path:
     """A recording whose depth is 4 ms late and whose poses come at three times the rate of its pictures, 1 ms early."""
     times = START + np.arange(len(room)) / 30
     for index, time in enumerate(times):
         write_picture(folder / f"rgb/{time:.6f}.png", room.images[index])
-        write_picture(folder / f"depth/{time + 0.004:.6f}.png", (5 * room.depths[index].astype(int)).clip(0, 65534).astype(np.uint16))
+        write_picture(
+            folder / f"depth/{time + 0.004:.6f}.png",
+            (5 * room.depths[index].astype(int)).clip(0, 65534).astype(np.uint16),
+        )
     lists = {
         "rgb": [f"{time:.6f} rgb/{time:.6f}.png" for time in times],
         "depth": [f"{time + 0.004:.6f} depth/{time + 0.004:.6f}.png" for time in times],
@@ -49,7 +54,9 @@ def test_a_point_is_where_the_benchmarks_formula_puts_it(tmp_path: Path):
     room = miniature()
     scene = open_scene(write_tum(tmp_path, room))
     depth = room.depths[2, 30, 50] / 1000
-    check_projection(scene, 2, back_projected(room.poses[2], (32.5, 31.0), (30.5, 24.5), (30, 50), depth), (30, 50), depth)
+    check_projection(
+        scene, 2, back_projected(room.poses[2], (32.5, 31.0), (30.5, 24.5), (30, 50), depth), (30, 50), depth
+    )
 
 
 def test_without_a_calibration_the_drivers_defaults_are_taken_and_told(tmp_path: Path):
@@ -105,7 +112,9 @@ def test_what_cannot_be_read_is_refused_with_file_and_line(tmp_path: Path):
     with pytest.raises(InputError, match=r"groundtruth\.txt: expected poses .* found no line with numbers"):
         open_scene(folder)
     (folder / "groundtruth.txt").write_text("12.5 0 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match=r"times: expected pictures and poses at the same times, found pictures from 13118"):
+    with pytest.raises(
+        InputError, match=r"times: expected pictures and poses at the same times, found pictures from 13118"
+    ):
         open_scene(folder)
     (folder / "groundtruth.txt").unlink()
     with pytest.raises(InputError, match=r"groundtruth\.txt: expected the poses of the camera"):
