@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,11 +12,13 @@ from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
+    from semgs.data.asked import Asked
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
     from semgs.evaluation.plan import Plan
@@ -82,6 +84,7 @@ class Evaluate:
     """Where the network computes; auto takes a CUDA GPU where there is one."""
     overwrite: bool = False
     """Replace the output folder if an earlier run wrote it, once the new one is complete."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Evaluate, write the folder, and print the table.
@@ -98,7 +101,7 @@ class Evaluate:
             from semgs.evaluation.notes import notes
             from semgs.evaluation.report import Evaluation
 
-            scenes, classes = _scenes(self.data)
+            scenes, classes = _scenes(self.data, self.reading.asked())
         plan = self._plan(scenes)
         device = chosen_device(self.device)
         with show_stage("Loading"):
@@ -194,7 +197,7 @@ class Evaluate:
         return NetworkMethod(model.eval(), device, subject.name), subject
 
 
-def _scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
+def _scenes(data: Path, asked: Asked) -> tuple[tuple[Scene, ...], ClassTable | None]:
     """The scenes, and the table of their labels.
 
     Raises:
@@ -202,7 +205,7 @@ def _scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
     """
     from semgs.data.scenes import open_scenes
 
-    scenes = open_scenes(data)
+    scenes = open_scenes(data, asked=asked)
     labelled = [scene for scene in scenes if scene.classes is not None]
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:

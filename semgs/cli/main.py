@@ -43,6 +43,9 @@ COMMANDS = {
     "reconstruct": Command(
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
+    "prepare": Command(
+        "semgs.cli.prepare", "Prepare", "Turn scenes of any known layout into small ones, one file each."
+    ),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
     "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),

@@ -56,6 +56,9 @@ LAYOUTS = (
 )
 """The known layouts; of a folder that has several, the first counts."""
 
+SINGLE_FILES = (".zip",)
+"""Endings of files that may be a scene each, where a folder is looked through."""
+
 LOOKED_FOR = ", or ".join(layout.looked_for for layout in LAYOUTS)
 
 
@@ -105,18 +108,8 @@ def open_scenes(path: str | Path, as_peers: Collection[str] = (), asked: Asked |
         ValueError: as `open_scene`.
     """
     check_readings(as_peers)
-    path, asked = Path(path).expanduser(), asked or Asked()
-    existing_folder(path)
-    whole = _opened(path, as_peers, asked)
-    if whole is not None:
-        return (whole,)
-    if path.is_file():
-        raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
-    scenes = _inside(path, as_peers, asked)
-    if not scenes:
-        scenes = tuple(scene for child in _children(path) for scene in _inside(child, as_peers, asked))
-    if not scenes:
-        raise InputError(path, f"a scene or a folder of scenes: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    told = asked or Asked()
+    scenes = tuple(scene for one in scene_paths(path) if (scene := _opened(one, as_peers, told)) is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -125,20 +118,37 @@ def open_scenes(path: str | Path, as_peers: Collection[str] = (), asked: Asked |
     return scenes
 
 
+def scene_paths(path: str | Path) -> tuple[Path, ...]:
+    """Where the scenes of `open_scenes` are: the path itself, or else what is right inside it, or else one level below.
+
+    Raises:
+        InputError: nothing is there, or no scene.
+    """
+    path = Path(path).expanduser()
+    existing_folder(path)
+    if _recognised(path):
+        return (path,)
+    if path.is_file():
+        raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    children = _children(path)
+    found = [child for child in children if _recognised(child)]
+    if not found:
+        found = [below for child in children if child.is_dir() for below in _children(child) if _recognised(below)]
+    if not found:
+        raise InputError(path, f"a scene or a folder of scenes: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    return tuple(found)
+
+
 def _opened(path: Path, as_peers: Collection[str], asked: Asked) -> Scene | None:
     """The scene at a path, None where it has no known layout."""
     layout = next((one for one in LAYOUTS if one.recognises(path)), None)
     return layout.scene(path, as_peers, asked) if layout is not None else None
 
 
-def _inside(path: Path, as_peers: Collection[str], asked: Asked) -> tuple[Scene, ...]:
-    """The scenes right inside a folder."""
-    return tuple(scene for child in _children(path) if (scene := _opened(child, as_peers, asked)) is not None)
-
-
 def _children(path: Path) -> list[Path]:
     """What may be a scene, or hold some, in a folder, by name."""
-    return sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
+    inside = sorted(child for child in path.iterdir() if not child.name.startswith("."))
+    return [child for child in inside if child.is_dir() or child.suffix.lower() in SINGLE_FILES]
 
 
 def _recognised(path: Path) -> bool:

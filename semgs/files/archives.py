@@ -7,6 +7,7 @@ uncompressed is read at the speed of a file; deflated members are inflated.
 from __future__ import annotations
 
 import errno
+import posixpath
 import struct
 import zipfile
 import zlib
@@ -80,6 +81,23 @@ class Member:
 
     def __str__(self) -> str:
         return f"{self.archive}/{self.inside}"
+
+
+@dataclass(frozen=True)
+class Archive:
+    """The members of a zip archive by their names in it.
+
+    Attributes:
+        path: the zip file.
+        members: its files.
+    """
+
+    path: Path
+    members: dict[str, Member]
+
+    def beside(self, member: Member, name: str) -> Member | None:
+        """The file of that name relative to the folder of a member, as a path beside a file is meant; None if there is none."""
+        return self.members.get(posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name)))
 
 
 def members(archive: Path) -> dict[str, Member]:

@@ -211,6 +211,15 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     Raises:
         ValueError: another type or shape.
     """
+    write_bytes(Path(path), png_bytes(array))
+
+
+def png_bytes(array: np.ndarray) -> bytes:
+    """A PNG of uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w].
+
+    Raises:
+        ValueError: another type or shape.
+    """
     rgb = array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
     if not (rgb or (array.dtype in (np.uint8, np.uint16) and array.ndim == 2)) or not array.size:
         raise ValueError(
@@ -218,7 +227,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
         )
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=4)
-    write_bytes(Path(path), buffer.getvalue())
+    return buffer.getvalue()
 
 
 def _bytes(path: str | Stored) -> bytes:
