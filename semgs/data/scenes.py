@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts import colmap, frame_files, replica, rgbd, scannet, transforms_json, tum
+from semgs.data.layouts import colmap, frame_files, replica, rgbd, scannet, scannetpp, transforms_json, tum
 from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
@@ -51,6 +51,7 @@ LAYOUTS = (
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, asks=tum.ASKS),
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
     Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
+    Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
     Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
 )

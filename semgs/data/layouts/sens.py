@@ -33,6 +33,9 @@ MOST_PIXELS = 1 << 28
 """Nor a picture more pixels."""
 EXTRINSIC_TOLERANCE = 1e-3
 
+_UNWRITTEN = bytes(4)
+"""How depth ends that was never written: its checksum would be there, which is as good as never 0."""
+
 _BEGINNING = struct.Struct("<IQ")
 _HEADER = struct.Struct("<64f2i4IfQ")
 _FRAME = struct.Struct("<16f4Q")
@@ -186,7 +189,7 @@ class Recording:
 def read_recording(path: Path) -> Recording:
     """Walk a `.sens` file from frame to frame, without reading the pictures.
 
-    It ends at the first frame that is not whole: what a download left off (also where the rest is zeros). Nothing is set aside
+    It ends at the first frame that is not whole: what a download left off (also where zeros stand in its place). Nothing is set aside
     for frames that the header speaks of.
 
     Raises:
@@ -264,6 +267,9 @@ def _frames(
         colour, depth = _FRAME.unpack(header)[-2:]
         start = position + _FRAME.size
         if not colour or start + colour + depth > length:
+            break
+        file.seek(start + colour + depth - len(_UNWRITTEN))
+        if depth and file.read(len(_UNWRITTEN)) == _UNWRITTEN:
             break
         poses += header[:64]
         places.append((start, colour, depth))
