@@ -22,7 +22,7 @@ import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -131,7 +131,7 @@ def _kept(scene: Scene, settings: Preparation) -> tuple[Frame, ...]:
 
 
 def _fill(
-    file: IO[bytes], scene: Scene, frames: Sequence[Frame], settings: Preparation, done: Callable[[int], None]
+    file: io.BufferedIOBase, scene: Scene, frames: Sequence[Frame], settings: Preparation, done: Callable[[int], None]
 ) -> dict[str, Any]:
     """Write the archive of some frames; what its record holds."""
     pixels = np.zeros(IGNORE + 1, np.int64)

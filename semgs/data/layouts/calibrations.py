@@ -21,11 +21,8 @@ import numpy as np
 from semgs.data.asked import Asked
 from semgs.data.layouts.fields import Fields, parsed
 from semgs.data.layouts.numbers import lines, rows
-from semgs.data.lens import Lens
+from semgs.data.lens import HALF, Lens
 from semgs.files.errors import InputError
-
-HALF = 0.5
-"""From the centre of the first pixel at 0 to that at 0.5 [px]."""
 
 MATRICES = ("intrinsic_matrix", "camera_matrix", "K", "cam_K", "intrinsic", "intrinsics", "matrix")
 INSIDE = ("camera", "color", "colour", "rgb", "intrinsics", "intrinsic")

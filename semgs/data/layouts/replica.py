@@ -17,14 +17,14 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
-from semgs.data.layouts.calibrations import HALF, asked_calibration
+from semgs.data.layouts.calibrations import asked_calibration
 from semgs.data.layouts.fields import parsed
 from semgs.data.layouts.recordings import Shot, numbered, recorded, sequence_name
 from semgs.data.layouts.replica_classes import IDS, NYU40
 from semgs.data.layouts.scannet import ScanNetFrame
 from semgs.data.layouts.scannet_labels import labels_of_ids
 from semgs.data.layouts.trajectories import read_trajectory
-from semgs.data.lens import Lens
+from semgs.data.lens import HALF, Lens
 from semgs.data.peers import READINGS, ROW_229
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError

@@ -383,7 +383,9 @@ def _shared_lens(fields: Fields, as_toolbox: bool) -> Lens:
     if width is None or height is None:
         raise fields.refused("w" if width is None else "h", "a number of pixels", "nothing")
     values.update({name: fields.number(name) or 0.0 for name in names})
-    return _lens(fields.path, fields.place + "camera_model", TextCamera(model, (height, width), values), as_toolbox)
+    return _lens(
+        Path(str(fields.path)), fields.place + "camera_model", TextCamera(model, (height, width), values), as_toolbox
+    )
 
 
 def _lens(path: Path, key: str, camera: TextCamera, as_toolbox: bool) -> Lens:

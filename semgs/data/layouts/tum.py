@@ -20,10 +20,11 @@ import numpy as np
 from semgs.data.asked import Asked
 from semgs.data.frames import Frame
 from semgs.data.layouts.association import associated
-from semgs.data.layouts.calibrations import HALF, Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
 from semgs.data.layouts.numbers import lines
 from semgs.data.layouts.recordings import Shot, recorded, sequence_name
 from semgs.data.layouts.trajectories import Trajectory, read_trajectory
+from semgs.data.lens import HALF
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
