@@ -97,9 +97,9 @@ class Prepare:
         print(f"{self.out / INDEX} tells of each. Look at one: semgs reconstruct {first} --out DIR")
 
 
-def _size(count: float) -> str:
+def _size(count: int) -> str:
     """A number of bytes as people say it."""
-    power = max(0, min(4, (len(str(int(count))) - 1) // 3))
+    power = max(0, min(4, (len(str(count)) - 1) // 3))
     return f"{count / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB')[power]}"
 
 

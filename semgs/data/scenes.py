@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts import colmap, frame_files, replica, rgbd, scannet, scannetpp, transforms_json, tum
+from semgs.data.layouts import colmap, frame_files, replica, rgbd, ros_bag, scannet, scannetpp, transforms_json, tum
 from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
@@ -53,11 +53,12 @@ LAYOUTS = (
     Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
     Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
     Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
+    Layout(ros_bag.recognises, ros_bag.open_bag, ros_bag.LOOKED_FOR, asks=ros_bag.ASKS),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
 )
 """The known layouts; of a folder that has several, the first counts."""
 
-SINGLE_FILES = (".zip",)
+SINGLE_FILES = (".zip", *ros_bag.ENDINGS)
 """Endings of files that may be a scene each, where a folder is looked through."""
 
 LOOKED_FOR = ", or ".join(layout.looked_for for layout in LAYOUTS)
