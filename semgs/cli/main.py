@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process.
 
     Returns:
-        0; 2 after input that cannot be used or a full disk; 130 and 143 after an interrupt and a request to end.
+        0; 2 after input that cannot be used, an extra that is not installed or a full disk; 130 and 143 after an interrupt and a request to end.
         Faults of ours raise.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -69,6 +69,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _run(given)
     except (InputError, UsageError) as error:
         return _refuse(str(error))
+    except ImportError as error:
+        if "pip install" not in str(error):
+            raise
+        return _refuse(str(error))  # of an extra that the input needs
     except OSError as error:
         if error.errno not in _DISK_FULL:
             raise
