@@ -112,6 +112,9 @@ def sens(
     declared: int | None = None,
     depth_extrinsic: np.ndarray | None = None,
     shift: float = 1000.0,
+    colour_k: np.ndarray = COLOUR_K,
+    depth_k: np.ndarray = DEPTH_K,
+    depth_size: tuple[int, int] | None = None,
 ) -> bytes:
     """The bytes of a `.sens` file."""
 
@@ -128,10 +131,10 @@ def sens(
 
     name = b"StructureSensor"
     parts = [whole(version, 4), whole(len(name), 8), name]
-    parts += [floats(square(COLOUR_K)), floats(np.eye(4)), floats(square(DEPTH_K))]
+    parts += [floats(square(colour_k)), floats(np.eye(4)), floats(square(depth_k))]
     parts += [floats(np.eye(4) if depth_extrinsic is None else depth_extrinsic)]
     parts += [whole(colour_codec, 4), whole(depth_codec, 4)]
-    parts += [whole(side, 4) for side in (*colour_size[::-1], *DEPTH_SIZE[::-1])]
+    parts += [whole(side, 4) for side in (*colour_size[::-1], *(depth_size or written.depths.shape[1:])[::-1])]
     parts += [np.float32(shift).tobytes(), whole(len(written.jpegs) if declared is None else declared, 8)]
     for number, (pose, colour, depth) in enumerate(zip(written.poses, written.jpegs, written.depths, strict=True)):
         packed = zlib.compress(depth.astype("<u2").tobytes())
@@ -180,6 +183,8 @@ def write_extracted(
     digits: int = 0,
     end: str = "\n",
     labels: str | None = "label-filt",
+    colour_k: np.ndarray = COLOUR_K,
+    depth_k: np.ndarray = DEPTH_K,
 ) -> Path:
     """What ScanNet's exporter in Python leaves, with the labels unzipped; returns the scan's folder."""
     folder = root / name
@@ -193,7 +198,7 @@ def write_extracted(
         (folder / "pose" / f"{stem}.txt").write_bytes(matrix_text(written.poses[number], end))
         if labels:
             (folder / labels / f"{stem}.png").write_bytes(png(written.ids[number]))
-    for camera, k in (("color", COLOUR_K), ("depth", DEPTH_K)):
+    for camera, k in (("color", colour_k), ("depth", depth_k)):
         full = np.eye(4)
         full[:3, :3] = k
         (folder / "intrinsic" / f"intrinsic_{camera}.txt").write_bytes(matrix_text(full, end))

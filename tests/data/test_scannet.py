@@ -378,7 +378,7 @@ def test_depth_of_another_size_than_its_header_says_is_refused(tmp_path, written
         other = Scan(
             written.poses, written.jpegs, np.resize(written.depths, (6, height, 80)), written.ids, written.labels
         )
-        (tmp_path / "scene.sens").write_bytes(sens(other))
+        (tmp_path / "scene.sens").write_bytes(sens(other, depth_size=DEPTH_SIZE))
         with pytest.raises(InputError, match=r"depth of frame 0: .* bytes of depth, not the 9600 of 80x60"):
             open_scene(tmp_path / "scene.sens").read([0])
 
