@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 import tracemalloc
+import zlib
 from functools import cache
 from pathlib import Path
 
@@ -474,3 +477,48 @@ def test_the_command_line_ends_with_2_and_one_line(copied, capsys, tmp_path):
     assert len(told) == 1
     assert "scene0000_00.sens" in told[0]
     assert not (tmp_path / "out").exists()
+
+
+def long_recording(path: Path, written: Scan, frames: int, bytes_each: int) -> None:
+    """A recording of many frames, each padded with a hole to so many bytes: no disk is filled."""
+    head = sens(written, declared=frames)
+    start = head.index(written.jpegs[0]) - 96
+    packed = zlib.compress(written.depths[0].astype("<u2").tobytes())
+    colour = bytes_each - 96 - len(packed)
+    with path.open("wb") as file:
+        file.write(head[:start])
+        for number in range(frames):
+            file.write(
+                head[start : start + 64] + bytes(16) + colour.to_bytes(8, "little") + len(packed).to_bytes(8, "little")
+            )
+            file.write(written.jpegs[number % 2])
+            file.seek(colour - len(written.jpegs[number % 2]), 1)
+            file.write(packed)
+
+
+READING = """
+import resource, sys, tracemalloc
+from semgs.data.scenes import open_scene
+
+open_scene(sys.argv[1]).read([0, 1])  # what is loaded and set up once
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+tracemalloc.start()
+scene = open_scene(sys.argv[2])
+for start in range(0, len(scene), 64):
+    scene.read([start, start + 1])
+grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+print(len(scene), grown / 1024, tracemalloc.get_traced_memory()[1] / 2**20)
+"""
+
+
+@pytest.mark.long
+def test_a_recording_of_2_gigabytes_is_read_in_less_than_200_megabytes(tmp_path, written):
+    frames = 2048
+    long_recording(tmp_path / "small.sens", written, 4, 20_000)
+    long_recording(tmp_path / "large.sens", written, frames, 1 << 20)
+    assert (tmp_path / "large.sens").stat().st_size > 2_000_000_000
+    command = [sys.executable, "-c", READING, str(tmp_path / "small.sens"), str(tmp_path / "large.sens")]
+    told = subprocess.run(command, capture_output=True, text=True, check=True)
+    count, resident, allocated = told.stdout.split()
+    assert int(count) == frames
+    assert max(float(resident), float(allocated)) < 200
