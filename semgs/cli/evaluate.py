@@ -18,7 +18,6 @@ from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
-    from semgs.data.asked import Asked
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
     from semgs.evaluation.plan import Plan
@@ -101,7 +100,7 @@ class Evaluate:
             from semgs.evaluation.notes import notes
             from semgs.evaluation.report import Evaluation
 
-            scenes, classes = _scenes(self.data, self.reading.asked())
+            scenes, classes = _scenes(self.data, self.reading)
         plan = self._plan(scenes)
         device = chosen_device(self.device)
         with show_stage("Loading"):
@@ -150,6 +149,7 @@ class Evaluate:
             raise InputError(file[0], "a frames.json or report.json", "no such file")
         if self.gsnerf_distance and name != "peers":
             raise UsageError("--gsnerf-distance is for --protocol peers alone")
+        self.reading.check()
         if any(views < 2 for views in self.views):
             raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
         if self.workers < 0:
@@ -197,7 +197,7 @@ class Evaluate:
         return NetworkMethod(model.eval(), device, subject.name), subject
 
 
-def _scenes(data: Path, asked: Asked) -> tuple[tuple[Scene, ...], ClassTable | None]:
+def _scenes(data: Path, reading: SceneOptions) -> tuple[tuple[Scene, ...], ClassTable | None]:
     """The scenes, and the table of their labels.
 
     Raises:
@@ -205,7 +205,7 @@ def _scenes(data: Path, asked: Asked) -> tuple[tuple[Scene, ...], ClassTable | N
     """
     from semgs.data.scenes import open_scenes
 
-    scenes = open_scenes(data, asked=asked)
+    scenes = open_scenes(data, reading.as_peers, reading.asked())
     labelled = [scene for scene in scenes if scene.classes is not None]
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:

@@ -64,13 +64,14 @@ class Prepare:
             raise UsageError(f"--every is {self.every}; expected 1 or more")
         if self.workers is not None and self.workers < 0:
             raise UsageError(f"--workers is {self.workers}; expected 0 or more")
+        self.reading.check()
         existing_folder(self.src)
         with show_stage("Looking for scenes"):
             from semgs.data.preparation import Preparation
             from semgs.data.prepared_set import INDEX, Reading, check, free_space, needed_space, prepare_set, sources
 
             found = sources(self.src, self.list)
-        settings, reading = Preparation(size, self.every), Reading(asked=self.reading.asked())
+        settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked())
         with what_the_user_gave():
             check(self.out, settings, reading)
         with show_stage("Estimating the space"):

@@ -32,8 +32,9 @@ MOST_VIEWS = 4
 class Reconstruct:
     """Turn posed photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
 
-    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a ROS bag, a scan of ScanNet, ScanNet++,
-    Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or what semgs prepare wrote; which it is is found out. Frames are counted by their position among the usable ones in file order, from 0; names work too.
+    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a ROS bag, a scene of ScanNet, ScanNet++,
+    Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or what semgs prepare wrote; which it is is found out. Frames are
+    counted by their position among the usable ones in file order, from 0; names work too.
 
     The output folder holds
     - report.html: one page to look at: photos, renders, class maps, depth, scores, what was chosen and why
@@ -88,7 +89,7 @@ class Reconstruct:
             from semgs.data.scenes import open_scene
 
         device = chosen_device(self.device)
-        scene = open_scene(self.scene, **vars(self.reading.asked()))
+        scene = open_scene(self.scene, self.reading.as_peers, **vars(self.reading.asked()))
         stages = Stages(show_stage)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
@@ -109,6 +110,7 @@ class Reconstruct:
         check_folder(self.out, self.overwrite)
         parse_size(self.size)
         check_device(self.device)
+        self.reading.check()
         if self.views < 2:
             raise UsageError(f"--views is {self.views}; expected 2 or more frames that overlap")
         if len(self.context) == 1:

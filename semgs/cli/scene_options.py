@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
 from semgs.cli.errors import what_the_user_gave
-
-if TYPE_CHECKING:
-    from semgs.data.asked import Asked
+from semgs.data.asked import Asked
+from semgs.data.peers import check_readings
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,19 @@ class SceneOptions:
     where no file says them, or to take others."""
     depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
     """Metres of one count of the depth maps, such as 0.001, where no file says so."""
+    as_peers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    """Read files as peers do where ours differs: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
+    row-229.5 (Replica); docs/data.md tells what each does."""
+
+    def check(self) -> None:
+        """Refuse what can be refused before a scene is opened.
+
+        Raises:
+            UsageError: a number cannot be, or there is no reading of a name.
+        """
+        self.asked()
+        with what_the_user_gave():
+            check_readings(self.as_peers)
 
     def asked(self) -> Asked:
         """As readers take it.
@@ -37,7 +49,5 @@ class SceneOptions:
         Raises:
             UsageError: a number cannot be.
         """
-        from semgs.data.asked import Asked
-
         with what_the_user_gave():
             return Asked(self.camera, self.world, self.body, self.intrinsics, self.depth_unit)

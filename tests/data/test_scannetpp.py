@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import warnings
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -39,7 +40,7 @@ from scannetpp_writer import (
 
 from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
-from semgs.data.layouts import scannetpp_mesh
+from semgs.data.layouts import scannetpp, scannetpp_mesh
 from semgs.data.layouts.scannetpp import in_mesh_world
 from semgs.data.layouts.scannetpp_labels import BY_SCANNET, BY_US, NYU40_OF, TOP_100, labels_of
 from semgs.data.layouts.scannetpp_mesh import Cast, object_names, vertex_labels
@@ -261,6 +262,14 @@ def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(
     scene = open_scene(tmp_path / "other")
     assert scene.read([0]).depths is None
     assert scene.notes[-1] == "There is no depth."
+
+
+def test_without_embree_there_are_no_labels_and_the_extra_is_named(scan, monkeypatch):
+    monkeypatch.setattr(scannetpp, "find_spec", lambda name: None if name == "embreex" else find_spec(name))
+    scene = open_scene(scan / "iphone")
+    assert scene.classes is None
+    assert scene.read([0]).depths is not None
+    assert any("semgs[raycast]" in note for note in scene.notes)
 
 
 def test_masks_are_undistorted_with_their_pictures(scan):

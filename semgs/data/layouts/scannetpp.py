@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -482,6 +483,10 @@ def _mesh(scan: Path) -> tuple[LabelledMesh | None, list[str]]:
     folder = scan / "scans"
     if not (folder / MESH).is_file():
         return None, [f"There is no scans/{MESH}, so there are no labels."]
+    if not all(find_spec(library) for library in ("embreex", "trimesh")):
+        return None, [
+            'Labels and depth of the mesh need embreex and trimesh, which are not installed; pip install "semgs[raycast]"'
+        ]
     bare = LabelledMesh(folder, scan.absolute().name, ())
     if bare.annotations is None:
         return bare, [
