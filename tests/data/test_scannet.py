@@ -275,6 +275,10 @@ def test_the_peers_972_rows_are_a_named_choice(tmp_path, written):
     np.testing.assert_allclose(ours[1], [0, k[1, 1] * 240 / 968, (k[1, 2] + 0.5) * 240 / 968], rtol=1e-9)
     np.testing.assert_allclose(ours[0], theirs[0])
     assert "rows" in peers.notes[-1]
+    for path in (folder / "color").iterdir():
+        Image.new("RGB", (640, 480)).save(path)  # resized by the exporter
+    resized = open_scene(folder, as_peers=["rows-972"]).read([0], size=(240, 320)).cameras[0].intrinsics.numpy()
+    np.testing.assert_allclose(resized, theirs)
 
 
 def test_gsnerfs_labels_are_a_named_choice(raw, written):
@@ -460,6 +464,20 @@ def test_two_files_of_one_number_are_refused(written, tmp_path):
     folder = write_extracted(tmp_path, written)
     shutil.copy(folder / "color" / "1.jpg", folder / "color" / "01.jpg")
     with pytest.raises(InputError, match=r"one file of each number, found 01\.jpg and 1\.jpg"):
+        open_scene(folder)
+
+
+def test_a_scan_that_lost_track_is_refused_with_counts(tmp_path):
+    (tmp_path / "scene.sens").write_bytes(sens(scan(lost=(0, 1, 2, 3, 5))))
+    with pytest.raises(InputError, match=r"at least two frames with a picture and a finite pose, found 1 of 6"):
+        open_scene(tmp_path / "scene.sens")
+
+
+def test_filtered_labels_of_8_bits_are_refused_for_they_may_be_anything(written, tmp_path):
+    folder = write_extracted(tmp_path, written)
+    for path in (folder / "label-filt").iterdir():
+        path.write_bytes(png(np.asarray(Image.open(path)).astype(np.uint8)))
+    with pytest.raises(InputError, match=r"label-filt/0\.png: expected 16-bit ids, as ScanNet has them, found 8 bits"):
         open_scene(folder)
 
 

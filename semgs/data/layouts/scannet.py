@@ -176,7 +176,8 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
             f"{path.name} is cut short: {count} of the {recording.declared} frames that its header speaks of are complete."
         )
     labels = _labels(path.parent, as_peers)
-    colour = _lens(path, "intrinsic of colour", recording.colour_intrinsics, recording.colour_size)
+    matrix = _seen_by_peers(recording.colour_intrinsics, recording.colour_size, as_peers)
+    colour = _lens(path, "intrinsic of colour", matrix, recording.colour_size)
     depth = _lens(path, "intrinsic of depth", recording.depth_intrinsics, recording.depth_size)
     pictures = {number: recording.colour(number) for number in range(count)}
     return _scene(
@@ -211,7 +212,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         raise InputError(
             folder, "the intrinsics of the colour camera in " + ", ".join(COLOUR_INTRINSICS), "none of them"
         )
-    lens = _scaled(path, matrix, size, (size, told.size("color") or COLOUR_SIZE, COLOUR_SIZE))
+    lens = _scaled(path, matrix, size, (size, told.size("color") or COLOUR_SIZE, COLOUR_SIZE), as_peers)
     notes, depth_lens = [], None
     if depths:
         depth_size = _map_size(next(iter(depths.values())))
@@ -254,10 +255,10 @@ def _scene(
     """The scene of frames given by their numbers; those without a finite pose are left out."""
     posed = [number for number in pictures if number in poses and np.isfinite(poses[number]).all()]
     rigid = checked_poses(path, [poses[number] for number in posed], [f"pose of {names[number]}" for number in posed])
-    if ROWS_972 in as_peers:
-        stretch = lens.size[0] / (PEERS_ASPECT * lens.size[1])
-        focal, centre = (lens.focal[0], lens.focal[1] * stretch), (lens.centre[0], lens.centre[1] * stretch)
-        lens = Lens(lens.size, focal, centre)
+    if len(posed) < 2:
+        raise InputError(
+            path, "at least two frames with a picture and a finite pose", f"{len(posed)} of {len(pictures)}"
+        )
     frames = tuple(
         ScanNetFrame(
             name=names[number],
@@ -311,7 +312,16 @@ def _labels(folder: Path, as_peers: Collection[str]) -> _Labels:
     maps, where = _label_maps(folder)
     if not maps:
         return _Labels({}, None, (f"There are no labels ({FILTERED}/ or SCAN{ZIP}): colour and depth alone are read.",))
-    if where == UNFILTERED and _ids(maps[min(maps)]).dtype == np.uint8:  # scannet_frames_25k
+    first = maps[min(maps)]
+    if _ids(first).dtype == np.uint8:
+        if where == FILTERED:
+            raise InputError(
+                first,
+                "16-bit ids, as ScanNet has them",
+                "8 bits",
+                advice=f"where they are NYU40's, call the folder {UNFILTERED}",
+            )
+        # scannet_frames_25k
         labels = labels_of_ids({number: number for number in range(len(NAMES) + 1)}, as_gsnerf)
         return _Labels(maps, labels, ("The 8-bit labels are NYU40's, as in scannet_frames_25k.",))
     table = find_table(folder)
@@ -480,7 +490,13 @@ def _matrix(numbers: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(numbers.reshape(-1, columns)[:3, :3])
 
 
-def _scaled(path: Path, matrix: np.ndarray, size: tuple[int, int], candidates: Iterable[tuple[int, int]]) -> Lens:
+def _scaled(
+    path: Path,
+    matrix: np.ndarray,
+    size: tuple[int, int],
+    candidates: Iterable[tuple[int, int]],
+    as_peers: Collection[str] = (),
+) -> Lens:
     """The lens of pictures that may have been resized since their K was found.
 
     Args:
@@ -488,6 +504,7 @@ def _scaled(path: Path, matrix: np.ndarray, size: tuple[int, int], candidates: I
         matrix: K, pixel centres at whole numbers.
         size: (height, width) of the pictures [px].
         candidates: sizes that K may be for; the first in whose middle its principal point lies is taken.
+        as_peers: readings that are asked for.
 
     Raises:
         InputError: it lies in the middle of none of them, or K is of no camera.
@@ -495,7 +512,7 @@ def _scaled(path: Path, matrix: np.ndarray, size: tuple[int, int], candidates: I
     for height, width in candidates:
         off = abs((matrix[0, 2] + 0.5) / width - 0.5), abs((matrix[1, 2] + 0.5) / height - 0.5)
         if max(off) <= CENTRAL:
-            whole = _lens(path, None, matrix, (height, width))
+            whole = _lens(path, None, _seen_by_peers(matrix, (height, width), as_peers), (height, width))
             across, down = size[1] / width, size[0] / height
             focal, centre = (
                 (whole.focal[0] * across, whole.focal[1] * down),
@@ -507,6 +524,16 @@ def _scaled(path: Path, matrix: np.ndarray, size: tuple[int, int], candidates: I
         f"intrinsics for pictures of {size[1]}x{size[0]} (width x height) or of ScanNet's own size",
         f"a principal point at ({matrix[0, 2]:g}, {matrix[1, 2]:g})",
     )
+
+
+def _seen_by_peers(matrix: np.ndarray, size: tuple[int, int], as_peers: Collection[str]) -> np.ndarray:
+    """K for pictures of a size, its second row shrunk where the peers' 972 rows are asked for."""
+    if ROWS_972 not in as_peers:
+        return matrix
+    down = size[0] / (PEERS_ASPECT * size[1])
+    shrunk = matrix.copy()
+    shrunk[1, 1], shrunk[1, 2] = matrix[1, 1] * down, (matrix[1, 2] + 0.5) * down - 0.5
+    return shrunk
 
 
 def _lens(path: Path, key: str | None, matrix: np.ndarray, size: tuple[int, int]) -> Lens:
