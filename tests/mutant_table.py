@@ -47,6 +47,20 @@ CORRELATION = "semgs/model/correlation_kernels.py"
 LOSSES = "semgs/objectives/losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
+SCANNET = "semgs/data/layouts/scannet.py"
+SCANNETPP = "semgs/data/layouts/scannetpp.py"
+
+
+def of_scannet(name: str) -> tuple[str, ...]:
+    """A test of ScanNet's reader."""
+    return (f"tests/data/test_scannet.py::test_{name}",)
+
+
+def of_scannetpp(name: str) -> tuple[str, ...]:
+    """A test of ScanNet++'s reader."""
+    return (f"tests/data/test_scannetpp.py::test_{name}",)
+
+
 OF_CAMERAS = ("tests/geometry/test_cameras.py",)
 OF_HARMONICS = ("tests/geometry/test_harmonics.py",)
 OF_ATTENTION = ("tests/model/test_camera_attention.py",)
@@ -494,5 +508,56 @@ MUTANTS = (
     Mutant(
         "a PLY holds its harmonics coefficient by coefficient", "semgs/export/ply.py",
         "full[:, 1:].mT.flatten(1)", "full[:, 1:].flatten(1)", ("tests/export/test_ply.py",),
+    ),
+    # Readers of data sets
+    Mutant(
+        "the centre of ScanNet's first pixel stays at 0", SCANNET,
+        "float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5", "float(matrix[0, 2]), float(matrix[1, 2])",
+        of_scannet("a_point_is_where_scannets_own_formula_puts_it"),
+    ),
+    Mutant(
+        "ScanNet's depth is taken to be the colour camera's", SCANNET,
+        "return carried_over(depths, self.depth_lens, self.lens)", "return self.fitted(self.depth_path, depths)",
+        of_scannet("a_recording_is_read_as_it_was_written"),
+    ),
+    Mutant(
+        "width and height of a recording change places", "semgs/data/layouts/sens.py",
+        "(depth_height, depth_width),", "(depth_width, depth_height),", of_scannet("a_recording_is_read_as_it_was_written"),
+    ),
+    Mutant(
+        "a cut recording is read beyond its end", "semgs/data/layouts/sens.py",
+        "if not colour or start + colour + depth > length:", "if not colour:",
+        of_scannet("a_truncated_recording_gives_the_frames_before_the_cut"),
+    ),
+    Mutant(
+        "of rows that share an id the first counts", "semgs/data/layouts/scannet_labels.py",
+        "by_id[identity] = _whole(", "by_id[identity] = by_id.get(identity) or _whole(",
+        ("tests/data/test_nyu40.py::test_of_rows_that_share_an_id_the_last_counts",),
+    ),
+    Mutant(
+        "the world of ScanNet++'s transforms.json keeps its axes exchanged", SCANNETPP,
+        "back = back[:, [1, 0, 2, 3]]", "back = back[:, [0, 1, 2, 3]]", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
+    ),
+    Mutant(
+        "the world of ScanNet++'s transforms.json stays upside down", SCANNETPP,
+        "back[:, 2] *= -1", "back[:, 2] *= 1", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
+    ),
+    Mutant(
+        "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/fisheye.py",
+        "(self.centre[0] - half, self.centre[1] - half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
+    ),
+    Mutant(
+        "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp_mesh.py",
+        "groups.append((-int(sizes", "groups.append((int(sizes",
+        of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
+    ),
+    Mutant(
+        "rays are cast through the corners of pixels", "semgs/data/layouts/scannetpp_mesh.py",
+        "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
+    ),
+    Mutant(
+        "what a mask hides keeps its depth", SCANNETPP,
+        "depths=None if depths is None else depths.masked_fill(hidden, 0)", "depths=depths",
+        of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
 )  # fmt: skip

@@ -137,6 +137,7 @@ class Ablate:
         """Evaluate a row that is trained, if that was not done before."""
         from semgs.cli.evaluate import labelled_scenes
         from semgs.cli.evaluation_results import evaluate_into, network_method
+        from semgs.cli.scene_options import SceneOptions
         from semgs.evaluation.plan import make_plan
         from semgs.evaluation.protocols import neighbours
         from semgs.training.loop import WEIGHTS
@@ -146,7 +147,7 @@ class Ablate:
             return
         data = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            scenes, classes = labelled_scenes(data)
+            scenes, classes = labelled_scenes(data, SceneOptions())
         if classes is None:
             raise InputError(data, "scenes with labels", "none that has any")
         plan = make_plan("neighbours", neighbours, scenes, (self.views,), settings.size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +12,7 @@ from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_stage
+from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
 from semgs.files.paths import existing_folder
@@ -82,6 +83,7 @@ class Evaluate:
     """Where the network computes; auto takes a CUDA GPU where there is one."""
     overwrite: bool = False
     """Replace the output folder if an earlier run wrote it, once the new one is complete."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Evaluate, write the folder, and print the table.
@@ -95,7 +97,7 @@ class Evaluate:
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
             from semgs.cli.evaluation_results import evaluate_into
 
-            scenes, classes = labelled_scenes(self.data)
+            scenes, classes = labelled_scenes(self.data, self.reading)
         plan = self._plan(scenes)
         device = chosen_device(self.device)
         with show_stage("Loading"):
@@ -130,6 +132,7 @@ class Evaluate:
             raise InputError(file[0], "a frames.json or report.json", "no such file")
         if self.gsnerf_distance and name != "peers":
             raise UsageError("--gsnerf-distance is for --protocol peers alone")
+        self.reading.check()
         if any(views < 2 for views in self.views):
             raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
         if self.workers < 0:
@@ -171,7 +174,7 @@ class Evaluate:
             return network_method(self.weights, classes, device, self.name)
 
 
-def labelled_scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
+def labelled_scenes(data: Path, reading: SceneOptions) -> tuple[tuple[Scene, ...], ClassTable | None]:
     """The scenes, and the table of their labels.
 
     Raises:
@@ -179,7 +182,7 @@ def labelled_scenes(data: Path) -> tuple[tuple[Scene, ...], ClassTable | None]:
     """
     from semgs.data.scenes import open_scenes
 
-    scenes = open_scenes(data)
+    scenes = open_scenes(data, reading.as_peers, reading.asked())
     labelled = [scene for scene in scenes if scene.classes is not None]
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:

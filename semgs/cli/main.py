@@ -43,6 +43,9 @@ COMMANDS = {
     "reconstruct": Command(
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
+    "prepare": Command(
+        "semgs.cli.prepare", "Prepare", "Turn scenes of any known layout into small ones, one file each."
+    ),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
     "rooms bake": Command("semgs.cli.bake", "Bake", "Make furniture for rooms from a seed, with Infinigen."),
     "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
@@ -59,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process.
 
     Returns:
-        0; 2 after input that cannot be used or a full disk; 130 and 143 after an interrupt and a request to end.
+        0; 2 after input that cannot be used, an extra that is not installed or a full disk; 130 and 143 after an interrupt and a request to end.
         Faults of ours raise.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -68,6 +71,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _run(given)
     except (InputError, UsageError) as error:
         return _refuse(str(error))
+    except ImportError as error:
+        if "pip install" not in str(error):
+            raise
+        return _refuse(str(error))  # of an extra that the input needs
     except OSError as error:
         if error.errno not in _DISK_FULL:
             raise

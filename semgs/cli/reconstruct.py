@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,6 +12,7 @@ from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_stage
+from semgs.cli.scene_options import SceneOptions
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.reconstruction.stages import Stages
@@ -31,8 +32,9 @@ MOST_VIEWS = 4
 class Reconstruct:
     """Turn posed photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
 
-    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's) or a COLMAP model; which one it is is
-    found out. Frames are counted by their position among the usable ones in file order, from 0; names work too.
+    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a ROS bag, a scene of ScanNet, ScanNet++,
+    Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or what semgs prepare wrote; which it is is found out. Frames are
+    counted by their position among the usable ones in file order, from 0; names work too.
 
     The output folder holds
     - report.html: one page to look at: photos, renders, class maps, depth, scores, what was chosen and why
@@ -48,11 +50,12 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office
     - semgs reconstruct scans/office --out out/office --views 3 --overwrite
     - semgs reconstruct scans/office --out out/office --context 3 7 --size 480x640
+    - semgs reconstruct recording --out out/robot --camera /camera/color --world map
     - semgs reconstruct scans/office --out out/office --model mvsplat --weights re10k.ckpt
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """Folder of the scene, or its transforms.json."""
+    """Folder of the scene, or the one file that holds it."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
     views: int = 2
@@ -71,6 +74,7 @@ class Reconstruct:
     """Where the network computes; auto takes a CUDA GPU where there is one."""
     overwrite: bool = False
     """Replace DIR if an earlier run wrote it, once the new one is complete."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Reconstruct, write the folder, and say what is in it.
@@ -85,7 +89,7 @@ class Reconstruct:
             from semgs.data.scenes import open_scene
 
         device = chosen_device(self.device)
-        scene = open_scene(self.scene)
+        scene = open_scene(self.scene, self.reading.as_peers, **vars(self.reading.asked()))
         stages = Stages(show_stage)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
@@ -106,6 +110,7 @@ class Reconstruct:
         check_folder(self.out, self.overwrite)
         parse_size(self.size)
         check_device(self.device)
+        self.reading.check()
         if self.views < 2:
             raise UsageError(f"--views is {self.views}; expected 2 or more frames that overlap")
         if len(self.context) == 1:

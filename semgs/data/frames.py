@@ -2,48 +2,54 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.lens import Lens
-from semgs.data.views import Views
+from semgs.data.views import Views, resized
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
+from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
 
 ASPECT_TOLERANCE = 0.02
 """Depth and label maps may be smaller than their picture, as phones' are, if their aspect is the same to this fraction."""
+
+SATURATED = 65535
+"""The largest count of a 16-bit depth map: nothing was measured, or something beyond. Unknown, as 0 is."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One picture of a scene with what the scene's file says about it; nothing is decoded yet.
 
+    A layout whose pictures or maps are stored in another way derives from it and replaces `read_image`, `read_depths` or `read_labels`.
+
     Attributes:
         name: as listed in the scene's file ("images/0001.jpg").
-        picture_path: where it is.
+        picture_path: where it is: a file, or what stands for one in an archive or a recording.
         lens: the camera that took it, distortion included.
         world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
-        depth_path: z-depth map, 16-bit PNG or .npy, or None.
+        depth_path: z-depth map, 16-bit PNG or .npy, or whatever holds or yields it; None where there is none.
         depth_unit: what one count of the depth map is worth [m].
-        label_path: class map, 8-bit PNG, or None.
+        label_path: class map, 8-bit PNG, or whatever holds or yields it; None where there is none.
         points: which of the scene's sparse points it sees (indices), or None where the layout has none.
         meaning: of each number from 0 to 255 in the class map, as `LabelSet.meaning`; None where they are labels already.
     """
 
     name: str
-    picture_path: Path
+    picture_path: Stored
     lens: Lens
     world_from_camera: np.ndarray
-    depth_path: Path | None = None
+    depth_path: Stored | None = None
     depth_unit: float = 0.001
-    label_path: Path | None = None
+    label_path: Stored | None = None
     points: np.ndarray | None = field(default=None, repr=False)
     meaning: tuple[int | None, ...] | None = field(default=None, repr=False)
 
@@ -57,27 +63,28 @@ class Frame:
         depth_range: tuple[float, float],
         classes: ClassTable | None = None,
         *,
+        size: Sequence[int] | None = None,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """The frame as one view at its own size, distortion undone.
+        """The frame as one view, distortion undone.
 
         Args:
             depth_range: near and far to give the view.
             classes: the table of its labels; None leaves labels out.
+            size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the picture at its own size.
             maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
 
         Raises:
             InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
         """
-        image = read_rgb(self.picture_path, self.lens.size)
-        depths = None if self.depth_path is None else self._read_depths(self.depth_path)
-        labels = None if self.label_path is None or classes is None else self._read_labels(self.label_path, classes)
+        image, depths = self.read_image(), self.read_depths()
+        labels = None if classes is None else self.read_labels(classes)
         if not self.lens.is_pinhole:
             maps = self.lens.maps() if maps is None else maps
             image = self.lens.undistorted(image, maps)
             depths = None if depths is None else self.lens.undistorted(depths, maps, nearest=True)
             labels = None if labels is None else self.lens.undistorted(labels, maps, nearest=True)
-        return Views(
+        view = Views(
             images=torch.from_numpy(image).permute(2, 0, 1)[None].float() / 255,
             cameras=Cameras(self.world_from_camera[None], self.lens.intrinsics[None], self.lens.size),
             depth_range=[depth_range],
@@ -85,16 +92,33 @@ class Frame:
             depths=None if depths is None else torch.from_numpy(depths)[None],
             classes=classes or SCANNET20,
         )
+        return view if size is None else resized(view, size)
 
-    def _read_depths(self, path: Path) -> np.ndarray:
-        """The depth map in metres, float32 [h w], 0 where unknown.
+    def read_image(self) -> UInt8[np.ndarray, "h w 3"]:
+        """The picture as it is stored, RGB.
 
         Raises:
-            InputError: it is absent, damaged, of another type, or has another aspect than the picture.
+            InputError: it is absent, damaged, or of another size than the camera.
+        """
+        return read_rgb(self.picture_path, self.lens.size)
+
+    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
+        """The z-depth of each pixel as stored [m], 0 where unknown; None where the frame has none.
+
+        Raises:
+            InputError: the map is absent, damaged, of another type, or has another aspect than the picture.
+        """
+        return None if self.depth_path is None else self.fitted(self.depth_path, self.depth_map(self.depth_path))
+
+    def depth_map(self, path: Stored) -> Float32[np.ndarray, "rows columns"]:
+        """A depth map at its own size [m], 0 where unknown.
+
+        Raises:
+            InputError: it is absent, damaged or of another type.
         """
         if path.suffix.lower() == ".npy":
             try:
-                counts = np.load(path, allow_pickle=False)
+                counts = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
             except (OSError, ValueError, EOFError) as error:
                 raise InputError(path, "an array of depths", str(error)) from error
             if not isinstance(counts, np.ndarray) or counts.ndim != 2 or counts.dtype.kind not in "fiu":
@@ -103,17 +127,22 @@ class Frame:
             counts = read_uint16(path)
         depths = counts.astype(np.float32) * np.float32(self.depth_unit)
         depths[~np.isfinite(depths) | (depths < 0)] = 0
-        return self._fitted(path, depths)
+        if counts.dtype == np.uint16:
+            depths[counts == SATURATED] = 0
+        return depths
 
-    def _read_labels(self, path: Path, classes: ClassTable) -> np.ndarray:
-        """The class map, uint8 [h w].
+    def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
+        """The class of each pixel as stored, 255 = none; None where the frame has no class map.
 
         Raises:
-            InputError: it is absent, damaged, of another aspect than the picture, or has a label outside the table.
+            InputError: the map is absent, damaged, of another aspect than the picture, or has a label outside the table.
         """
-        return self._fitted(path, read_labels(path, classes, f"frame {self.name}", self.meaning))
+        if self.label_path is None:
+            return None
+        labels = read_labels(self.label_path, classes, f"frame {self.name}", self.meaning)
+        return self.fitted(self.label_path, labels)
 
-    def _fitted(self, path: Path, values: np.ndarray) -> np.ndarray:
+    def fitted(self, path: Stored, values: np.ndarray) -> np.ndarray:
         """A map at the picture's size, each pixel from the one that its centre lies in.
 
         Raises:
@@ -130,7 +159,7 @@ class Frame:
 
 
 def read_labels(
-    path: Path, classes: ClassTable, key: str, meaning: Sequence[int | None] | None = None
+    path: Stored, classes: ClassTable, key: str, meaning: Sequence[int | None] | None = None
 ) -> UInt8[np.ndarray, "h w"]:
     """A class map: indices of the table, or 255 for none.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-_HALF = 0.5
+HALF = 0.5
 """OpenCV's first pixel centre is at 0, ours at 0.5: taken from cx, cy and positions before its calls, added after."""
 
 _GRID = 32
@@ -64,12 +64,12 @@ class Lens:
         optimal camera matrix with alpha = 0), so that no border has to be invented.
         """
         if self.is_pinhole:
-            return _matrix(self.focal, self.centre)
+            return matrix(self.focal, self.centre)
         height, width = self.size
         ideal, _ = cv2.getOptimalNewCameraMatrix(
             self._opencv_matrix, np.array(self.distortion), (width, height), 0, (width, height)
         )
-        return _matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + _HALF, ideal[1, 2] + _HALF))
+        return matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + HALF, ideal[1, 2] + HALF))
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
         """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each."""
@@ -86,7 +86,7 @@ class Lens:
         """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
         if not len(positions):
             return np.zeros((0, 3))
-        points = np.asarray(positions, dtype=np.float64)[:, None] - _HALF
+        points = np.asarray(positions, dtype=np.float64)[:, None] - HALF
         plane = cv2.undistortPoints(points, self._opencv_matrix, np.array(self.distortion))[:, 0]
         return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 
@@ -107,7 +107,7 @@ class Lens:
 
     def _sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Where in the stored picture the pixels of a pinhole K [3 3] of (height, width) come from, in OpenCV's positions."""
-        shifted = pinhole - _HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+        shifted = pinhole - HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
         x, y = cv2.initUndistortRectifyMap(
             self._opencv_matrix, np.array(self.distortion), np.eye(3), shifted, size[::-1], cv2.CV_32FC1
         )
@@ -115,9 +115,29 @@ class Lens:
 
     @property
     def _opencv_matrix(self) -> np.ndarray:
-        return _matrix(self.focal, (self.centre[0] - _HALF, self.centre[1] - _HALF))
+        return matrix(self.focal, (self.centre[0] - HALF, self.centre[1] - HALF))
 
 
-def _matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
+def matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
     """K of focal lengths and a principal point."""
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
+
+
+def carried_over(values: np.ndarray, source: Lens, target: Lens) -> np.ndarray:
+    """A map [h w] of one pinhole as another sees it from the same place, looking the same way; 0 where it sees beyond.
+
+    Each pixel gets the value of the pixel that its ray meets; nothing is mixed, so that z-depths stay what they are.
+
+    Args:
+        values: of `source`, which may be for another size of the same picture.
+        source: the pinhole that the map is of.
+        target: the pinhole to carry it to.
+    """
+    (height, width), (rows, columns) = target.size, values.shape
+    x = (np.arange(width) + HALF - target.centre[0]) / target.focal[0] * source.focal[0] + source.centre[0]
+    y = (np.arange(height) + HALF - target.centre[1]) / target.focal[1] * source.focal[1] + source.centre[1]
+    column = np.floor(x * (columns / source.size[1])).astype(np.int64)
+    row = np.floor(y * (rows / source.size[0])).astype(np.int64)
+    inside = ((row >= 0) & (row < rows))[:, None] & (column >= 0) & (column < columns)
+    met = values[row.clip(0, rows - 1)[:, None], column.clip(0, columns - 1)]
+    return np.where(inside, met, values.dtype.type(0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from torch import Tensor
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
-from semgs.data.views import Views, resized
+from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 
@@ -28,7 +28,7 @@ class Scene:
     Attributes:
         path: the file or folder that describes the scene.
         name: its folder's name.
-        layout: "transforms.json" or "COLMAP".
+        layout: what it was recognised as: "transforms.json", "COLMAP", "ScanNet", "ScanNet++ dslr", ...
         unit: "metric" or "unknown": what lengths are in.
         frames: the usable frames.
         classes: the table of the labels, None where the scene has none.
@@ -37,6 +37,7 @@ class Scene:
         points: sparse points [n 3] in the world, or None.
         applied_transform: nerfstudio's [3 4], from the original world to that of the poses, which is ours; or None.
         applied_scale: nerfstudio's scale between the two, or None.
+        splits: positions of the frames of each part that the data set divides them into ("train", "test").
     """
 
     path: Path
@@ -50,6 +51,7 @@ class Scene:
     points: np.ndarray | None = field(default=None, repr=False)
     applied_transform: np.ndarray | None = None
     applied_scale: float | None = None
+    splits: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.frames) < 2:
@@ -132,8 +134,8 @@ class Scene:
         for frame in chosen:
             if frame.lens != lens and not frame.lens.is_pinhole:
                 lens, maps = frame.lens, frame.lens.maps()
-            view = frame.read((bounds.near, bounds.far), self.classes, maps=None if frame.lens.is_pinhole else maps)
-            views.append(view if size is None else resized(view, size))
+            given = None if frame.lens.is_pinhole else maps
+            views.append(frame.read((bounds.near, bounds.far), self.classes, size=size, maps=given))
         return joined(views, self.classes or SCANNET20)
 
 

@@ -2,44 +2,116 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from semgs.data.layouts import colmap, transforms_json
+from semgs.data.asked import Asked
+from semgs.data.layouts import colmap, frame_files, replica, rgbd, ros_bag, scannet, scannetpp, transforms_json, tum
+from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 
-def open_scene(path: str | Path) -> Scene:
+@dataclass(frozen=True)
+class Layout:
+    """A layout of scenes on disk.
+
+    Attributes:
+        recognises: whether a path has it.
+        open: the scene at such a path; a layout with `readings` also takes `as_peers`, one that `asks` takes `asked`.
+        looked_for: what makes it recognised, in words.
+        readings: those of `semgs.data.peers` that it knows.
+        asks: the fields of `semgs.data.asked.Asked` that it takes.
+    """
+
+    recognises: Callable[[Path], bool]
+    open: Callable[..., Scene]
+    looked_for: str
+    readings: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+
+    def scene(self, path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
+        """The scene at a path that has this layout.
+
+        Raises:
+            InputError: as `open`; or the layout has no such reading, or does not leave open what is told.
+        """
+        told = {"as_peers": as_peers} if self.readings else {}
+        scene = self.open(path, **told, **({"asked": asked} if self.asks else {}))
+        check_applicable(path, scene.layout, as_peers, self.readings)
+        asked.only(path, scene.layout, *self.asks)
+        return scene
+
+
+LAYOUTS = (
+    Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
+    Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.ASKS),
+    Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, asks=tum.ASKS),
+    Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
+    Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
+    Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
+    Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
+    Layout(ros_bag.recognises, ros_bag.open_bag, ros_bag.LOOKED_FOR, asks=ros_bag.ASKS),
+    Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
+)
+"""The known layouts; of a folder that has several, the first counts."""
+
+SINGLE_FILES = (".zip", *ros_bag.ENDINGS)
+"""Endings of files that may be a scene each, where a folder is looked through."""
+
+LOOKED_FOR = ", or ".join(layout.looked_for for layout in LAYOUTS)
+
+
+def open_scene(
+    path: str | Path,
+    as_peers: Collection[str] = (),
+    *,
+    camera: str | None = None,
+    world: str | None = None,
+    body: str | None = None,
+    intrinsics: Sequence[float] | None = None,
+    depth_unit: float | None = None,
+) -> Scene:
     """The scene at a path; its layout is recognised from what the folder holds.
 
     Args:
-        path: a folder with a `transforms.json` or a COLMAP model, or a transforms file itself.
+        path: a folder of one of the known layouts, or the file that describes the scene.
+        as_peers: names of `semgs.data.peers.READINGS`: what to read as peers do, where ours differs.
+        camera, world, body, intrinsics, depth_unit: as in `semgs.data.asked.Asked`, for layouts that leave them open.
 
     Raises:
-        InputError: nothing is there, no layout is recognised (what was looked for is listed), or the scene's own description is broken.
+        InputError: nothing is there, no layout is recognised (what was looked for is listed), the scene's own description is broken,
+            a reading is asked for that its layout does not have, or something is told that it does not leave open.
+        ValueError: there is no reading of that name, or what is told cannot be.
     """
+    check_readings(as_peers)
     path = Path(path).expanduser()
     existing_folder(path)
-    if transforms_json.recognises(path):
-        return transforms_json.open_transforms(path)
-    if colmap.recognises(path):
-        return colmap.open_model(path)
-    raise InputError(
-        path,
-        f"a scene: {transforms_json.LOOKED_FOR}, or {colmap.LOOKED_FOR}",
-        "none of them",
-        advice=_hint(path),
-    )
+    scene = _opened(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit))
+    if scene is None:
+        raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    return scene
 
 
-def open_scenes(path: str | Path) -> tuple[Scene, ...]:
-    """The scenes at the paths that `scene_paths` finds.
+def open_scenes(path: str | Path, as_peers: Collection[str] = (), asked: Asked | None = None) -> tuple[Scene, ...]:
+    """The scene at a path, or else those right inside it, or else those one level below, in the order of their names.
+
+    What has no known layout is passed over, as is what has a name that begins with a dot.
+
+    Args:
+        path: a scene as for `open_scene`, or a folder of such.
+        as_peers: as for `open_scene`, for all of them.
+        asked: what is told of all of them.
 
     Raises:
         InputError: as `open_scene`; there is no scene at all; or two have the same name.
+        ValueError: as `open_scene`.
     """
-    scenes = tuple(open_scene(one) for one in scene_paths(path))
+    check_readings(as_peers)
+    told = asked or Asked()
+    scenes = tuple(scene for one in scene_paths(path) if (scene := _opened(one, as_peers, told)) is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -49,41 +121,50 @@ def open_scenes(path: str | Path) -> tuple[Scene, ...]:
 
 
 def scene_paths(path: str | Path) -> tuple[Path, ...]:
-    """Where the scene at a path is, or else those in the folders right inside it, in the order of their names; none is opened.
-
-    Folders of no known layout are passed over, as are those whose name begins with a dot.
+    """Where the scenes of `open_scenes` are: the path itself, or else what is right inside it, or else one level below.
 
     Raises:
-        InputError: there is no scene at all.
+        InputError: nothing is there, or no scene.
     """
     path = Path(path).expanduser()
     existing_folder(path)
-    if path.is_file() or _recognised(path):
+    if _recognised(path):
         return (path,)
-    inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
-    scenes = tuple(child for child in inside if _recognised(child))
-    if not scenes:
-        raise InputError(
-            path,
-            f"a scene or a folder of scenes: {transforms_json.LOOKED_FOR}, or {colmap.LOOKED_FOR}",
-            "none of them",
-            advice=_hint(path),
-        )
-    return scenes
+    if path.is_file():
+        raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    children = _children(path)
+    found = [child for child in children if _recognised(child)]
+    if not found:
+        found = [below for child in children if child.is_dir() for below in _children(child) if _recognised(below)]
+    if not found:
+        raise InputError(path, f"a scene or a folder of scenes: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    return tuple(found)
+
+
+def _opened(path: Path, as_peers: Collection[str], asked: Asked) -> Scene | None:
+    """The scene at a path, None where it has no known layout."""
+    layout = next((one for one in LAYOUTS if one.recognises(path)), None)
+    return layout.scene(path, as_peers, asked) if layout is not None else None
+
+
+def _children(path: Path) -> list[Path]:
+    """What may be a scene, or hold some, in a folder, by name."""
+    inside = sorted(child for child in path.iterdir() if not child.name.startswith("."))
+    return [child for child in inside if child.is_dir() or child.suffix.lower() in SINGLE_FILES]
 
 
 def _recognised(path: Path) -> bool:
     """Whether a folder has a known layout."""
-    return transforms_json.recognises(path) or colmap.recognises(path)
+    return any(layout.recognises(path) for layout in LAYOUTS)
 
 
 def _hint(path: Path) -> str | None:
     """What to do about a folder that holds no known layout."""
     if path.is_file():
         return "name the scene's folder"
-    inside = sorted(child for child in path.iterdir() if child.is_dir() and transforms_json.recognises(child))
-    if inside:
-        return f"there is one in {inside[0]}"
+    inside = next((child for child in _children(path) if _recognised(child)), None)
+    if inside is not None:
+        return f"there is one in {inside}"
     if any(child.suffix.lower() in (".jpg", ".jpeg", ".png") for child in path.iterdir()):
         return "pictures alone have no poses; run COLMAP on them first"
     return None

@@ -12,7 +12,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import joined
-from semgs.data.views import Views, resized
+from semgs.data.views import Views
 from semgs.data.workers import settle_worker
 from semgs.evaluation.baselines import copied, majority, warped
 from semgs.evaluation.plan import Plan, Task
@@ -93,7 +93,7 @@ def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
     Raises:
         InputError: a file of it cannot be used.
     """
-    return resized(task.scene.frames[position].read(bounds, task.scene.classes), task.size)
+    return task.scene.frames[position].read(bounds, task.scene.classes, size=task.size)
 
 
 @dataclass(frozen=True, eq=False)

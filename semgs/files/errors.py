@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semgs.files.stored import Stored
+
 
 class InputError(ValueError):
     """A file or folder that cannot be used: says which, what was expected, what was found, on one line.
@@ -11,7 +13,7 @@ class InputError(ValueError):
     The command line prints it and ends with exit code 2; a library caller catches it as a ValueError.
 
     Args:
-        path: the file or folder at fault.
+        path: the file or folder at fault; of what lies inside another file, its text.
         expected: what would have been usable ("a 4x4 matrix of finite numbers").
         found: what was there instead ("a NaN in row 2").
         key: the place inside the file ("frames[3].transform_matrix"), None for the file itself.
@@ -19,13 +21,12 @@ class InputError(ValueError):
     """
 
     def __init__(
-        self, path: str | Path, expected: str, found: str, key: str | None = None, advice: str | None = None
+        self, path: str | Stored, expected: str, found: str, key: str | None = None, advice: str | None = None
     ) -> None:
-        self.path = Path(path)
+        self.path = Path(str(path))
         self.key = key
         self.expected = expected
         self.found = found
-        self.advice = advice
         self.advice = advice
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"

@@ -20,9 +20,11 @@ from PIL import Image, UnidentifiedImageError
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
 _ORIENTATION = 0x0112
+_SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
 """What Pillow raises on files that are damaged, by format and place of the damage."""
 
@@ -51,7 +53,7 @@ class PictureHeader:
     transparent: bool
 
 
-def read_header(path: str | Path) -> PictureHeader:
+def read_header(path: str | Stored) -> PictureHeader:
     """Size, orientation and transparency of a JPEG or PNG.
 
     Raises:
@@ -61,7 +63,7 @@ def read_header(path: str | Path) -> PictureHeader:
         return _header(path, image)
 
 
-def is_turned(path: str | Path, header: PictureHeader, size: tuple[int, int] | None) -> bool:
+def is_turned(path: str | Stored, header: PictureHeader, size: tuple[int, int] | None) -> bool:
     """Whether the EXIF rotation of a picture has to be applied, so that its pixels are those of a camera of `size`.
 
     Programs disagree on EXIF: some work on the stored pixels, some on the turned ones. The camera's size tells which,
@@ -97,7 +99,7 @@ def is_turned(path: str | Path, header: PictureHeader, size: tuple[int, int] | N
     return size == turned
 
 
-def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarray:
+def read_rgb(path: str | Stored, size: tuple[int, int] | None = None) -> np.ndarray:
     """A picture as uint8 [h w 3], RGB.
 
     Args:
@@ -107,7 +109,20 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
     Raises:
         InputError: absent, cut short, of another format, of another size, CMYK, or with an undecidable EXIF rotation.
     """
-    data = _bytes(path)
+    return decode_rgb(_bytes(path), path, size)
+
+
+def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = None) -> np.ndarray:
+    """As `read_rgb`, of a picture inside another file.
+
+    Args:
+        data: the picture's bytes.
+        path: the file that they are from, for messages.
+        size: as for `read_rgb`.
+
+    Raises:
+        InputError: as `read_rgb`.
+    """
     with _opened(path, data) as image:
         _decode(path, image)
         header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
@@ -120,7 +135,7 @@ def read_rgb(path: str | Path, size: tuple[int, int] | None = None) -> np.ndarra
     return np.ascontiguousarray(_TURNS[header.orientation](rgb)) if turn else rgb
 
 
-def read_grey(path: str | Path, size: tuple[int, int], longest: int) -> np.ndarray:
+def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.ndarray:
     """A picture in grey, uint8 [h w], reduced so that its longer side is at most `longest` pixels.
 
     For finding features, where speed counts more than the last bit: JPEGs are decoded at a smaller size.
@@ -147,7 +162,7 @@ def read_grey(path: str | Path, size: tuple[int, int], longest: int) -> np.ndarr
     return np.asarray(cv2.resize(np.ascontiguousarray(grey), (width, height), interpolation=cv2.INTER_AREA))
 
 
-def read_uint16(path: str | Path) -> np.ndarray:
+def read_uint16(path: str | Stored) -> np.ndarray:
     """A 16-bit PNG of one channel, uint16 [h w]: depth maps.
 
     Raises:
@@ -155,12 +170,12 @@ def read_uint16(path: str | Path) -> np.ndarray:
     """
     with _opened(path) as image:
         _decode(path, image)
-        if image.mode not in ("I;16", "I;16B", "I;16L") or image.format != "PNG":
+        if image.mode not in _SIXTEEN_BITS or image.format != "PNG":
             raise InputError(path, "a 16-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
         return np.asarray(image).astype(np.uint16)
 
 
-def read_uint8(path: str | Path) -> np.ndarray:
+def read_uint8(path: str | Stored) -> np.ndarray:
     """An 8-bit PNG of one channel, uint8 [h w]: labels and masks; of a palette picture the indices, not the colours.
 
     Raises:
@@ -173,8 +188,34 @@ def read_uint8(path: str | Path) -> np.ndarray:
         return np.array(image)
 
 
+def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
+    """A PNG of one channel as it is stored, uint8 or uint16 [h w]; of a palette picture the indices, not the colours.
+
+    Args:
+        data: the picture's bytes.
+        path: the file that they are from, for messages.
+
+    Raises:
+        InputError: cut short, or not that.
+    """
+    with _opened(path, data) as image:
+        _decode(path, image)
+        if image.format != "PNG" or image.mode not in ("L", "P", *_SIXTEEN_BITS):
+            raise InputError(path, "a PNG of one channel", f"a {image.format} of mode {image.mode}")
+        return np.asarray(image).astype(np.uint16 if image.mode in _SIXTEEN_BITS else np.uint8)
+
+
 def write_png(path: str | Path, array: np.ndarray) -> None:
     """Write a PNG: uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w]; complete or not at all.
+
+    Raises:
+        ValueError: another type or shape.
+    """
+    write_bytes(Path(path), png_bytes(array))
+
+
+def png_bytes(array: np.ndarray) -> bytes:
+    """A PNG of uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w].
 
     Raises:
         ValueError: another type or shape.
@@ -186,38 +227,41 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
         )
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=4)
-    write_bytes(Path(path), buffer.getvalue())
+    return buffer.getvalue()
 
 
-def _bytes(path: str | Path) -> bytes:
+def _bytes(path: str | Stored) -> bytes:
     """The content of a file.
 
     Raises:
         InputError: it cannot be read.
     """
     try:
-        return Path(path).read_bytes()
+        return stored(path).read_bytes()
     except OSError as error:
         raise InputError(path, "a picture", error.strerror or str(error)) from error
 
 
-def _opened(path: str | Path, data: bytes | None = None) -> Image.Image:
+def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     """The picture with its header read and its pixels not yet.
 
     Raises:
         InputError: the file is absent, or no JPEG or PNG.
     """
-    if data is None and not Path(path).is_file():
+    held = stored(path)
+    if data is None and not held.is_file():
         raise InputError(path, "a picture", "no such file")
+    if data is None and not isinstance(held, Path):
+        data = _bytes(held)
     try:
-        return Image.open(path if data is None else io.BytesIO(data), formats=FORMATS)
+        return Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
         raise InputError(path, "a JPEG or PNG picture", "something else or a damaged header") from error
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG picture", str(error)) from error
 
 
-def _header(path: str | Path, image: Image.Image) -> PictureHeader:
+def _header(path: str | Stored, image: Image.Image) -> PictureHeader:
     """What the header of an opened picture says.
 
     Raises:
@@ -232,7 +276,7 @@ def _header(path: str | Path, image: Image.Image) -> PictureHeader:
     return PictureHeader((image.height, image.width), orientation if known else 1, transparent)
 
 
-def _decode(path: str | Path, image: Image.Image) -> None:
+def _decode(path: str | Stored, image: Image.Image) -> None:
     """Decode all pixels.
 
     Raises:
@@ -244,7 +288,7 @@ def _decode(path: str | Path, image: Image.Image) -> None:
         raise InputError(path, "a complete picture", str(error)) from error
 
 
-def _channels(path: str | Path, image: Image.Image) -> np.ndarray:
+def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
     """The pixels of an 8-bit picture as [h w 3] or, with alpha, [h w 4].
 
     Raises:

@@ -192,6 +192,13 @@ def test_an_unknown_protocol_lists_the_known(refused: Refused):
     assert "peers alone" in refused("small", "--gsnerf-distance")
 
 
+def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
+    assert "unknown reading 'gsnerf'; known: rows-972, gsnerf-labels" in refused("small", "--as-peers", "gsnerf")
+    line = refused("small", "--as-peers", "gsnerf-labels", "rows-972")
+    assert "expected a scene that gsnerf-labels is about" in line
+    assert "found transforms.json" in line
+
+
 def test_more_views_than_the_scene_has(refused: Refused):
     assert "expected at least 4 frames to draw a target from, found 3" in refused("small", "--views", "2", "4")
     assert "--views is 1" in refused("small", "--views", "1")

@@ -6,13 +6,13 @@ import contextlib
 import json
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored
 
 
-def parsed(path: Path) -> Fields:
+def parsed(path: Stored) -> Fields:
     """The object that a JSON file holds.
 
     Raises:
@@ -42,7 +42,7 @@ class Fields:
         around: the object whose values hold where this one has none, or None.
     """
 
-    path: Path
+    path: Stored
     values: dict[str, Any]
     place: str = ""
     around: Fields | None = None

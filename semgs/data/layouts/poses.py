@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import torch
 
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored
 from semgs.geometry.cameras import ROTATION_TOLERANCE
 from semgs.geometry.rotations import nearest_rotation
 
 EXPECTED = "a 4x4 camera-to-world matrix [R t; 0 0 0 1] of finite numbers, R a rotation"
 
 
-def checked_poses(path: Path, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
+def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
     """The matrices as rigid motions, float64 [n 4 4]; those that are nearly rotations are orthonormalised.
 
     Args:
@@ -47,7 +47,7 @@ def checked_poses(path: Path, matrices: Sequence[object], keys: Sequence[str]) -
     return poses
 
 
-def _array(path: Path, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
+def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
     """The matrices as float64 [n 4 4].
 
     Raises:
@@ -67,6 +67,6 @@ def _array(path: Path, matrices: Sequence[object], keys: Sequence[str]) -> np.nd
     return poses
 
 
-def _refused(path: Path, key: str, found: str) -> InputError:
+def _refused(path: Stored, key: str, found: str) -> InputError:
     """The error for one pose."""
     return InputError(path, EXPECTED, found, key)

@@ -1,4 +1,4 @@
-"""`transforms.json`: the dialects of nerfstudio and of instant-ngp.
+"""`transforms.json`: the dialects of nerfstudio and of instant-ngp, in a folder or in a zip archive of one.
 
 Poses are camera to world with OpenGL axes (x right, y up, z backward); they become OpenCV's here, by turning the signs of
 their second and third column. Intrinsics are pixels with the centre of the first pixel at (0.5, 0.5), shared or per frame.
@@ -8,7 +8,7 @@ https://docs.nerf.studio/quickstart/data_conventions.html, https://github.com/NV
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,10 +21,13 @@ from semgs.data.layouts.fields import Fields, parsed
 from semgs.data.layouts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
+from semgs.files.archives import Archive, Member, members
+from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
+from semgs.files.stored import Stored
 
 FILE_NAMES = ("transforms.json", "transforms_train.json")
-LOOKED_FOR = "transforms.json (nerfstudio, instant-ngp)"
+LOOKED_FOR = "transforms.json (nerfstudio, instant-ngp; also in a .zip)"
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 """What is tried behind a `file_path` without an ending, as instant-ngp and the synthetic NeRF scenes write it."""
@@ -41,19 +44,47 @@ DEPTH_UNIT = 0.001
 """nerfstudio's `depth_unit_scale_factor` where none is given: millimetres."""
 
 
+Beside = Callable[[str], Stored | None]
+"""The file of that name beside a transforms file, None where there is none."""
+
+
 def recognises(path: Path) -> bool:
-    """Whether a path is a transforms file or a folder with one."""
+    """Whether a path is a transforms file, or a folder or a zip archive with one.
+
+    Raises:
+        InputError: it is called a zip archive and is none, or is damaged.
+    """
+    if path.suffix.lower() == ".zip" and path.is_file():
+        return _member(members(path)) is not None
     return path.suffix.lower() == ".json" if path.is_file() else _file(path) is not None
 
 
 def open_transforms(path: Path) -> Scene:
-    """The scene of a transforms file, or of a folder with one.
+    """The scene of a transforms file, or of a folder or a zip archive with one.
 
     Raises:
         InputError: it is no JSON, a key is missing or cannot be used, fewer than two pictures are there, or one has
             another size than its camera; the file and key are named.
     """
+    if path.suffix.lower() == ".zip" and path.is_file():
+        archive = Archive(path, members(path))
+        member = _member(archive.members)
+        if member is None:
+            raise InputError(path, FILE_NAMES[0], "none in the archive")
+        return _scene(path, member, path.stem, lambda name: archive.beside(member, name))
     file = path if path.is_file() else _file(path) or path / FILE_NAMES[0]
+    return _scene(file, file, file.absolute().parent.name, lambda name: _on_disk(file.parent / name))
+
+
+def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scene:
+    """The scene that a transforms file describes.
+
+    Args:
+        path: what to call it by: the file, or the archive that it is in.
+        file: the transforms file.
+        name_of_scene: what else to call it by.
+        beside: finds the files that it names.
+    """
     shared = parsed(file)
     listed = shared.objects("frames")
     names = _names(listed)
@@ -66,7 +97,7 @@ def open_transforms(path: Path) -> Scene:
     lenses: dict[Lens, Lens] = {}
     frames, absent, notes = [], [], _Notes()
     for fields, name, pose in zip(listed, names, poses, strict=True):
-        picture = _found(file, name, ENDINGS)
+        picture = _found(beside, name, ENDINGS)
         if picture is None:
             absent.append(name)
             continue
@@ -77,9 +108,9 @@ def open_transforms(path: Path) -> Scene:
                 picture_path=picture,
                 lens=lenses.setdefault(lens, lens),
                 world_from_camera=pose,
-                depth_path=_map(fields, "depth_file_path", (".png", ".npy"), notes),
+                depth_path=_map(fields, "depth_file_path", (".png", ".npy"), notes, beside),
                 depth_unit=fields.positive("depth_unit_scale_factor") or DEPTH_UNIT,
-                label_path=_map(fields, "label_file_path", (".png",), notes),
+                label_path=_map(fields, "label_file_path", (".png",), notes, beside),
             )
         )
     classes = _classes(shared, frames)
@@ -87,8 +118,8 @@ def open_transforms(path: Path) -> Scene:
         frames = [replace(frame, meaning=classes.meaning) for frame in frames]
         classes = classes.table
     return Scene(
-        path=file,
-        name=file.absolute().parent.name,
+        path=path,
+        name=name_of_scene,
         layout="transforms.json",
         unit=_unit(shared, listed),
         frames=tuple(frames),
@@ -153,21 +184,28 @@ def _names(listed: Sequence[Fields]) -> list[str]:
     return list(places)
 
 
-def _found(file: Path, name: str, endings: Sequence[str] = ()) -> Path | None:
-    """The file of that name, relative to the transforms file, or the first that exists with one of the endings added."""
-    for ending in ("", *endings):
-        path = file.parent / (name + ending)
-        if path.is_file():
-            return path
-    return None
+def _member(held: Mapping[str, Member]) -> Member | None:
+    """The transforms file of an archive: the one that the fewest folders are around; None where there is none."""
+    found = [one for name, one in held.items() if name.rpartition("/")[2] in FILE_NAMES and "__MACOSX" not in name]
+    return min(found, key=lambda one: (one.inside.count("/"), one.inside != FILE_NAMES[0], one.inside), default=None)
 
 
-def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes) -> Path | None:
+def _on_disk(path: Path) -> Path | None:
+    """The path, if there is a file."""
+    return path if path.is_file() else None
+
+
+def _found(beside: Beside, name: str, endings: Sequence[str] = ()) -> Stored | None:
+    """The file of that name beside the transforms file, or the first that exists with one of the endings added."""
+    return next((found for ending in ("", *endings) if (found := beside(name + ending)) is not None), None)
+
+
+def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: Beside) -> Stored | None:
     """The depth or label file of a frame, where it has one of a kind that is read."""
     name = Fields(fields.path, fields.values, fields.place).text(key)
     if name is None:
         return None
-    path = _found(fields.path, name.replace("\\", "/"))
+    path = _found(beside, name.replace("\\", "/"))
     if path is None:
         notes.missing_maps.append(name)
     elif path.suffix.lower() not in kinds:
@@ -176,7 +214,7 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes) -> Path 
     return path
 
 
-def _lens(fields: Fields, picture: Path, notes: _Notes) -> Lens:
+def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     """The lens of a frame, its own keys before the shared ones.
 
     Raises:

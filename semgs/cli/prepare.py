@@ -1,0 +1,109 @@
+"""`semgs prepare`: scenes of any known layout in, a folder of small ones out, each in one file."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from semgs.cli.arguments import parse_size
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.scene_options import SceneOptions
+from semgs.files.paths import existing_folder
+
+
+@dataclass(frozen=True)
+class Prepare:
+    """Turn scenes of any known layout into small ones, each in one file, to train on and to keep.
+
+    SRC is a scene, a folder of scenes, or a folder of such folders (7-Scenes, Replica): ScanNet, ScanNet++, Replica, TUM RGB-D,
+    7-Scenes, RGB-D folders, ROS bags, COLMAP models, transforms.json. OUT becomes a folder with
+    - NAME.zip: a scene with transforms.json, JPEG pictures, depth in millimetres, class maps; semgs reads it as it is
+    - index.json: what is in each: frames, notes, pixels of each class, hash; and what could not be prepared, and why
+    - SHA256SUMS: the hashes, for sha256sum -c; settings.json: what was asked for
+
+    The same command goes on where an interrupted one stopped, and makes anew what has changed. How much space all will take is found
+    beforehand from some frames of some scenes. The bytes depend on the source and the options, not on --workers.
+
+    Examples
+    - semgs prepare scannet/scans data/scannet --list scannetv2_train.txt --every 2 --workers 8
+    - semgs prepare replica data/replica
+    - semgs prepare recording data/robot --camera /camera/color --world map
+    """
+
+    src: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SRC")]
+    """A scene, or a folder of scenes."""
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
+    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
+    """Height x width of the pictures [px]; turned for pictures that are higher than wide. Other aspects lose their margins."""
+    every: int = 1
+    """Keep each n-th frame."""
+    list: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """A text file with the names of the scenes to take, one a line, as the splits of data sets come."""
+    workers: int | None = None
+    """Processes that prepare; by default as many as there are cores, 0 prepares in this one."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+
+    def run(self) -> None:
+        """Prepare, and say what there is.
+
+        Raises:
+            InputError: SRC holds no scene, OUT is a folder of something else, the list names none, or nothing could be prepared.
+            UsageError: an option asks for what cannot be, OUT has other settings, or there is not enough space.
+            OSError: the disk is full.
+        """
+        size = parse_size(self.size)
+        if size is None:
+            raise UsageError("--size is auto; expected height x width in pixels, such as 240x320")
+        if self.every < 1:
+            raise UsageError(f"--every is {self.every}; expected 1 or more")
+        if self.workers is not None and self.workers < 0:
+            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
+        self.reading.check()
+        existing_folder(self.src)
+        with show_stage("Looking for scenes"):
+            from semgs.data.preparation import Preparation
+            from semgs.data.prepared_set import INDEX, Reading, check, free_space, needed_space, prepare_set, sources
+
+            found = sources(self.src, self.list)
+        settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked())
+        with what_the_user_gave():
+            check(self.out, settings, reading)
+        with show_stage("Estimating the space"):
+            needed, free = needed_space(self.out, found, settings, reading), free_space(self.out)
+        if needed > free:
+            raise UsageError(
+                f"{self.out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
+                "free some, take fewer scenes (--list) or frames (--every), or write elsewhere"
+            )
+        if len(found) == 1:
+            frames = len(reading.open(found[0]).frames[:: self.every])
+            with show_progress("Preparing frames", frames) as done:
+                index = prepare_set(self.out, found, settings, reading, frame_done=done)
+        else:
+            workers = _cores() if self.workers is None else self.workers
+            with show_progress("Preparing scenes", len(found)) as done:
+                index = prepare_set(self.out, found, settings, reading, workers=workers, done=done)
+        print(f"{self.out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
+        for one in index["failed"][:3]:
+            print(f"left out: {one['name']}: {one['error']}")
+        if len(index["failed"]) > 3:
+            print(f"left out: {len(index['failed']) - 3} more, see {self.out / INDEX}")
+        first = self.out / index["scenes"][0]["file"]
+        print(f"{self.out / INDEX} tells of each. Look at one: semgs reconstruct {first} --out DIR")
+
+
+def _size(count: int) -> str:
+    """A number of bytes as people say it."""
+    power = max(0, min(4, (len(str(count)) - 1) // 3))
+    return f"{count / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB')[power]}"
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

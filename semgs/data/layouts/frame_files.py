@@ -1,0 +1,96 @@
+"""Frames in three files each: `frame-000000.color.png`, `.depth.png`, `.pose.txt`. 7-Scenes, 3DMatch, 12-Scenes, BundleFusion, 3RScan.
+
+Poses are camera to world with OpenCV axes [m], depth is 16-bit PNG in millimetres, 0 or 65535 where unknown. Frames are in the order of
+their numbers. Intrinsics are those of `camera-intrinsics.txt` (3DMatch), `info.txt` or `_info.txt`, in the folder or above it, with the
+centre of the first pixel at (0, 0), so that half a pixel is added.
+
+7-Scenes has no such file. Its page gives the depth camera of KinectFusion, 585 px and (320, 240), the middle of 640x480, to which nothing is
+added; its colour camera was never calibrated. As those do who localise in it, colour is taken as 525 px about the same middle, with the pose
+as it stands, and depth is carried over from 585 px along the rays. The 2.5 cm between the two cameras of a Kinect stay: depth is beside its
+colour by some 6 px at 2 m. https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from semgs.data.asked import Asked
+from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.numbers import matrix
+from semgs.data.layouts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.scannet import ScanNetFrame
+from semgs.data.lens import Lens
+from semgs.data.scene import Scene
+from semgs.files.errors import InputError
+
+LAYOUT = "frame files"
+LOOKED_FOR = "frame-000000.color.png with frame-000000.pose.txt (7-Scenes, 3DMatch, BundleFusion)"
+ASKS = ("intrinsics", "depth_unit")
+
+START = "frame-"
+COLOUR, DEPTH, POSE = tuple(f".color{ending}" for ending in PICTURES), (".depth.png",), (".pose.txt",)
+CALIBRATIONS = ("camera-intrinsics.txt", "info.txt", "_info.txt")
+
+MILLIMETRE = 0.001
+KINECT_SIZE = (480, 640)
+KINECT_CENTRE = (320.0, 240.0)
+KINECT_COLOUR = Calibration((525.0, 525.0), KINECT_CENTRE, KINECT_SIZE, of_a_sensor=True)
+KINECT_DEPTH = Lens(KINECT_SIZE, (585.0, 585.0), KINECT_CENTRE)
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is a folder with such frames."""
+    if not path.is_dir():
+        return False
+    return any(one.name.startswith(START) and one.name.endswith(POSE[0]) for one in path.iterdir())
+
+
+def open_frame_files(path: Path, asked: Asked) -> Scene:
+    """The scene of a folder of frames.
+
+    Args:
+        path: the folder.
+        asked: may give intrinsics and the depth unit.
+
+    Raises:
+        InputError: a pose is damaged, the intrinsics are unknown, or fewer than two frames have a picture and a pose.
+    """
+    colours, depths, poses = (numbered(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
+    if not colours:
+        raise InputError(path, f"pictures {START}000000{COLOUR[0]}", "none", "frame files")
+    told_by = next((one for place in (path, path.parent) for one in _in(place, CALIBRATIONS)), None)
+    calibration = asked_calibration(asked) or (read_calibration(told_by) if told_by else None)
+    notes, depth_lens = [], None
+    if calibration is None or told_by is None:
+        depth_lens = KINECT_DEPTH
+        notes.append(
+            "Neither camera of 7-Scenes was calibrated: depth is as of 585 px, "
+            + ("colour as asked" if calibration else "colour of 525 px")
+            + ", and the 2.5 cm between the two are not accounted for."
+        )
+    unit = asked.depth_unit or (calibration and calibration.depth_unit) or MILLIMETRE
+    return recorded(
+        path,
+        LAYOUT,
+        [
+            Shot(
+                colour.name,
+                colour,
+                matrix(poses[number]) if number in poses else None,
+                (poses.get(number, path), ""),
+                depths.get(number),
+            )
+            for number, colour in colours.items()
+        ],
+        (calibration or KINECT_COLOUR).lens,
+        name=sequence_name(path),
+        unit="metric",
+        frame=partial(ScanNetFrame, depth_unit=unit, depth_lens=depth_lens),
+        notes=notes,
+    )
+
+
+def _in(folder: Path, names: tuple[str, ...]) -> list[Path]:
+    """Those of some files that are in a folder."""
+    return [folder / name for name in names if (folder / name).is_file()]

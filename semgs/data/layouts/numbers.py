@@ -1,0 +1,77 @@
+"""Numbers in text files, as programs of all kinds write them: any spacing, commas, comments, line ends of any system."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from semgs.files.errors import InputError
+
+_NOT_A_NUMBER = re.compile(r"[+-]?(?:nan(?:\(.*\))?|1\.#(?:qnan|snan|ind|inf)0*|inf(?:inity)?)", re.IGNORECASE)
+"""What the C libraries of different systems print for numbers that are none, or are infinite."""
+
+
+def lines(path: Path) -> list[tuple[int, str]]:
+    """The lines of a text file that hold something, each with its number from 1; comments (#) are left out.
+
+    Raises:
+        InputError: it cannot be read, or is no text.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(path, "text", "bytes that are no UTF-8") from error
+    except OSError as error:
+        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    if "\0" in text:
+        raise InputError(path, "text", "zero bytes")
+    stripped = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
+    return [(number, line) for number, line in stripped if line and not line.startswith("#")]
+
+
+def rows(path: Path) -> list[tuple[int, list[float]]]:
+    """The numbers in each line of a text file, with the line's number; what is no finite number comes as NaN or infinity.
+
+    Raises:
+        InputError: it cannot be read, or holds a word.
+    """
+    found = []
+    for number, line in lines(path):
+        words = re.split(r"[\s,;]+", line.strip(" \t,;[]"))
+        try:
+            found.append((number, [_value(word) for word in words]))
+        except ValueError:
+            raise InputError(path, "numbers", f"{line!r:.60}", f"line {number}") from None
+    return found
+
+
+def matrix(path: Path) -> np.ndarray:
+    """The rigid motion in a text file, 4x4, or 3x4 with its last row left out; NaN where the file says so.
+
+    Raises:
+        InputError: it cannot be read, or holds something else.
+    """
+    held = [values for _, values in rows(path)]
+    flat = [value for values in held for value in values]
+    if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for values in held)):
+        found = f"{len(held)} lines of {sorted({len(values) for values in held})} numbers" if held else "nothing"
+        raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers", found)
+    return as_motion(flat)
+
+
+def as_motion(flat: list[float]) -> np.ndarray:
+    """The 4x4 matrix of 16 numbers, or of the 12 of its first three rows."""
+    return np.array([*flat, 0.0, 0.0, 0.0, 1.0][:16] if len(flat) == 12 else flat, dtype=np.float64).reshape(4, 4)
+
+
+def _value(word: str) -> float:
+    """One number; not finite where it is printed so.
+
+    Raises:
+        ValueError: it is a word.
+    """
+    if _NOT_A_NUMBER.fullmatch(word):
+        return float("nan")
+    return float(word)

@@ -1,0 +1,122 @@
+"""Replica as Semantic-NeRF rendered it: `rgb/rgb_0.png`, `depth/depth_0.png`, `semantic_class/semantic_class_0.png`, `traj_w_c.txt`.
+
+Line k of `traj_w_c.txt` is the pose of the pictures with number k: a row-major 4x4 matrix, camera to world, OpenCV axes [m]. Depth is 16-bit
+PNG in millimetres. A class map holds Replica's ids (0: none), which become ScanNet's 20 classes by `replica_classes`; where an
+`info_semantic.json` lies near, its names count.
+
+The renderer had 90 degrees across the picture, so fx = fy = W / 2, and its principal point at ((W - 1) / 2, (H - 1) / 2) counts from the
+centre of the first pixel: (W / 2, H / 2) here, 320 and 240 for 640x480. S-Ray's and GSNeRF's code has 229.5 for cy, 10 rows above:
+the reading "row-229.5" of `semgs.data.peers`. https://github.com/Harry-Zhi/semantic_nerf
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import partial
+from pathlib import Path
+
+from semgs.data.asked import Asked
+from semgs.data.classes import SCANNET20
+from semgs.data.layouts.calibrations import asked_calibration
+from semgs.data.layouts.fields import parsed
+from semgs.data.layouts.recordings import Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.replica_classes import IDS, NYU40
+from semgs.data.layouts.scannet import ScanNetFrame
+from semgs.data.layouts.scannet_labels import labels_of_ids
+from semgs.data.layouts.trajectories import read_trajectory
+from semgs.data.lens import HALF, Lens
+from semgs.data.peers import READINGS, ROW_229
+from semgs.data.scene import Scene
+from semgs.files.errors import InputError
+
+LAYOUT = "Replica"
+LOOKED_FOR = "traj_w_c.txt with rgb/rgb_0.png (Replica, Semantic-NeRF's)"
+APPLICABLE = (ROW_229,)
+ASKS = ("intrinsics",)
+
+POSES, RGB, DEPTH, CLASSES = "traj_w_c.txt", "rgb", "depth", "semantic_class"
+INFO = "info_semantic.json"
+MILLIMETRE = 0.001
+PEERS_ROW = (229.5 + HALF) / 480
+"""Where the peers have the principal point, as a part of the height."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is the folder of one of Replica's sequences."""
+    return (path / POSES).is_file() and bool(numbered(path / RGB, "rgb_", (".png",)))
+
+
+def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
+    """The scene of a sequence, frames in the order of their numbers.
+
+    Args:
+        path: its folder (`office_0/Sequence_1`).
+        as_peers: readings of `APPLICABLE`.
+        asked: may give intrinsics.
+
+    Raises:
+        InputError: the poses are damaged, or fewer than two frames have a picture and a pose.
+    """
+    colours, depths, labels = (numbered(path / folder, f"{folder}_", (".png",)) for folder in (RGB, DEPTH, CLASSES))
+    trajectory = read_trajectory(path / POSES)
+    if trajectory.times is not None:
+        raise InputError(path / POSES, "a 4x4 matrix a line", "lines of 8 numbers", trajectory.places[0])
+    names, told_by = _names(path)
+    given = asked_calibration(asked)
+    shots = [
+        Shot(
+            f"{RGB}/rgb_{number}.png",
+            colours.get(number, path / RGB / f"rgb_{number}.png"),
+            trajectory.poses[number] if number < len(trajectory) else None,
+            (path / POSES, trajectory.places[number] if number < len(trajectory) else ""),
+            depths.get(number),
+            labels.get(number),
+        )
+        for number in sorted({*colours, *range(len(trajectory))})
+    ]
+    by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
+    unknown = sorted(set(names.values()) - NYU40.keys())
+    return recorded(
+        path,
+        LAYOUT,
+        shots,
+        given.lens if given else partial(_lens, row=PEERS_ROW if ROW_229 in as_peers else 0.5),
+        name=sequence_name(path),
+        unit="metric",
+        frame=partial(ScanNetFrame, depth_unit=MILLIMETRE, labels_of_ids=by_id),
+        classes=SCANNET20,
+        notes=[
+            *(
+                [f"{len(unknown)} classes of {told_by} are none of Replica's and ignored, the first is {unknown[0]}."]
+                if unknown
+                else []
+            ),
+            *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
+        ],
+    )
+
+
+def _lens(picture: Path, size: tuple[int, int], row: float) -> Lens:
+    """The renderer's camera for pictures of a size (height, width), the principal point at this part of the height."""
+    height, width = size
+    return Lens(size, (width / 2, width / 2), (width / 2, row * height))
+
+
+def _names(path: Path) -> tuple[dict[int, str], Path | None]:
+    """The names of Replica's ids, and the file that says so, where one lies near.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    above = path.absolute().parent
+    places = (path, above, above / "habitat", above.parent / "semantic_info" / above.name)
+    file = next((place / INFO for place in places if (place / INFO).is_file()), None)
+    if file is None:
+        return IDS, None
+    names = {}
+    for one in parsed(file).objects("classes"):
+        number, name = one.number("id"), one.text("name")
+        if number is None or name is None or not number.is_integer() or not 0 <= number < 1 << 16:
+            raise one.refused("id", "an id from 0 to 65535 with a name", f"{one.values!r:.60}")
+        names[int(number)] = name
+    return names, file

@@ -1,0 +1,302 @@
+"""RGB-D frames in folders with poses in text, where no data set's name is on them but everything is named for what it is.
+
+    pictures   color/ or rgb/ or image/ or images/; frame*.jpg of results/ (NICE-SLAM's); or 000.jpg beside 000.txt (EmbodiedScan's)
+    depth      depth/; depth*.png of results/; or 000.png beside 000.txt. May be missing
+    poses      pose/ or poses/ with a file a frame; or a trajectory: traj.txt, trajectory.txt, poses.txt, trajectory.log (Redwood),
+               extrinsics/ (SUN3D). Camera to world with OpenCV axes, as all of these have them
+    intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above; the centre of the first
+               pixel at (0, 0), so that half a pixel is added
+
+Files of a frame are paired by their names, by the numbers in them, or, if there are as many of each, by their order. What a count of a depth
+map is worth is taken from the file of intrinsics, from the data set (millimetres in Redwood and SUN3D), or from the user; else depth is left out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+
+from semgs.data.asked import Asked
+from semgs.data.frames import SATURATED, Frame
+from semgs.data.layouts.association import associated
+from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.numbers import matrix
+from semgs.data.layouts.recordings import PICTURES, Shot, recorded, sequence_name
+from semgs.data.layouts.trajectories import Trajectory, read_trajectory
+from semgs.data.lens import HALF
+from semgs.data.scene import Scene
+from semgs.files.errors import InputError
+from semgs.files.pictures import read_uint16
+
+LAYOUT = "RGB-D folders"
+LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"
+ASKS = ("intrinsics", "depth_unit")
+
+COLOURS = ("color", "colour", "rgb", "image", "images")
+DEPTHS = ("depth", "depths")
+POSES = ("pose", "poses", "extrinsics")
+TRAJECTORIES = (
+    "traj.txt",
+    "traj_w_c.txt",
+    "trajectory.txt",
+    "trajectory.log",
+    "poses.txt",
+    "pose.txt",
+    "groundtruth.txt",
+)
+RESULTS = "results"
+MAPS = (".png", ".npy")
+
+CALIBRATIONS = (
+    "intrinsics.txt", "intrinsic.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "K.txt", "calibration.txt", "info.txt",
+    "intrinsics.json", "intrinsic.json", "camera-intrinsics.json", "camera_intrinsics.json", "camera.json", "cam_params.json",
+)  # fmt: skip
+"""Files of intrinsics, in the order in which they are looked for."""
+
+SCANNET = ("intrinsic/intrinsic_color.txt", "intrinsics_color.txt", "intrinsic_color.txt", "_info.txt", "label-filt")
+"""What only ScanNet's exporters leave beside `color/` and `pose/`: their folders are read as ScanNet's."""
+
+MILLIMETRE = 0.001
+PRIMESENSE = Calibration((525.0, 525.0), (319.5 + HALF, 239.5 + HALF), (480, 640), of_a_sensor=True)
+"""The camera of Redwood's recordings, whose folders do not say it. http://redwood-data.org/indoor/dataset.html"""
+
+
+@dataclass(frozen=True)
+class Files:
+    """The files of such a scene.
+
+    Attributes:
+        pictures: in the order of the numbers in their names.
+        depths: likewise; empty where there are none.
+        poses: one a frame; or the one file with all.
+        source: "SUN3D", "Redwood", or "" where the files do not tell.
+    """
+
+    pictures: tuple[Path, ...]
+    depths: tuple[Path, ...]
+    poses: tuple[Path, ...] | Path
+    source: str = ""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is a folder with pictures and poses that are named for it."""
+    return path.is_dir() and _files(path) is not None and not any((path / name).exists() for name in SCANNET)
+
+
+def open_rgbd(path: Path, asked: Asked) -> Scene:
+    """The scene of a folder of RGB-D frames.
+
+    Args:
+        path: the folder.
+        asked: may give intrinsics and the depth unit.
+
+    Raises:
+        InputError: the intrinsics are not known, the files of frames cannot be paired, or fewer than two frames have a picture and a pose.
+    """
+    files = _files(path)
+    if files is None:
+        raise InputError(path, LOOKED_FOR, "none of it")
+    told_by = _told_by(path)
+    calibration = asked_calibration(asked) or _calibration(path, files, told_by)
+    depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
+    stated = read_calibration(told_by).depth_unit if told_by and depths else None
+    unit = asked.depth_unit or stated or (MILLIMETRE if files.source else None)
+    notes = []
+    if depths and unit is None:
+        depths = {}
+        notes.append(
+            f"{len(files.depths)} depth maps are left out: nothing says what a count is worth (--depth-unit 0.001 for millimetres)."
+        )
+    make = partial(RotatedDepthFrame if files.source == "SUN3D" else Frame, depth_unit=unit or MILLIMETRE)
+    return recorded(
+        path,
+        LAYOUT,
+        [
+            replace(shot, depth=depths.get(shot.picture))
+            for shot in (
+                _shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses)
+            )
+        ],
+        calibration.lens,
+        name=sequence_name(path),
+        unit="metric" if depths else "unknown",
+        frame=make,
+        notes=notes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class RotatedDepthFrame(Frame):
+    """A frame of SUN3D, whose depth maps have their millimetres rotated by three bits to the left."""
+
+    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
+        """As `Frame.read_depths`.
+
+        Raises:
+            InputError: as `Frame.read_depths`.
+        """
+        if self.depth_path is None:
+            return None
+        rotated = read_uint16(self.depth_path)
+        counts = (rotated >> 3) | (rotated << 13)
+        depths = counts.astype(np.float32) * np.float32(self.depth_unit)
+        depths[counts == SATURATED] = 0
+        return self.fitted(self.depth_path, depths)
+
+
+def _files(path: Path) -> Files | None:
+    """The files of a scene, None where the folder is no such scene."""
+    pictures = next((found for name in COLOURS if (found := _listed(path / name, PICTURES))), ())
+    depths = next((found for name in DEPTHS if (found := _listed(path / name, MAPS))), ())
+    if not pictures and (path / RESULTS).is_dir():
+        pictures = _listed(path / RESULTS, PICTURES, "frame")
+        depths = _listed(path / RESULTS, MAPS, "depth")
+    if not pictures:
+        return _side_by_side(path)
+    for name in POSES:
+        poses = _listed(path / name, (".txt",))
+        if len(poses) > 1:
+            return Files(pictures, depths, poses)
+        if poses:
+            return Files(pictures, depths, poses[0], "SUN3D" if name == "extrinsics" else "")
+    trajectory = next((path / name for name in TRAJECTORIES if (path / name).is_file()), None)
+    if trajectory is None:
+        return None
+    return Files(pictures, depths, trajectory, "Redwood" if trajectory.suffix == ".log" else "")
+
+
+def _side_by_side(path: Path) -> Files | None:
+    """The files of a folder with 000.jpg, 000.txt and perhaps 000.png for each frame."""
+    pictures = _listed(path, (".jpg", ".jpeg"))
+    poses = tuple(one.with_suffix(".txt") for one in pictures if one.with_suffix(".txt").is_file())
+    if len(poses) < 2:
+        return None
+    return Files(
+        pictures, tuple(one.with_suffix(".png") for one in pictures if one.with_suffix(".png").is_file()), poses
+    )
+
+
+def _shots(path: Path, files: Files) -> list[Shot]:
+    """The frames where each has its own file with a pose."""
+    assert isinstance(files.poses, tuple)
+    poses = _paired(path, files.pictures, files.poses, "poses")
+    return [
+        Shot(
+            _name(path, one),
+            one,
+            matrix(poses[one]) if one in poses else None,
+            (poses.get(one, path), ""),
+        )
+        for one in files.pictures
+    ]
+
+
+def _shots_along(path: Path, files: Files, file: Path) -> list[Shot]:
+    """The frames where one file has all poses: by time where pictures are named for theirs, else one after the other.
+
+    Raises:
+        InputError: there are not as many poses as pictures, and no times to go by.
+    """
+    trajectory = read_trajectory(file)
+    places = _places(files.pictures, trajectory)
+    if places is None and len(trajectory) != len(files.pictures):
+        raise InputError(
+            file, f"as many poses as pictures: {len(files.pictures)} in {files.pictures[0].parent}", f"{len(trajectory)} poses",
+            advice="nothing else tells which belong together",
+        )  # fmt: skip
+    along = dict(enumerate(range(len(trajectory)))) if places is None else places
+    return [
+        Shot(
+            _name(path, one),
+            one,
+            trajectory.poses[along[index]] if index in along else None,
+            (file, trajectory.places[along[index]] if index in along else ""),
+        )
+        for index, one in enumerate(files.pictures)
+    ]
+
+
+def _places(pictures: Sequence[Path], trajectory: Trajectory) -> dict[int, int] | None:
+    """For each picture the pose at its time, where the names of pictures are times; else None."""
+    if trajectory.times is None or not all(re.fullmatch(r"\d+\.\d+", one.stem) for one in pictures):
+        return None
+    return associated(np.array([float(one.stem) for one in pictures]), trajectory.times)
+
+
+def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: str) -> dict[Path, Path]:
+    """The other file of each picture: that of the same name, else of the same number, else, if there are as many, in the same place.
+
+    Raises:
+        InputError: their numbers differ and their names tell nothing.
+    """
+    keys: tuple[Callable[[Path], Hashable], ...] = (lambda one: one.stem, _first_number, _last_number)
+    for key in keys:
+        mine, theirs = {key(one): one for one in pictures}, {key(one): one for one in others}
+        shared = mine.keys() & theirs.keys() - {None}
+        unique = len(mine) == len(pictures) and len(theirs) == len(others)
+        if unique and 2 * len(shared) >= min(len(pictures), len(others)):
+            return {mine[one]: theirs[one] for one in mine if one in shared}
+    if len(pictures) == len(others):
+        return dict(zip(pictures, others, strict=True))
+    raise InputError(
+        path, f"{what} that go with the pictures by name, by number or one after the other",
+        f"{len(pictures)} pictures ({pictures[0].name}, ...) and {len(others)} {what} ({others[0].name}, ...)",
+    )  # fmt: skip
+
+
+def _told_by(path: Path) -> Path | None:
+    """The file of intrinsics beside the pictures or in the folder above, if there is one."""
+    folders = (path, path.absolute().parent)
+    return next((one for folder in folders for name in CALIBRATIONS if (one := folder / name).is_file()), None)
+
+
+def _calibration(path: Path, files: Files, told_by: Path | None) -> Calibration:
+    """The intrinsics that a file tells, or the data set.
+
+    Raises:
+        InputError: nothing does, or the file cannot be used.
+    """
+    if told_by is not None:
+        return read_calibration(told_by)
+    if files.source == "Redwood":
+        return PRIMESENSE
+    raise InputError(
+        path, "a file of intrinsics: " + ", ".join(CALIBRATIONS[:5]) + ", cam_params.json or the like", "none",
+        advice="or give them: --intrinsics fx fy cx cy",
+    )  # fmt: skip
+
+
+def _listed(folder: Path, endings: Sequence[str], start: str = "") -> tuple[Path, ...]:
+    """The files of a folder with one of the endings, in the order of the numbers in their names."""
+    if not folder.is_dir():
+        return ()
+    found = (one for one in folder.iterdir() if one.suffix.lower() in endings and one.name.lower().startswith(start))
+    return tuple(sorted((one for one in found if not one.name.startswith(".")), key=_natural))
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """What orders names as people count: 2 before 10."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path.name)]
+
+
+def _first_number(path: Path) -> int | None:
+    """The first number in a name, None where it has none."""
+    found = re.search(r"\d+", path.stem)
+    return int(found[0]) if found else None
+
+
+def _last_number(path: Path) -> int | None:
+    """The last number in a name, None where it has none."""
+    found = re.findall(r"\d+", path.stem)
+    return int(found[-1]) if found else None
+
+
+def _name(path: Path, picture: Path) -> str:
+    """The name of a frame: its picture's, below the scene's folder."""
+    return picture.relative_to(path).as_posix()

@@ -1,0 +1,122 @@
+"""Frames of ROS and how they move: the pose of one in another at any time, from transforms that were recorded now and then.
+
+A transform from parent to child holds the pose of the child in the parent: a point p of the child is at R p + t in the parent. Frames of
+cameras are optical ones: x right, y down, z forward (REP 103), as ours. Between two recorded poses the rotation is interpolated on the
+sphere and the place on the line, as tf2 does; before the first, after the last and across long gaps there is no pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+LONGEST_GAP = 1_000_000_000
+"""Poses further apart than this say nothing of the time between them [ns]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How a frame moves in another.
+
+    Attributes:
+        parent: the frame that poses are in.
+        child: the frame that they are of.
+        times: when, ascending, each once [ns]; empty where it never moves.
+        positions: of the child in the parent [n 3] [m]; one where it never moves.
+        quaternions: (x, y, z, w) [n 4].
+        source: the topic that says so.
+    """
+
+    parent: str
+    child: str
+    times: np.ndarray
+    positions: np.ndarray
+    quaternions: np.ndarray
+    source: str
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it never moves."""
+        return len(self.times) == 0
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Parent from child at some times [ns], [n 4 4]; NaN where nothing is known."""
+        poses = np.zeros((len(times), 4, 4))
+        poses[:, 3, 3] = 1
+        if self.fixed:
+            poses[:, :3, :3] = Rotation.from_quat(self.quaternions[0]).as_matrix()
+            poses[:, :3, 3] = self.positions[0]
+            return poses
+        after = np.searchsorted(self.times, times, side="left").clip(0, len(self.times) - 1)
+        exact = self.times[after] == times
+        before = np.where(exact, after, (after - 1).clip(0))
+        span = self.times[after] - self.times[before]
+        known = exact | ((self.times[before] <= times) & (times <= self.times[after]) & (span <= LONGEST_GAP))
+        share = np.where(span > 0, (times - self.times[before]) / np.maximum(span, 1), 0.0)[:, None]
+        poses[:, :3, 3] = (1 - share) * self.positions[before] + share * self.positions[after]
+        seconds = (self.times - self.times[0]) / 1e9
+        if len(seconds) > 1:
+            wanted = ((times - self.times[0]) / 1e9).clip(0, seconds[-1])
+            poses[:, :3, :3] = Slerp(seconds, Rotation.from_quat(self.quaternions))(wanted).as_matrix()
+        else:
+            poses[:, :3, :3] = Rotation.from_quat(self.quaternions[0]).as_matrix()
+        poses[~known] = np.nan
+        return poses
+
+
+def motion(
+    parent: str, child: str, samples: Mapping[int, tuple[np.ndarray, np.ndarray]], source: str, *, fixed: bool = False
+) -> Motion | None:
+    """The motion of some samples, position [3] and quaternion [4] by time [ns]; None where no sample is a pose.
+
+    Args:
+        parent: the frame that poses are in; the slash that ROS 1 has before names is left out.
+        child: the frame that they are of.
+        samples: by time.
+        source: the topic.
+        fixed: whether it never moves; then the last sample counts.
+    """
+    times = [time for time, (place, turn) in sorted(samples.items()) if _is_pose(place, turn)]
+    if not times:
+        return None
+    kept = times[-1:] if fixed else times
+    return Motion(
+        parent.lstrip("/"),
+        child.lstrip("/"),
+        np.array([] if fixed else times, dtype=np.int64),
+        np.stack([samples[time][0] for time in kept]),
+        np.stack([samples[time][1] for time in kept]),
+        source,
+    )
+
+
+def above(motions: Mapping[str, Motion], frame: str) -> list[Motion]:
+    """The motions from a frame up to the root of its tree, nearest first.
+
+    Args:
+        motions: by child.
+        frame: where to begin.
+    """
+    found: list[Motion] = []
+    seen = {frame}
+    while frame in motions and motions[frame].parent not in seen:
+        found.append(motions[frame])
+        frame = motions[frame].parent
+        seen.add(frame)
+    return found
+
+
+def along(path: list[Motion], times: np.ndarray) -> np.ndarray:
+    """The pose of the frame that a path begins at in the frame that it ends at, at some times [ns], [n 4 4]; NaN where unknown."""
+    poses = np.broadcast_to(np.eye(4), (len(times), 4, 4))
+    for step in path:
+        poses = step.at(times) @ poses
+    return poses
+
+
+def _is_pose(place: np.ndarray, turn: np.ndarray) -> bool:
+    """Whether numbers are finite and a quaternion has a direction."""
+    return bool(np.isfinite(place).all() and np.isfinite(turn).all() and np.linalg.norm(turn) > 1e-6)

@@ -1,0 +1,124 @@
+"""Images in ROS messages as the files that they would be: JPEG and PNG as they are, raw pixels as PNG, depth in metres as arrays.
+
+https://github.com/ros2/common_interfaces (sensor_msgs), REP 118 (depth: 16 bits are millimetres, floats metres),
+https://github.com/ros-perception/image_transport_plugins (compressedDepth: a header of 12 bytes, then a PNG).
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from typing import Any
+
+import cv2
+import numpy as np
+
+COLOURS = {
+    "rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None), "8UC3": (3, None),
+    "rgba8": (4, cv2.COLOR_RGBA2BGR), "bgra8": (4, cv2.COLOR_BGRA2BGR), "8UC4": (4, cv2.COLOR_BGRA2BGR),
+    "mono8": (1, cv2.COLOR_GRAY2BGR), "8UC1": (1, cv2.COLOR_GRAY2BGR),
+    "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR), "bayer_bggr8": (1, cv2.COLOR_BayerRG2BGR),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR), "bayer_grbg8": (1, cv2.COLOR_BayerGB2BGR),
+    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY), "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2), "yuyv": (2, cv2.COLOR_YUV2BGR_YUY2),
+}  # fmt: skip
+"""Encodings of pictures: bytes of a pixel, and how OpenCV makes BGR of them. OpenCV names Bayer patterns by their second row."""
+
+DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
+"""Encodings of depth maps, and bytes of a pixel."""
+
+GREYS = ("mono8", "8UC1")
+COMPRESSED_DEPTH = "compressedDepth"
+_DEPTH_HEADER = struct.Struct("<iff")
+"""Of compressedDepth: the kind of compression, and two parameters of inverse depth."""
+
+
+def encoding_of(message: Any) -> str:
+    """How the pixels of an Image or CompressedImage were encoded before any compression; "" where it does not say."""
+    if hasattr(message, "encoding"):
+        return str(message.encoding)
+    return str(message.format).partition(";")[0].strip() if ";" in message.format else ""
+
+
+def is_depth(message: Any) -> bool:
+    """Whether a message is a depth map."""
+    return encoding_of(message) in DEPTHS or COMPRESSED_DEPTH in getattr(message, "format", "")
+
+
+def ending_of(message: Any) -> str:
+    """The ending that the file of a message has: ".jpg", ".png", or ".npy" for depth in metres."""
+    if is_depth(message):
+        return ".npy" if encoding_of(message) == "32FC1" else ".png"
+    return ".jpg" if bytes(message.data[:2]) == b"\xff\xd8" and not hasattr(message, "encoding") else ".png"
+
+
+def as_file(message: Any) -> bytes:
+    """The file of a message.
+
+    Raises:
+        ValueError: its pixels are encoded in a way that is not read, or are not as many as it says.
+    """
+    if not hasattr(message, "encoding"):
+        data = bytes(message.data)
+        return _compressed_depth(data, encoding_of(message)) if COMPRESSED_DEPTH in message.format else data
+    if message.encoding in DEPTHS:
+        counts = _pixels(message, DEPTHS[message.encoding], 1)
+        order = ">" if message.is_bigendian else "<"
+        return _depth_file(counts.view(f"{order}u2" if counts.shape[-1] == 2 else f"{order}f4")[..., 0])
+    if message.encoding not in COLOURS:
+        raise ValueError(
+            f"pixels encoded as {message.encoding!r}; expected one of {', '.join((*COLOURS, *DEPTHS))}, or a CompressedImage"
+        )
+    channels, code = COLOURS[message.encoding]
+    pixels = _pixels(message, channels, channels)
+    return _png(pixels if code is None else np.asarray(cv2.cvtColor(pixels, code)), 0)
+
+
+def _pixels(message: Any, size: int, channels: int) -> np.ndarray:
+    """The bytes of an Image [h w size] without what pads its rows.
+
+    Raises:
+        ValueError: there are fewer than it says.
+    """
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.asarray(message.data, dtype=np.uint8)
+    if step < width * size or data.size < height * step or min(height, width) < 1:
+        raise ValueError(
+            f"{data.size} bytes of {width}x{height} pixels in rows of {step} bytes; expected {width * size * height}"
+        )
+    rows = data[: height * step].reshape(height, step)[:, : width * size]
+    return np.ascontiguousarray(rows).reshape(height, width, size)
+
+
+def _compressed_depth(data: bytes, encoding: str) -> bytes:
+    """The file of a compressedDepth message.
+
+    Raises:
+        ValueError: it is no PNG behind its header.
+    """
+    if len(data) < _DEPTH_HEADER.size:
+        raise ValueError(f"{len(data)} bytes; expected a header of {_DEPTH_HEADER.size} and a PNG")
+    _, a, b = _DEPTH_HEADER.unpack_from(data)
+    inside = data[_DEPTH_HEADER.size :]
+    counts = cv2.imdecode(np.frombuffer(inside, np.uint8), cv2.IMREAD_UNCHANGED) if inside[:4] == b"\x89PNG" else None
+    if counts is None or counts.dtype != np.uint16 or counts.ndim != 2:
+        raise ValueError("compressed depth that is no 16-bit PNG")
+    if encoding != "32FC1":
+        return inside
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depths = np.where(counts > 0, a / (counts.astype(np.float32) - b), 0)
+    return _depth_file(depths.astype(np.float32))
+
+
+def _depth_file(depths: np.ndarray) -> bytes:
+    """Counts as PNG, metres as an array."""
+    if depths.dtype.kind == "u":
+        return _png(np.ascontiguousarray(depths.astype(np.uint16)), 1)
+    buffer = io.BytesIO()
+    np.save(buffer, depths.astype(np.float32))
+    return buffer.getvalue()
+
+
+def _png(pixels: np.ndarray, compression: int) -> bytes:
+    """A PNG of BGR or of one channel; without compression it takes a few milliseconds."""
+    return cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, compression])[1].tobytes()

@@ -1,0 +1,307 @@
+"""ScanNet++'s mesh with its annotations: what class and what depth a pinhole sees, by casting rays, kept on disk once it is known.
+
+scans/mesh_aligned_0.05.ply           triangles [m]
+scans/segments.json                   segIndices: the segment of each vertex
+scans/segments_anno.json              segGroups[]: label and segments of each object
+scans/mesh_aligned_0.05_mask.txt      vertices that were made unrecognisable, to be ignored
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import warnings
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int, Num, UInt8, UInt16
+
+from semgs.data.classes import IGNORE
+from semgs.data.layouts.fields import Fields, parsed
+from semgs.data.layouts.scannet_labels import normal
+from semgs.data.raycast import Raycaster
+from semgs.files.atomic import write_bytes
+from semgs.files.cache import cache_folder
+from semgs.files.errors import InputError
+
+MESH = "mesh_aligned_0.05.ply"
+SEGMENTS = "segments.json"
+ANNOTATIONS = "segments_anno.json"
+MASKED = "mesh_aligned_0.05_mask.txt"
+
+KEPT = "casts"
+"""The folder of what was cast, inside the cache; every scan has one of its own in it."""
+FORM = 1
+"""Of what is kept: a number to raise when something else is cast for the same input."""
+
+MILLIMETRES = 1000
+FARTHEST = 65.535
+"""Depth is kept in 16 bits of millimetres; what is farther is unknown [m]."""
+AT_ONCE = 1 << 18
+"""Rays that are cast together: some tens of megabytes."""
+
+
+@dataclass(frozen=True)
+class LabelledMesh:
+    """The mesh of a scan and what its objects' labels mean; nothing of it is read before somebody looks.
+
+    Attributes:
+        folder: `scans/` of the scan.
+        scene: the scan's name, for what is kept.
+        labels: the label of each object name, as (name, label); names that are not among them have none.
+    """
+
+    folder: Path
+    scene: str
+    labels: tuple[tuple[str, int], ...]
+
+    @property
+    def path(self) -> Path:
+        """The file of the triangles."""
+        return self.folder / MESH
+
+    @property
+    def annotations(self) -> Path | None:
+        """The file of the objects, None where there is none."""
+        return self.folder / ANNOTATIONS if (self.folder / ANNOTATIONS).is_file() else None
+
+    def seen(
+        self,
+        world_from_camera: Float64[np.ndarray, "4 4"],
+        intrinsics: Float64[np.ndarray, "3 3"],
+        size: tuple[int, int],
+    ) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+        """What a pinhole sees at the centres of its pixels: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
+
+        Raises:
+            InputError: a file of the scan cannot be used.
+            ImportError: embreex or trimesh is not installed; names the extra.
+        """
+        kept = self._place(world_from_camera, intrinsics, size)
+        found = _kept(kept, size)
+        if found is None:
+            mesh = _mesh(self.folder, self.labels, self._state())
+            found = mesh.cast(world_from_camera, intrinsics, size)
+            _keep(kept, *found)
+        labels, counts = found
+        return labels, counts.astype(np.float32) / np.float32(MILLIMETRES)
+
+    def _state(self) -> tuple:
+        """What changes when a file of the scan does."""
+        names = (MESH, SEGMENTS, ANNOTATIONS, MASKED)
+        held = [(self.folder / name).stat() if (self.folder / name).is_file() else None for name in names]
+        return tuple(one and (one.st_size, one.st_mtime_ns) for one in held)
+
+    def _place(self, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> Path:
+        """Where what a camera sees is kept."""
+        told = hashlib.sha256(repr((FORM, str(self.folder.resolve()), self._state(), self.labels, size)).encode())
+        told.update(np.ascontiguousarray(pose, np.float64).tobytes())
+        told.update(np.ascontiguousarray(intrinsics, np.float64).tobytes())
+        return cache_folder() / KEPT / self.scene / f"{told.hexdigest()[:32]}.npz"
+
+
+def object_names(path: Path) -> dict[str, int]:
+    """The names of a scan's objects and how many objects have each.
+
+    Args:
+        path: `segments_anno.json`.
+
+    Raises:
+        InputError: it is broken.
+    """
+    names: dict[str, int] = {}
+    for group in parsed(path).objects("segGroups"):
+        name = normal(group.text("label") or "")
+        names[name] = names.get(name, 0) + 1
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """A mesh in the form that rays need.
+
+    Attributes:
+        caster: its triangles.
+        labels: of each triangle, 255 = none.
+        hidden: whether a triangle is to be ignored, its depth too.
+    """
+
+    caster: Raycaster
+    labels: UInt8[np.ndarray, " m"]
+    hidden: np.ndarray
+
+    def cast(
+        self, world_from_camera: Num[np.ndarray, "4 4"], intrinsics: Num[np.ndarray, "3 3"], size: tuple[int, int]
+    ) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]]:
+        """Labels and z-depths [mm] at the centres of a pinhole's pixels."""
+        height, width = size
+        labels, counts = np.empty(height * width, np.uint8), np.empty(height * width, np.uint16)
+        turned = (world_from_camera[:3, :3] @ np.linalg.inv(intrinsics)).T
+        for start in range(0, height * width, AT_ONCE):
+            row, column = np.divmod(np.arange(start, min(start + AT_ONCE, height * width)), width)
+            rays = np.stack((column + 0.5, row + 0.5, np.ones(len(row))), axis=-1) @ turned
+            # Along a direction whose z is 1 in the camera, the distance is the z-depth.
+            triangles, depths = self.caster.cast(np.broadcast_to(world_from_camera[:3, 3], rays.shape), rays)
+            seen = (triangles >= 0) & ~self.hidden[triangles]
+            labels[start : start + len(row)] = np.where(seen, self.labels[triangles], IGNORE)
+            near = seen & (depths <= FARTHEST)
+            counts[start : start + len(row)] = np.round(np.where(near, depths, 0).astype(np.float64) * MILLIMETRES)
+        return labels.reshape(size), counts.reshape(size)
+
+
+@lru_cache(maxsize=1)
+def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> Cast:
+    """The mesh of a scan; the last one is kept, for frames are mostly read scan by scan.
+
+    Raises:
+        InputError: a file cannot be used.
+        ImportError: embreex or trimesh is not installed.
+    """
+    vertices, faces = read_mesh(folder / MESH)
+    of_vertices = np.full(len(vertices), IGNORE, np.uint8)
+    if (folder / ANNOTATIONS).is_file():
+        of_vertices = vertex_labels(folder, len(vertices), dict(labels))
+    hidden = np.zeros(len(vertices), bool)
+    if (folder / MASKED).is_file():
+        hidden[masked_vertices(folder / MASKED, len(vertices))] = True
+    first = faces[:, 0]
+    return Cast(_caster(folder / MESH, vertices, faces), of_vertices[first], hidden[first])
+
+
+def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    """Vertices [m] and triangles of a PLY, in the order of the file.
+
+    Raises:
+        InputError: it cannot be read, or holds no triangle.
+        ImportError: trimesh is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError(
+            'reading the mesh of a scan needs trimesh, which is not installed; pip install "semgs[raycast]"'
+        ) from error
+    if not path.is_file():
+        raise InputError(path, "the mesh of the scan", "no such file")
+    try:
+        mesh = trimesh.load_mesh(path, process=False)
+        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)
+    except Exception as error:  # whatever trimesh raises on a damaged file: ValueError, IndexError, KeyError, ...
+        raise InputError(path, "a PLY with triangles", f"one that cannot be read: {error}") from error
+    if not len(faces):
+        raise InputError(path, "a PLY with triangles", "none")
+    return vertices, faces
+
+
+def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[np.ndarray, " n"]:
+    """The label of each vertex, 255 = none. Where objects share a vertex, the smallest counts (the benchmark's rule), named in the table or not.
+
+    Args:
+        folder: with the segments and the objects.
+        count: of the mesh's vertices.
+        labels: of object names.
+
+    Raises:
+        InputError: a file is broken, or the segments are of another mesh.
+    """
+    fields = parsed(folder / SEGMENTS)
+    segments = _whole_numbers(fields, "segIndices")
+    if len(segments) != count:
+        raise InputError(
+            folder / SEGMENTS,
+            f"a segment for each of the {count} vertices of {MESH}",
+            f"{len(segments)}",
+            key="segIndices",
+        )
+    sizes = np.bincount(segments)
+    groups = []
+    for order, group in enumerate(parsed(folder / ANNOTATIONS).objects("segGroups")):
+        parts = np.unique(_whole_numbers(group, "segments"))
+        parts = parts[parts < len(sizes)]
+        label = labels.get(normal(group.text("label") or ""), IGNORE)
+        groups.append((-int(sizes[parts].sum()), -order, label, parts))
+    of_segments = np.full(len(sizes), IGNORE, np.uint8)
+    for *_, label, parts in sorted(groups, key=lambda group: group[:2]):
+        of_segments[parts] = label
+    return of_segments[segments]
+
+
+def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:
+    """The vertices that are to be ignored.
+
+    Raises:
+        InputError: the file cannot be read, or names others than those of the mesh.
+    """
+    try:
+        words = path.read_text().split()
+        vertices = np.array(words, np.int64)
+    except (OSError, ValueError, OverflowError) as error:
+        raise InputError(path, "numbers of vertices", str(error)) from error
+    if len(vertices) and not (vertices.min() >= 0 and vertices.max() < count):
+        raise InputError(path, f"vertices 0..{count - 1}", f"{vertices.min()}..{vertices.max()}")
+    return vertices
+
+
+def _caster(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Raycaster:
+    """The triangles for rays.
+
+    Raises:
+        InputError: they are broken.
+    """
+    try:
+        return Raycaster(vertices, faces)
+    except ValueError as error:
+        raise InputError(path, "a mesh that rays can be cast at", str(error)) from error
+
+
+def _whole_numbers(fields: Fields, key: str) -> Int[np.ndarray, " n"]:
+    """A list of numbers from 0 on.
+
+    Raises:
+        InputError: it is something else.
+    """
+    value = fields.value(key)
+    try:
+        numbers = np.array(value if isinstance(value, list) else None, np.int64)
+    except (TypeError, ValueError, OverflowError):
+        numbers = np.array(-1)
+    if numbers.ndim != 1 or (len(numbers) and numbers.min() < 0):
+        raise fields.refused(key, "a list of whole numbers from 0 on", f"{value!r:.40}")
+    return numbers
+
+
+def _kept(path: Path, size: tuple[int, int]) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]] | None:
+    """What was cast before, None where nothing was, or what was is damaged."""
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
+            labels, counts = held["labels"], held["millimetres"]
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+        return None
+    fits = labels.shape == counts.shape == size and (labels.dtype, counts.dtype) == (np.uint8, np.uint16)
+    return (labels, counts) if fits else None
+
+
+def _keep(path: Path, labels: UInt8[np.ndarray, "h w"], counts: UInt16[np.ndarray, "h w"]) -> None:
+    """Keep what was cast; where that cannot be, go on and say so once."""
+    file = io.BytesIO()
+    np.savez_compressed(file, labels=labels, millimetres=counts)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, file.getvalue())
+    except OSError as error:
+        _say_once(str(path.parent.parent), error.strerror or str(error))
+
+
+@cache
+def _say_once(folder: str, reason: str) -> None:
+    """Warn that nothing is kept."""
+    warnings.warn(
+        f"labels and depth that are cast at meshes cannot be kept in {folder} ({reason}) and are cast anew each time; "
+        "SEMGS_CACHE names another folder",
+        stacklevel=2,
+    )

@@ -1,0 +1,88 @@
+"""Trajectories: the poses of many frames in one text file, in the forms that recordings come with. All are camera to world.
+
+8 numbers a line      time, tx ty tz, qx qy qz qw: TUM RGB-D's, and what most SLAM systems write
+16 or 12 a line       a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
+3, then 4 lines of 4  Redwood's .log: three integers and a 4x4 matrix
+lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.layouts.numbers import as_motion, rows
+from semgs.files.errors import InputError
+
+FORMS = "poses as 8 numbers a line (time, tx ty tz, qx qy qz qw), as 4x4 or 3x4 matrices, or as Redwood's .log"
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The poses in a file.
+
+    Attributes:
+        path: the file.
+        poses: world from camera [n 4 4], not checked; NaN where the file has no pose.
+        places: where each is in the file ("line 3").
+        times: when each was, or None where the file does not say.
+    """
+
+    path: Path
+    poses: np.ndarray
+    places: tuple[str, ...]
+    times: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """The poses in a text file, in any of the forms above.
+
+    Raises:
+        InputError: it cannot be read, is empty, or has another form; the line is named.
+    """
+    held = rows(path)
+    if not held:
+        raise InputError(path, FORMS, "no line with numbers")
+    lengths = [len(values) for _, values in held]
+    places = [f"line {number}" for number, _ in held]
+    if set(lengths) == {8}:
+        table = np.array([values for _, values in held])
+        return Trajectory(path, poses_from_quaternions(table[:, 1:4], table[:, 4:]), tuple(places), table[:, 0])
+    if set(lengths) in ({16}, {12}):
+        return Trajectory(path, np.stack([as_motion(values) for _, values in held]), tuple(places))
+    step = 5 if lengths[:5] == [3, 4, 4, 4, 4] else _rows_of_a_matrix([values for _, values in held], lengths)
+    wanted = [3, 4, 4, 4, 4] if step == 5 else [4] * max(step, 1)
+    if step and len(held) % step == 0 and lengths == wanted * (len(held) // step):
+        starts = range(0, len(held), step)
+        parts = [
+            [value for _, values in held[start + (step == 5) : start + step] for value in values] for start in starts
+        ]
+        return Trajectory(path, np.stack([as_motion(part) for part in parts]), tuple(places[start] for start in starts))
+    odd = next((index for index, length in enumerate(lengths) if length != lengths[0]), 0)
+    raise InputError(path, FORMS, f"{lengths[odd]} numbers", places[odd])
+
+
+def poses_from_quaternions(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Matrices [n 4 4] of positions [n 3] and quaternions [n 4] in the order x, y, z, w; NaN where a quaternion has no direction."""
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y, z, w = np.where(lengths > 1e-6, quaternions / lengths, np.nan).T
+    poses = np.zeros((len(positions), 4, 4))
+    poses[:, 0, :3] = np.stack((1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)), axis=1)
+    poses[:, 1, :3] = np.stack((2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)), axis=1)
+    poses[:, 2, :3] = np.stack((2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)), axis=1)
+    poses[:, :3, 3] = positions
+    poses[:, 3, 3] = 1
+    return poses
+
+
+def _rows_of_a_matrix(held: list[list[float]], lengths: list[int]) -> int:
+    """How many lines of 4 numbers make a matrix: 4 where every fourth is 0 0 0 1, else 3; 0 if they are not lines of 4."""
+    if set(lengths) != {4}:
+        return 0
+    return 4 if all(values == [0, 0, 0, 1] for values in held[3::4]) and len(held) % 4 == 0 else 3

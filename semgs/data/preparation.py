@@ -1,0 +1,302 @@
+"""Preparing scenes: whatever a reader opens becomes an ordinary `transforms.json` scene, small and in one file.
+
+Each scene is one zip archive in which nothing is compressed again, so that `open_scene` reads it in place:
+
+    transforms.json    nerfstudio's layout, metric where the source is; each frame with the name that it had
+    images/NAME.jpg    at one size
+    depth/NAME.png     z-depth, 16 bits, millimetres
+    labels/NAME.png    class per pixel, 8 bits, 255 = none
+    prepared.json      what it was made of: layout, frames, notes, pixels of each class
+
+Pictures whose aspect is another one lose their margins on two sides, so that pixels stay square; where that is a hundredth or less they are
+stretched. Their cameras follow. The bytes depend on the source and the settings alone: not on the time, nor on who prepares how many at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import secrets
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from semgs import __version__
+from semgs.data.classes import IGNORE
+from semgs.data.frames import SATURATED, Frame
+from semgs.data.lens import Lens
+from semgs.data.scene import Scene
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views, cropped, resized
+from semgs.files.archives import members
+from semgs.files.errors import InputError
+from semgs.files.pictures import png_bytes
+
+RECORD = "prepared.json"
+MILLIMETRE = 0.001
+STRETCH = 0.01
+"""Pictures whose aspect is further off than this are cropped, not stretched."""
+_MIDNIGHT = (1980, 1, 1, 0, 0, 0)
+"""The time of every member: the earliest that a zip archive can tell."""
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """What decides the bytes of a prepared scene, beside its source.
+
+    Attributes:
+        size: (height, width) of pictures that are wider than high; the others get it turned [px].
+        every: keep each n-th usable frame, from the first.
+        quality: of the JPEGs, 1 to 95.
+
+    Raises:
+        ValueError: a field is out of its range.
+    """
+
+    size: tuple[int, int] = (240, 320)
+    every: int = 1
+    quality: int = 92
+
+    def __post_init__(self) -> None:
+        if min(self.size) < 1 or self.every < 1 or not 1 <= self.quality <= 95:
+            raise ValueError(
+                f"size is {self.size}, every {self.every} and quality {self.quality}; "
+                "expected positive sides, 1 or more and 1 to 95"
+            )
+
+    def as_json(self) -> dict[str, Any]:
+        """As files keep it, with the version that prepared."""
+        return {"semgs": __version__, "size": list(self.size), "every": self.every, "quality": self.quality}
+
+
+def prepare_scene(
+    scene: Scene, target: Path, settings: Preparation, *, done: Callable[[int], None] = lambda count: None
+) -> dict[str, Any]:
+    """Write a scene as one zip archive, complete or not at all.
+
+    Args:
+        scene: what a reader opened.
+        target: the archive to appear; one that is there is replaced.
+        settings: how.
+        done: told how many frames are written, after each.
+
+    Returns:
+        What `prepared.json` in the archive holds.
+
+    Raises:
+        InputError: a file of the scene cannot be used, or fewer than two frames are kept.
+        OSError: the disk is full.
+    """
+    frames = _kept(scene, settings)
+    partial = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    try:
+        with partial.open("xb") as file:
+            record = _fill(file, scene, frames, settings, done)
+        partial.replace(target)
+    except BaseException:
+        with contextlib.suppress(OSError):  # the first error is the one to tell
+            partial.unlink(missing_ok=True)
+        raise
+    return record
+
+
+def estimated_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int:
+    """About how many bytes the archive of a scene will have, from some of its frames.
+
+    Raises:
+        InputError: a file of them cannot be used, or fewer than two frames are kept.
+    """
+    frames = _kept(scene, settings)
+    few = [frames[round(step)] for step in np.linspace(0, len(frames) - 1, min(len(frames), sample))]
+    trial = io.BytesIO()
+    _fill(trial, scene, few, settings, lambda count: None)
+    return round(trial.tell() / len(few) * len(frames))
+
+
+def _kept(scene: Scene, settings: Preparation) -> tuple[Frame, ...]:
+    """The frames that are kept.
+
+    Raises:
+        InputError: they are fewer than two.
+    """
+    frames = scene.frames[:: settings.every]
+    if len(frames) < 2:
+        raise InputError(scene.path, "at least two frames to keep", f"{len(frames)} of {len(scene)}", "every")
+    return frames
+
+
+def _fill(
+    file: io.BufferedIOBase, scene: Scene, frames: Sequence[Frame], settings: Preparation, done: Callable[[int], None]
+) -> dict[str, Any]:
+    """Write the archive of some frames; what its record holds."""
+    pixels = np.zeros(IGNORE + 1, np.int64)
+    listed: list[dict[str, Any]] = []
+    maps = _Maps()
+    with zipfile.ZipFile(file, "w") as archive:
+        for frame, stem in zip(frames, _stems(frames), strict=True):
+            view = prepared_view(scene, frame, settings.size, maps.of(frame.lens))
+            listed.append(_write_frame(archive, frame, stem, view, scene, settings))
+            if view.labels is not None:
+                pixels += np.bincount(view.labels.numpy().ravel(), minlength=IGNORE + 1)
+            done(len(listed))
+        record = _record(scene, listed, pixels, settings)
+        _write(archive, "transforms.json", _json(_transforms(scene, listed)))
+        _write(archive, RECORD, _json(record))
+    return record
+
+
+class _Maps:
+    """What undoes the distortion of the lens that was used last: most frames of a scene have the same."""
+
+    def __init__(self) -> None:
+        self._lens: Lens | None = None
+        self._maps: tuple[np.ndarray, np.ndarray] | None = None
+
+    def of(self, lens: Lens) -> tuple[np.ndarray, np.ndarray] | None:
+        """Its maps, None for a pinhole."""
+        if lens != self._lens:
+            self._lens, self._maps = lens, None if lens.is_pinhole else lens.maps()
+        return self._maps
+
+
+def prepared_view(
+    scene: Scene, frame: Frame, size: tuple[int, int], maps: tuple[np.ndarray, np.ndarray] | None = None
+) -> Views:
+    """One frame as it is kept: cropped to the aspect of `size` and resized; `size` is turned where the picture is higher than wide.
+
+    Args:
+        scene: of the frame.
+        frame: to read.
+        size: (height, width) to bring it to [px].
+        maps: as for `Frame.read`.
+
+    Raises:
+        InputError: a file of the frame cannot be used.
+    """
+    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes, maps=maps)
+    rows, columns = view.size
+    height, width = size if (rows <= columns) == (size[0] <= size[1]) else size[::-1]
+    if abs(rows * width / (columns * height) - 1) > STRETCH:
+        kept = (min(rows, round(columns * height / width)), min(columns, round(rows * width / height)))
+        view = cropped(view, (rows - kept[0]) // 2, (columns - kept[1]) // 2, kept)
+    return resized(view, (height, width))
+
+
+def read_record(archive: Path) -> dict[str, Any] | None:
+    """What `prepared.json` in an archive holds; None where the archive is not one of ours.
+
+    Raises:
+        InputError: it is no zip archive.
+    """
+    member = members(archive).get(RECORD)
+    try:
+        content = json.loads(member.read_bytes()) if member is not None else None
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def fingerprint(scene: Scene) -> dict[str, Any]:
+    """What tells a scene from another of the same name: which frames it has, what comes with them, and where they stand."""
+    return {
+        "layout": scene.layout,
+        "unit": scene.unit,
+        "frames": len(scene),
+        "first": scene.frames[0].name,
+        "last": scene.frames[-1].name,
+        "depths": sum(frame.depth_path is not None for frame in scene.frames),
+        "labels": sum(frame.label_path is not None for frame in scene.frames) if scene.classes else 0,
+        "focal": [round(side, 6) for side in scene.frames[0].lens.focal],
+        "centre": [round(side, 6) for side in scene.frames[0].lens.centre],
+        "pose": [round(float(value), 6) for value in scene.frames[-1].world_from_camera[:3].ravel()],
+    }
+
+
+def _stems(frames: Sequence[Frame]) -> list[str]:
+    """The names of the frames' files: that of the picture without folder and ending, with its folders where that comes twice."""
+    names = [frame.name.replace("\\", "/").rpartition(".")[0] or frame.name for frame in frames]
+    for choice in ([name.rpartition("/")[2] for name in names], [name.replace("/", "_") for name in names]):
+        if len(set(choice)) == len(choice):
+            return choice
+    return [f"{index:06d}" for index in range(len(frames))]
+
+
+def _write_frame(
+    archive: zipfile.ZipFile, frame: Frame, stem: str, view: Views, scene: Scene, settings: Preparation
+) -> dict[str, Any]:
+    """Write the files of a frame; what `transforms.json` says of it."""
+    picture = (view.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=settings.quality)
+    _write(archive, f"images/{stem}.jpg", buffer.getvalue())
+    k = view.cameras.intrinsics[0].numpy()
+    pose = view.cameras.world_from_camera[0].numpy().copy()
+    pose[:3, 1:3] *= -1  # OpenGL axes, as the format wants
+    entry: dict[str, Any] = {
+        "file_path": f"images/{stem}.jpg",
+        "source_name": frame.name,
+        "w": view.size[1],
+        "h": view.size[0],
+        **{key: round(float(k[i, j]), 9) for key, i, j in (("fl_x", 0, 0), ("fl_y", 1, 1), ("cx", 0, 2), ("cy", 1, 2))},
+        "transform_matrix": [[round(float(value), 12) for value in row] for row in pose],
+    }
+    if view.depths is not None and scene.unit == "metric":
+        counts = np.rint(view.depths[0].numpy() / np.float32(MILLIMETRE))
+        counts[counts >= SATURATED] = 0
+        _write(archive, f"depth/{stem}.png", png_bytes(counts.astype(np.uint16)))
+        entry["depth_file_path"] = f"depth/{stem}.png"
+    if view.labels is not None:
+        _write(archive, f"labels/{stem}.png", png_bytes(view.labels[0].numpy()))
+        entry["label_file_path"] = f"labels/{stem}.png"
+    return entry
+
+
+def _transforms(scene: Scene, listed: list[dict[str, Any]]) -> dict[str, Any]:
+    """The content of `transforms.json`: what all frames share is said once."""
+    alike = {key: listed[0][key] for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
+    alike = {key: value for key, value in alike.items() if all(entry[key] == value for entry in listed)}
+    shared: dict[str, Any] = {"camera_model": "PINHOLE", **alike, "metric": scene.unit == "metric"}
+    if scene.unit == "metric":
+        shared["depth_unit_scale_factor"] = MILLIMETRE
+    if scene.classes is not None:
+        shared |= {"label_set": scene.classes.name, "label_ignore": IGNORE}
+    if scene.applied_transform is not None:
+        shared["applied_transform"] = scene.applied_transform.tolist()
+    if scene.applied_scale is not None:
+        shared["applied_scale"] = scene.applied_scale
+    frames = [{key: value for key, value in entry.items() if key not in alike} for entry in listed]
+    return {**shared, "frames": frames}
+
+
+def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, settings: Preparation) -> dict[str, Any]:
+    """The content of `prepared.json`."""
+    named = (
+        {} if scene.classes is None else {name: int(pixels[label]) for label, name in enumerate(scene.classes.names)}
+    )
+    return {
+        **settings.as_json(),
+        "frames": len(listed),
+        "depths": sum("depth_file_path" in entry for entry in listed),
+        "labels": sum("label_file_path" in entry for entry in listed),
+        "label_set": scene.classes.name if scene.classes else None,
+        "pixels": {**named, "ignored": int(pixels[IGNORE])} if named else {},
+        "notes": list(scene.notes),
+        "source": fingerprint(scene),
+    }
+
+
+def _write(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
+    """Add a file to an archive, uncompressed, with nothing of today in it."""
+    info = zipfile.ZipInfo(name, _MIDNIGHT)
+    info.compress_type, info.external_attr, info.create_system = zipfile.ZIP_STORED, 0o644 << 16, 3
+    archive.writestr(info, data)
+
+
+def _json(content: dict[str, Any]) -> bytes:
+    """A JSON file's bytes."""
+    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -1,0 +1,358 @@
+"""Prepared data sets: a folder of prepared scenes that is filled by worker processes and goes on where it was left.
+
+settings.json     what all scenes were prepared with
+SCENE.zip         one each, as `semgs.data.preparation` has them
+SHA256SUMS        their hashes, as `sha256sum -c` takes them
+index.json        what is in each, those that could not be prepared and why, and the pixels of every class
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import traceback
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch.utils.data import DataLoader, Dataset
+
+from semgs.data.asked import Asked
+from semgs.data.layouts.recordings import sequence_name
+from semgs.data.preparation import Preparation, estimated_bytes, fingerprint, prepare_scene, read_record
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scenes, scene_paths
+from semgs.data.workers import settle_worker
+from semgs.files.atomic import is_part_of, write_json, write_text
+from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
+
+SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
+SAMPLED_SCENES = 3
+"""Of so many scenes some frames are prepared on trial, to find how much space all need."""
+MARGIN = 1.05
+"""The space asked for is this much more than what the trial says."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A scene to prepare.
+
+    Attributes:
+        path: where it is.
+        name: of its archive; no other scene of the set has it.
+    """
+
+    path: Path
+    name: str
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How sources are read.
+
+    Attributes:
+        as_peers: as for `open_scene`.
+        asked: what the user says of all of them.
+    """
+
+    as_peers: tuple[str, ...] = ()
+    asked: Asked = Asked()  # noqa: RUF009
+
+    def open(self, source: Source) -> Scene:
+        """The scene of a source.
+
+        Raises:
+            InputError: as `open_scene`.
+        """
+        (scene,) = open_scenes(source.path, self.as_peers, self.asked)
+        return scene
+
+    def as_json(self) -> dict[str, Any]:
+        """As `settings.json` keeps it: what was told, and nothing of what was not."""
+        told = {name: value for name, value in vars(self.asked).items() if value is not None}
+        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(told))}
+
+
+def sources(path: Path, wanted: Path | None = None) -> list[Source]:
+    """The scenes at a path, named by where they are below it.
+
+    Args:
+        path: a scene, or a folder with scenes, or one of such folders.
+        wanted: a text file with the names of those to take, a line each, as splits come: "scene0000_00", "office_0/Sequence_1",
+            and for 7-Scenes "sequence1"; None takes all.
+
+    Raises:
+        InputError: there is none, the list is empty or names something else.
+    """
+    path = path.expanduser()
+    paths = scene_paths(path)
+    if paths == (path,):
+        below = [Path(sequence_name(path) if path.is_dir() else path.stem)]
+    else:
+        below = [one.relative_to(path) for one in paths]
+    found = [
+        Source(one, _safe("_".join((place if one.is_dir() else place.with_suffix("")).parts)))
+        for one, place in zip(paths, below, strict=True)
+    ]
+    twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
+    if twice:
+        raise InputError(path, "scenes of different names", f"{twice[0]} twice")
+    if wanted is None:
+        return found
+    known: dict[str, Source] = {}
+    for source, one in zip(found, below, strict=True):
+        for name in _called(source, one):
+            known.setdefault(name, source)
+    listed = _listed(wanted)
+    missing = [name for name in listed if name not in known]
+    if missing:
+        raise InputError(
+            wanted, f"names of scenes in {path}, such as {found[0].name}", f"{missing[0]} and {len(missing) - 1} more that are not there"
+            if len(missing) > 1 else f"{missing[0]}, which is not there", f"{len(missing)} of {len(listed)} lines",
+        )  # fmt: skip
+    return list(dict.fromkeys(known[name] for name in listed))
+
+
+def prepare_set(
+    out: Path,
+    found: Sequence[Source],
+    settings: Preparation,
+    reading: Reading,
+    *,
+    workers: int = 0,
+    done: Callable[[int], None] = lambda count: None,
+    frame_done: Callable[[int], None] | None = None,
+) -> dict[str, Any]:
+    """Prepare the scenes that a folder does not hold yet, then write its hashes and index.
+
+    Every archive appears complete or not at all, so the same call goes on where an earlier one was cut short; an archive whose source has
+    changed is made anew. A scene that cannot be prepared is passed over and listed.
+
+    Args:
+        out: a new or empty folder, or one that holds scenes of the same settings.
+        found: the scenes.
+        settings: how to prepare them.
+        reading: how to read them.
+        workers: processes that prepare; 0 prepares in this one.
+        done: told how many scenes are done, at the start and after each.
+        frame_done: told how many frames of the present scene are done; with it all work is done in this process.
+
+    Returns:
+        What `index.json` holds.
+
+    Raises:
+        ValueError: the folder holds scenes of other settings.
+        InputError: the folder holds something else, or no scene could be prepared (the first one's error).
+        OSError: the disk is full.
+    """
+    check(out, settings, reading)
+    _claim(out, settings, reading)
+    crew = min(workers, len(found)) if frame_done is None else 0
+    work = iter(
+        DataLoader(
+            _Preparing(out, found, settings, reading, frame_done),
+            batch_size=None,
+            num_workers=crew,
+            multiprocessing_context="forkserver" if crew else None,
+            worker_init_fn=settle_worker,
+        )
+    )
+    failed: dict[str, InputError] = {}
+    entries: dict[str, dict[str, Any]] = {}
+    done(0)
+    try:
+        for count, source in enumerate(found, start=1):
+            outcome = next(work)
+            if isinstance(outcome, InputError):
+                failed[source.name] = outcome
+            elif isinstance(outcome, Exception):
+                raise outcome
+            else:
+                entries[source.name] = outcome
+            done(count)
+    finally:
+        del work  # ends the workers now, even if the error is kept for long
+    if not entries:
+        raise next(iter(failed.values()))
+    return _write_index(out, settings, reading, failed)
+
+
+def check(out: Path, settings: Preparation, reading: Reading) -> None:
+    """See that a folder is or can become a prepared set of these settings.
+
+    Raises:
+        ValueError: it holds scenes of other settings, which are told.
+        InputError: it holds something else.
+    """
+    record, wanted = out / SETTINGS, _settings(settings, reading)
+    if not record.is_file():
+        if out.exists() and not (out.is_dir() and all(is_part_of(file, record) for file in out.iterdir())):
+            raise InputError(
+                out, "a new or empty folder, or one to go on with", "something else", advice="name another folder"
+            )
+        return
+    try:
+        there = json.loads(record.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise InputError(record, "the settings of a prepared set", str(error)) from error
+    if not isinstance(there, dict) or set(there) != set(wanted):
+        raise InputError(record, "the settings of a prepared set", "something else", advice="name another folder")
+    other = [f"{name} is {there[name]} there, {value} asked" for name, value in wanted.items() if there[name] != value]
+    if other:
+        raise ValueError(
+            f"{out} holds scenes of other settings: {'; '.join(other)}; give the same ones or name another folder"
+        )
+
+
+def _claim(out: Path, settings: Preparation, reading: Reading) -> None:
+    """Make a folder that was checked a prepared set, and clear away archives of it that were cut short."""
+    out.mkdir(parents=True, exist_ok=True)
+    if not (out / SETTINGS).is_file():
+        write_json(out / SETTINGS, _settings(settings, reading))
+    for path in out.glob(".*.zip.*.part"):
+        path.unlink(missing_ok=True)
+
+
+def _settings(settings: Preparation, reading: Reading) -> dict[str, Any]:
+    """What `settings.json` holds."""
+    return {**settings.as_json(), **reading.as_json()}
+
+
+def needed_space(out: Path, found: Sequence[Source], settings: Preparation, reading: Reading) -> int:
+    """How many bytes the scenes that are not there yet will take, from some frames of some of them.
+
+    Raises:
+        InputError: none of those that were tried can be read (the first one's error).
+    """
+    missing = [source for source in found if not (out / f"{source.name}.zip").is_file()]
+    sizes: list[int] = []
+    errors: list[InputError] = []
+    for index in sorted({round(step) for step in np.linspace(0, len(missing) - 1, min(len(missing), SAMPLED_SCENES))}):
+        try:
+            sizes.append(estimated_bytes(reading.open(missing[index]), settings))
+        except InputError as error:
+            errors.append(error)
+    if errors and not sizes:
+        raise errors[0]
+    return round(MARGIN * len(missing) * float(np.mean(sizes))) if sizes else 0
+
+
+def free_space(out: Path) -> int:
+    """How many bytes are free where a folder is or will be."""
+    nearest = next(one for one in (out.absolute(), *out.absolute().parents) if one.exists())
+    return shutil.disk_usage(nearest).free
+
+
+class _Preparing(Dataset):
+    """Prepares a scene when it is asked for; the item is its entry in the index, or what went wrong.
+
+    An error is handed over as a value because a loader would keep no more than its type and text.
+    """
+
+    def __init__(
+        self,
+        out: Path,
+        found: Sequence[Source],
+        settings: Preparation,
+        reading: Reading,
+        frame_done: Callable[[int], None] | None,
+    ) -> None:
+        self._out, self._found, self._settings, self._reading = out, found, settings, reading
+        self._frame_done = frame_done
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def __getitem__(self, k: int) -> dict[str, Any] | Exception:
+        source = self._found[k]
+        target = self._out / f"{source.name}.zip"
+        try:
+            scene = self._reading.open(source)
+            there = read_record(target) if target.is_file() else None
+            if there is not None and there.get("source") == fingerprint(scene):
+                return there
+            return prepare_scene(scene, target, self._settings, done=self._frame_done or _nothing)
+        except Exception as error:
+            error.add_note(f"while {source.name} was prepared:\n{traceback.format_exc()}")
+            return error
+
+
+def _nothing(count: int) -> None:
+    """What is told where nobody listens."""
+
+
+def _write_index(out: Path, settings: Preparation, reading: Reading, failed: dict[str, InputError]) -> dict[str, Any]:
+    """Write the hashes and the index of all archives in a folder; what the index holds."""
+    known = _sums(out)
+    scenes, total, sums = [], Counter[str](), {}
+    for archive in sorted(out.glob("*.zip")):
+        record = read_record(archive)
+        if record is None:
+            continue
+        stamp = archive.stat()
+        old = known.get(archive.name)
+        sums[archive.name] = old if old is not None and _older(archive, out / SUMS) else sha256(archive)
+        total.update(record["pixels"])
+        entry = {key: record[key] for key in ("frames", "depths", "labels", "label_set", "pixels", "notes")}
+        layout = {"layout": record["source"]["layout"], "unit": record["source"]["unit"]}
+        scenes.append(
+            {"name": archive.stem, "file": archive.name, "bytes": stamp.st_size, "sha256": sums[archive.name], **layout, **entry}
+        )  # fmt: skip
+    write_text(out / SUMS, "".join(f"{digest}  {name}\n" for name, digest in sums.items()))
+    index = {
+        **settings.as_json(),
+        **reading.as_json(),
+        "frames": sum(scene["frames"] for scene in scenes),
+        "bytes": sum(scene["bytes"] for scene in scenes),
+        "pixels": dict(total),
+        "failed": [{"name": name, "error": str(error)} for name, error in failed.items()],
+        "scenes": scenes,
+    }
+    write_json(out / INDEX, index)
+    return index
+
+
+def _sums(out: Path) -> dict[str, str]:
+    """The hashes that an earlier run wrote, by file."""
+    try:
+        lines = (out / SUMS).read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return {}
+    return {name: digest for digest, _, name in (line.partition("  ") for line in lines)}
+
+
+def _older(file: Path, than: Path) -> bool:
+    """Whether a file was last written before another."""
+    return file.stat().st_mtime_ns < than.stat().st_mtime_ns
+
+
+def _safe(name: str) -> str:
+    """A name as a file may have it anywhere."""
+    return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "scene"
+
+
+def _called(source: Source, below: Path) -> list[str]:
+    """What a list may call a scene: by its place, by the name of its archive, by its folder, or as 7-Scenes calls its sequences."""
+    numbered = re.fullmatch(r"seq-0*(\d+)", below.name)
+    return [below.as_posix(), source.name, below.name, *([f"sequence{numbered[1]}"] if numbered else [])]
+
+
+def _listed(path: Path) -> list[str]:
+    """The names in a list.
+
+    Raises:
+        InputError: it cannot be read or is empty.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, "a list of scenes", getattr(error, "strerror", None) or str(error)) from error
+    names = [line.strip().replace("\\", "/").rstrip("/") for line in lines if line.strip() and not line.startswith("#")]
+    if not names:
+        raise InputError(path, "names of scenes, one a line", "none: the list is empty")
+    return names

@@ -1,0 +1,128 @@
+"""Zip archives read in place: each member is a stretch of the file, found once and then read without opening the archive again.
+
+A `Member` is plain data, so that scenes made of them go to worker processes, and thousands of them share one list. What is stored
+uncompressed is read at the speed of a file; deflated members are inflated.
+"""
+
+from __future__ import annotations
+
+import errno
+import posixpath
+import struct
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from semgs.files.errors import InputError
+
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_ENCRYPTED = 0x1
+_HEADER = struct.Struct("<4s22xHH")
+"""Of a local file header: its signature, and how long the name and the extra field behind it are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A file inside a zip archive.
+
+    Attributes:
+        archive: the zip file.
+        inside: its name in there, with slashes ("images/000.jpg").
+        header: where its local header begins.
+        length: bytes that it takes in the archive.
+        checksum: CRC-32 of its content.
+        deflated: whether it is compressed.
+    """
+
+    archive: Path
+    inside: str
+    header: int
+    length: int
+    checksum: int
+    deflated: bool = False
+
+    @property
+    def name(self) -> str:
+        """The name without folders."""
+        return PurePosixPath(self.inside).name
+
+    @property
+    def suffix(self) -> str:
+        """The ending of the name."""
+        return PurePosixPath(self.inside).suffix
+
+    def is_file(self) -> bool:
+        """Whether the archive is there; the member was, when the archive was listed."""
+        return self.archive.is_file()
+
+    def read_bytes(self) -> bytes:
+        """The content.
+
+        Raises:
+            OSError: the archive cannot be read, was changed, or is damaged here.
+        """
+        with self.archive.open("rb") as file:
+            file.seek(self.header)
+            start = file.read(_HEADER.size)
+            if len(start) == _HEADER.size and start.startswith(b"PK\3\4"):
+                _, name, extra = _HEADER.unpack(start)
+                file.seek(name + extra, 1)
+                data = file.read(self.length)
+            else:
+                data = b""
+        try:
+            content = zlib.decompress(data, -zlib.MAX_WBITS) if self.deflated else data
+        except zlib.error:
+            content = b""
+        if len(data) != self.length or zlib.crc32(content) != self.checksum:
+            raise OSError(errno.EIO, "its bytes are not those that the archive lists: damaged, or changed meanwhile")
+        return content
+
+    def __str__(self) -> str:
+        return f"{self.archive}/{self.inside}"
+
+
+@dataclass(frozen=True)
+class Archive:
+    """The members of a zip archive by their names in it.
+
+    Attributes:
+        path: the zip file.
+        members: its files.
+    """
+
+    path: Path
+    members: dict[str, Member]
+
+    def beside(self, member: Member, name: str) -> Member | None:
+        """The file of that name relative to the folder of a member, as a path beside a file is meant; None if there is none."""
+        return self.members.get(posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name)))
+
+
+def members(archive: Path) -> dict[str, Member]:
+    """The files of a zip archive by their names in it.
+
+    Raises:
+        InputError: it is no zip archive, is damaged, or has a member that is encrypted or compressed in another way than deflate.
+    """
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            listed = [one for one in opened.infolist() if not one.is_dir()]
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
+    for one in listed:
+        if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
+            found = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
+            raise InputError(archive, "members that are stored or deflated", f"one {found}", one.filename)
+    return {
+        one.filename: Member(
+            archive,
+            one.filename,
+            one.header_offset,
+            one.compress_size,
+            one.CRC,
+            one.compress_type == zipfile.ZIP_DEFLATED,
+        )
+        for one in listed
+    }

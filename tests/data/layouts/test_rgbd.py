@@ -1,0 +1,236 @@
+"""RGB-D frames in folders with poses in text, in the manners in which people leave them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from miniatures import (
+    Miniature,
+    back_projected,
+    check_projection,
+    check_read,
+    miniature,
+    quaternion,
+    text,
+    write_picture,
+)
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+
+K = np.array([[57.5, 0, 31.5], [0, 56.25, 24.5], [0, 0, 1]])
+
+
+def write_maps(room: Miniature, colour: str, depth: str | None) -> None:
+    """The pictures and depth maps at places such as "color/{0:03d}.png"."""
+    for index in range(len(room)):
+        write_picture(Path(colour.format(index)), room.images[index])
+        if depth is not None:
+            write_picture(Path(depth.format(index)), room.depths[index])
+
+
+def pose_files(folder: Path, room: Miniature) -> Path:
+    """color/0.png ... color/7.png, with a file for each pose."""
+    write_maps(room, f"{folder}/color/{{}}.png", f"{folder}/depth/{{}}.png")
+    (folder / "pose").mkdir()
+    for index in range(len(room)):
+        (folder / f"pose/{index}.txt").write_text(text(room.poses[index], "\r\n"))
+    (folder / "intrinsics.txt").write_text(text(K))
+    return folder
+
+
+def nice_slam(folder: Path, room: Miniature) -> Path:
+    """NICE-SLAM's Replica: results/frame000000.jpg, a matrix a line, and the camera in the folder above."""
+    write_maps(room, f"{folder}/results/frame{{:06d}}.png", f"{folder}/results/depth{{:06d}}.png")
+    (folder / "traj.txt").write_text("".join(text(pose.reshape(1, 16)) for pose in room.poses))
+    camera = {"w": 64, "h": 48, "fx": 57.5, "fy": 56.25, "cx": 31.5, "cy": 24.5, "scale": 1000.0}
+    (folder.parent / "cam_params.json").write_text(json.dumps({"camera": camera}))
+    return folder
+
+
+def redwood(folder: Path, room: Miniature) -> Path:
+    """Redwood's image/ and depth/ with other times in their names, a .log, and Open3D's file of intrinsics."""
+    write_maps(room, f"{folder}/image/{{0:06d}}-{{0:03d}}33.png", f"{folder}/depth/{{0:06d}}-{{0:03d}}66.png")
+    log = "".join(f"{index} {index} {index + 1}\n{text(pose)}" for index, pose in enumerate(room.poses))
+    (folder / "trajectory.log").write_text(log)
+    (folder / "intrinsic.json").write_text(
+        json.dumps({"width": 64, "height": 48, "intrinsic_matrix": K.T.ravel().tolist()})
+    )
+    return folder
+
+
+def side_by_side(folder: Path, room: Miniature) -> Path:
+    """EmbodiedScan's 00000.jpg (here by name only), 00000.png, 00000.txt and a 4x4 intrinsic.txt."""
+    write_maps(room, f"{folder}/{{0:05d}}.jpg", f"{folder}/{{0:05d}}.png")
+    for index in range(len(room)):
+        (folder / f"{index:05d}.txt").write_text(text(room.poses[index]))
+    whole = np.eye(4)
+    whole[:3, :3] = K
+    (folder / "intrinsic.txt").write_text(text(whole))
+    return folder
+
+
+def sun3d(folder: Path, room: Miniature) -> Path:
+    """SUN3D: all poses as 3x4 matrices below each other, depth rotated by three bits."""
+    write_maps(room, f"{folder}/image/{{0:07d}}-{{0:012d}}.png", None)
+    for index, depths in enumerate(room.depths):
+        write_picture(folder / f"depth/{index:07d}-{index:012d}.png", (depths << 3) | (depths >> 13))
+    (folder / "extrinsics").mkdir()
+    (folder / "extrinsics/20140808220511.txt").write_text("".join(text(pose[:3]) for pose in room.poses))
+    (folder / "intrinsics.txt").write_text(text(K))
+    return folder
+
+
+def by_time(folder: Path, room: Miniature) -> Path:
+    """rgb/ and depth/ with times for names, and a trajectory as SLAM systems write it, not in order."""
+    for index in range(len(room)):
+        write_picture(folder / f"rgb/{100 + index / 10:.4f}.png", room.images[index])
+        write_picture(folder / f"depth/{100.002 + index / 10:.4f}.png", room.depths[index])
+    lines = [
+        text(np.array([100.001 + index / 10, *pose[:3, 3], *quaternion(pose[:3, :3])]))
+        for index, pose in enumerate(room.poses)
+    ]
+    (folder / "trajectory.txt").write_text("".join(lines[::-1]))
+    (folder / "K.txt").write_text("57.5, 56.25, 31.5, 24.5")
+    return folder
+
+
+MANNERS = {
+    "pose files": pose_files,
+    "NICE-SLAM": nice_slam,
+    "Redwood": redwood,
+    "side by side": side_by_side,
+    "SUN3D": sun3d,
+    "by time": by_time,
+}
+STATES_NO_UNIT = ("pose files", "side by side", "by time")
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+def test_what_is_read_equals_what_was_written(tmp_path: Path, manner: str):
+    room = miniature()
+    (tmp_path / "my room").mkdir()
+    folder = MANNERS[manner](tmp_path / "my room", room)
+    scene = open_scene(folder, depth_unit=0.001 if manner in STATES_NO_UNIT else None)
+    check_read(scene, room)
+    assert scene.unit == "metric"
+    assert scene.name == "my room"
+    assert not scene.notes
+    depth = room.depths[5, 33, 20] / 1000
+    check_projection(
+        scene, 5, back_projected(room.poses[5], (57.5, 56.25), (31.5, 24.5), (33, 20), depth), (33, 20), depth
+    )
+
+
+@pytest.mark.parametrize("manner", STATES_NO_UNIT)
+def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: str):
+    scene = open_scene(MANNERS[manner](tmp_path, miniature(frames=3)))
+    assert scene.unit == "unknown"
+    assert all(frame.depth_path is None for frame in scene.frames)
+    assert scene.notes[0].startswith(
+        "3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001"
+    )
+
+
+def test_numbers_count_as_people_count(tmp_path: Path):
+    room = miniature(frames=8)
+    twelve = Miniature(*(np.concatenate((one, one[:4])) for one in (room.images, room.depths, room.labels, room.poses)))
+    scene = open_scene(pose_files(tmp_path, twelve), depth_unit=0.001)
+    assert [frame.name for frame in scene.frames[:3]] == ["color/0.png", "color/1.png", "color/2.png"]
+    check_read(scene, twelve)
+
+
+def test_a_missing_map_is_counted_and_frames_are_paired_by_number(tmp_path: Path):
+    room = miniature()
+    folder = pose_files(tmp_path, room)
+    (folder / "depth/3.png").unlink()
+    (folder / "pose/5.txt").unlink()
+    scene = open_scene(folder, depth_unit=0.001)
+    assert [note.split(",")[0] for note in scene.notes] == [
+        "1 of 8 frames have no pose and are left out",
+        "1 of 8 frames have no depth map",
+    ]
+    check_read(scene, room, [0, 1, 2, 3, 4, 6, 7], depths=False)
+    np.testing.assert_allclose(scene.read([4]).depths[0], room.depths[4] / 1000, atol=1e-3)
+
+
+def test_colours_and_depths_that_nothing_pairs_are_refused(tmp_path: Path):
+    folder = pose_files(tmp_path, miniature(frames=4))
+    for index in range(4):
+        (folder / f"depth/{index}.png").rename(folder / f"depth/{'abcd'[index]}.png")
+    assert len(open_scene(folder, depth_unit=0.001).read([0, 3]).depths) == 2
+    (folder / "depth/b.png").unlink()
+    with pytest.raises(InputError, match=r"expected depth maps that go with .* found 4 pictures .* and 3 depth maps"):
+        open_scene(folder)
+
+
+def test_as_many_poses_as_pictures_or_none(tmp_path: Path):
+    folder = nice_slam(tmp_path / "office0", miniature(frames=4))
+    lines = (folder / "traj.txt").read_text().splitlines()
+    (folder / "traj.txt").write_text("\n".join(lines[:3]))
+    with pytest.raises(
+        InputError, match=r"traj\.txt: expected as many poses as pictures: 4 in .*results, found 3 poses"
+    ):
+        open_scene(folder)
+    (folder / "traj.txt").write_text("\n".join([*lines[:3], "1 2 3"]))
+    with pytest.raises(InputError, match=r"traj\.txt: line 4: expected poses as 8 numbers .* found 3 numbers"):
+        open_scene(folder)
+
+
+def test_without_intrinsics_they_are_asked_for(tmp_path: Path):
+    room = miniature(frames=3)
+    folder = pose_files(tmp_path, room)
+    (folder / "intrinsics.txt").unlink()
+    with pytest.raises(InputError, match=r"expected a file of intrinsics: .* or give them: --intrinsics fx fy cx cy"):
+        open_scene(folder)
+    check_read(open_scene(folder, intrinsics=(57.5, 56.25, 32.0, 25.0), depth_unit=0.001), room)
+
+
+def test_redwood_without_a_file_has_the_primesense(tmp_path: Path):
+    folder = redwood(tmp_path, miniature(frames=3))
+    (folder / "intrinsic.json").unlink()
+    lens = open_scene(folder).frames[0].lens
+    assert (*lens.focal, *lens.centre) == (52.5, 52.5, 32, 24)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("intrinsics.txt", "57 0 31\n0 57 24\n", "6 numbers"),
+        ("intrinsics.txt", "57 0 31\n0 -57 24\n0 0 1", "positive focal lengths"),
+        (
+            "intrinsics.txt",
+            "57 0 310\n0 57 24\n0 0 1",
+            r"principal point inside pictures of 64x48 .* \(310\.5, 24\.5\)",
+        ),
+        ("intrinsics.txt", "1 2 3 4 5 6 7 8 9", "a camera matrix"),
+        ("intrinsics.txt", "fx = 57", "line 1: expected numbers"),
+        ("intrinsics.json", '{"fx": 57}', "intrinsics as fx, fy, cx, cy or as a matrix, found keys fx"),
+        (
+            "intrinsics.json",
+            '{"fx": 57, "fy": 57, "cx": 300, "cy": 200, "width": 640, "height": 480}',
+            "some for 640x480",
+        ),
+    ],
+)
+def test_intrinsics_that_cannot_be_are_refused_with_their_file(tmp_path: Path, name: str, content: str, message: str):
+    folder = pose_files(tmp_path, miniature(frames=2))
+    (folder / "intrinsics.txt").unlink()
+    (folder / name).write_text(content)
+    with pytest.raises(InputError, match=f"{name.replace('.', '[.]')}: .*{message}"):
+        open_scene(folder)
+
+
+def test_what_a_layout_does_not_leave_open_cannot_be_asked(tmp_path: Path):
+    folder = pose_files(tmp_path, miniature(frames=2))
+    with pytest.raises(
+        InputError, match=r"camera: expected a layout that leaves camera open, found layout RGB-D folders"
+    ):
+        open_scene(folder, camera="/camera/color")
+    with pytest.raises(ValueError, match=r"depth_unit is -1"):
+        open_scene(folder, depth_unit=-1.0)
+    with pytest.raises(ValueError, match=r"intrinsics are \(0\.0, 1\.0, 2\.0, 3\.0\)"):
+        open_scene(folder, intrinsics=(0.0, 1.0, 2.0, 3.0))

@@ -1,0 +1,455 @@
+"""ROS bags: poses in time along the tree of frames, pictures of all encodings, and what is told where a bag leaves a choice."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import struct
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from bags import (
+    BASE_FROM_LINK,
+    BASE_FROM_OPTICAL,
+    COLOUR,
+    DEPTH,
+    INFO,
+    LINK_FROM_OPTICAL,
+    MAP_FROM_ODOM,
+    OPTICAL,
+    ROS1,
+    START,
+    STEP,
+    Bag,
+    add_camera,
+    add_tree,
+    jpeg,
+    png,
+    robot,
+    times,
+)
+from miniatures import back_projected, check_projection, check_read, miniature
+
+from semgs.data.layouts.ros_bag import lens_of
+from semgs.data.layouts.ros_images import as_file, ending_of
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene, open_scenes
+from semgs.files.errors import InputError
+
+ROOM = miniature()
+FEW = ROOM.first(3)
+
+
+def pictures_alone(room=FEW) -> Bag:
+    """Colour and CameraInfo, no depth and no poses."""
+    bag = Bag()
+    bag.info()
+    for time, image in zip(times(room), room.images, strict=True):
+        bag.image(time, COLOUR, image, "rgb8")
+    return bag
+
+
+def refused(bag: Bag, path: Path, **asked: object) -> str:
+    """What is said of a bag that is refused."""
+    with pytest.raises(InputError) as told:
+        open_scene(bag.write(path / "bag"), **asked)
+    return str(told.value)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_what_is_read_equals_what_was_written(tmp_path: Path, storage: str):
+    scene = open_scene(robot(ROOM).write(tmp_path / "my bag", storage))
+    check_read(scene, ROOM)
+    assert (scene.name, scene.layout, scene.unit) == ("my bag", "ROS bag", "metric")
+    assert [frame.name for frame in scene.frames[:2]] == ["1700000000.123456789.png", "1700000000.223456789.png"]
+    assert scene.notes == (
+        f"Pictures are those of {COLOUR}.",
+        f"Poses are by TF: map > odom > base_link > camera_link > {OPTICAL}, interpolated in time.",
+    )
+
+
+def test_a_point_is_where_opencvs_formula_puts_it(tmp_path: Path):
+    scene = open_scene(robot(FEW).write(tmp_path / "bag"))
+    depth = FEW.depths[1, 30, 41] / 1000
+    check_projection(
+        scene, 1, back_projected(FEW.poses[1], (57.5, 56.25), (31.5, 24.5), (30, 41), depth), (30, 41), depth
+    )
+
+
+def test_one_file_is_a_bag_and_a_folder_may_hold_several(tmp_path: Path):
+    bag = robot(FEW)
+    bag.write(tmp_path / "runs" / "first")
+    file = next(bag.write(tmp_path / "second").glob("*.mcap")).rename(tmp_path / "runs" / "second.mcap")
+    check_read(open_scene(file), FEW)
+    assert [scene.name for scene in open_scenes(tmp_path / "runs")] == ["first", "second"]
+
+
+def test_ros_1_is_read_too(tmp_path: Path):
+    bag = Bag(ROS1)
+    add_camera(bag, FEW)
+    add_tree(bag, FEW)
+    check_read(open_scene(bag.write(tmp_path / "run.bag")), FEW)
+
+
+def test_scenes_of_bags_go_to_other_threads_and_processes(tmp_path: Path):
+    scene = pickle.loads(pickle.dumps(open_scene(robot(FEW).write(tmp_path / "bag", "sqlite3"))))
+    failures: list[BaseException] = []
+
+    def read() -> None:
+        try:
+            check_read(scene, FEW)
+        except BaseException as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=read) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert failures == []
+
+
+# Where the poses come from.
+
+
+def test_odometry_moves_the_base_that_the_camera_stands_on(tmp_path: Path):
+    bag = pictures_alone()
+    bag.transform(START, "base_link", OPTICAL, BASE_FROM_OPTICAL, "/tf_static")
+    for time, pose in zip(times(FEW), FEW.poses, strict=True):
+        bag.odometry(time, "/wheel/odometry", "odom", "base_link", pose @ np.linalg.inv(BASE_FROM_OPTICAL))
+    path = bag.write(tmp_path / "bag")
+    for world in (None, "odom", "/odom", "/wheel/odometry"):
+        scene = open_scene(path, world=world)
+    check_read(scene, FEW, depths=False)
+    assert f"Poses are by /wheel/odometry: odom > base_link > {OPTICAL}, interpolated in time." in scene.notes
+
+
+@pytest.mark.parametrize("body", [None, "camera_link"])
+def test_posestamped_is_of_the_camera_or_of_the_body_that_is_named(tmp_path: Path, body: str | None):
+    bag = pictures_alone()
+    bag.transform(START, "camera_link", OPTICAL, LINK_FROM_OPTICAL, "/tf_static")
+    for time, pose in zip(times(FEW), FEW.poses, strict=True):
+        bag.stamped(time, "/mocap/pose", "world", pose if body is None else pose @ np.linalg.inv(LINK_FROM_OPTICAL))
+    scene = open_scene(bag.write(tmp_path / "bag"), body=body)
+    check_read(scene, FEW, depths=False)
+    assert any("taken as those of the camera's frame" in note for note in scene.notes) == (body is None)
+
+
+def test_the_world_may_be_any_frame_above_the_camera(tmp_path: Path):
+    path = robot(FEW).write(tmp_path / "bag")
+    views = open_scene(path, world="odom").read([0, 1, 2])
+    in_odom = np.linalg.inv(MAP_FROM_ODOM) @ FEW.poses
+    np.testing.assert_allclose(views.cameras.world_from_camera, in_odom, atol=1e-6)
+    for world in ("moon", "base_link"):  # in base_link the camera never moves
+        with pytest.raises(
+            InputError, match=rf"world: expected poses of {OPTICAL} in {world}, .* < base_link < odom < map"
+        ):
+            open_scene(path, world=world)
+
+
+def test_odometry_goes_on_where_tf_ends(tmp_path: Path):
+    bag = pictures_alone()
+    bag.transform(START, "base_link", OPTICAL, BASE_FROM_OPTICAL, "/tf_static")
+    for time, pose in zip(times(FEW), FEW.poses, strict=True):
+        bag.transform(time, "map", "odom", MAP_FROM_ODOM)
+        base = np.linalg.inv(MAP_FROM_ODOM) @ pose @ np.linalg.inv(BASE_FROM_OPTICAL)
+        bag.odometry(time, "/odom", "odom", "base_link", base)
+    check_read(open_scene(bag.write(tmp_path / "bag"), world="map"), FEW, depths=False)
+
+
+def test_pictures_before_after_and_in_long_gaps_are_left_out_and_counted(tmp_path: Path):
+    room = miniature(frames=8)
+    bag = Bag()
+    add_camera(bag, room)
+    bag.transform(START, "base_link", OPTICAL, BASE_FROM_OPTICAL, "/tf_static")
+    base = room.poses @ np.linalg.inv(BASE_FROM_OPTICAL)
+    for index in (1, 2, 3, 6):  # 4 and 5 lie between two poses 0.3 s apart, 0 before and 7 after all
+        bag.transform(START + index * STEP, "odom", "base_link", base[index])
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert [frame.name[9:12] for frame in scene.frames] == ["0.2", "0.3", "0.4", "0.5", "0.6", "0.7"]
+    assert (
+        "2 of 8 pictures are at times of no known pose and are left out, the first of them at 1700000000.123 s."
+        in scene.notes
+    )
+    bag.messages = [one for one in bag.messages if one[0] != START + 6 * STEP + 1_000_000]
+    bag.transform(START + 3 * STEP + 1_100_000_000, "odom", "base_link", base[6])
+    assert len(open_scene(bag.write(tmp_path / "gap"))) == 3
+
+
+def test_a_bag_of_too_few_poses_says_when_they_are(tmp_path: Path):
+    bag = pictures_alone()
+    bag.transform(START, "base_link", OPTICAL, BASE_FROM_OPTICAL, "/tf_static")
+    bag.transform(START + 10**10, "odom", "base_link", np.eye(4))
+    bag.transform(START + 2 * 10**10, "odom", "base_link", np.eye(4))
+    line = refused(bag, tmp_path)
+    assert "expected at least two pictures at times of known poses, found 0 of 3" in line
+    assert "/tf has odom > base_link from 1700000010.123 to 1700000020.123 s" in line
+
+
+# Which camera, which intrinsics.
+
+
+def two_cameras() -> Bag:
+    """A robot with two cameras of colour and one of infrared."""
+    bag = robot(FEW)
+    for side in ("left", "right"):
+        bag.info(f"/{side}/camera_info", frame=f"{side}_optical")
+        bag.transform(START, "base_link", f"{side}_optical", BASE_FROM_OPTICAL, "/tf_static")
+        for time, image in zip(times(FEW), FEW.images, strict=True):
+            bag.image(
+                time,
+                f"/{side}/image_raw",
+                image if side == "left" else image[:, ::-1].copy(),
+                "rgb8",
+                f"{side}_optical",
+            )
+    return bag
+
+
+def test_several_cameras_are_listed_and_one_is_named(tmp_path: Path):
+    path = two_cameras().write(tmp_path / "bag")
+    with pytest.raises(
+        InputError, match=r"camera: expected one camera, found /camera/color/image_raw \(3\), /left/image_raw \(3\), "
+    ):
+        open_scene(path)
+    check_read(open_scene(path, camera="/camera/color"), FEW)
+    for camera in ("/left", "/left/image_raw"):
+        scene = open_scene(path, camera=camera)
+        check_read(scene, FEW, depths=False)
+        assert (
+            scene.notes[-1]
+            == f"Depth of {DEPTH} is of the frame {OPTICAL}, not registered to the pictures, and left out."
+        )
+    with pytest.raises(InputError, match=r"camera: expected pictures in a topic that begins with /lef, found /camera"):
+        open_scene(path, camera="/lef")
+
+
+def test_the_one_camera_with_colour_is_taken_among_grey_ones(tmp_path: Path):
+    bag = robot(FEW)
+    for time, image in zip(times(FEW), FEW.images, strict=True):
+        bag.image(time, "/camera/infra1/image_rect_raw", image[..., 0].copy(), "mono8", "camera_infra1_optical_frame")
+    check_read(open_scene(bag.write(tmp_path / "bag")), FEW)
+
+
+def test_of_one_camera_plain_pictures_come_before_compressed_and_rectified_before_raw(tmp_path: Path):
+    bag = robot(FEW)
+    for time, image in zip(times(FEW), FEW.images, strict=True):
+        bag.compressed(time, COLOUR + "/compressed", jpeg(image), "rgb8; jpeg compressed bgr8")
+    assert open_scene(bag.write(tmp_path / "a")).notes[0] == f"Pictures are those of {COLOUR}."
+    for time, image in zip(times(FEW), FEW.images, strict=True):
+        bag.image(time, "/camera/color/image_rect_color", image, "rgb8")
+    scene = open_scene(bag.write(tmp_path / "b"))
+    assert scene.notes[0] == "Pictures are those of /camera/color/image_rect_color."
+    assert scene.frames[0].lens.focal == (57.5 * 0.9, 56.25 * 0.9)  # of P, not of K
+
+
+def info(**settings: object) -> object:
+    """A CameraInfo."""
+    bag = Bag()
+    bag.info(**settings)
+    return bag.messages[0][3]
+
+
+def test_raw_pictures_have_their_distortion_undone():
+    message = info(d=(0.1, -0.02, 0.001, 0.002, 0.003, 0.0, 0.0, 0.0), model="rational_polynomial")
+    lens = lens_of(Path("bag"), INFO, message, (48, 64), rectified=False)
+    assert lens_of(Path("bag"), INFO, message, (48, 64), rectified=True).is_pinhole
+    assert lens.distortion == (0.1, -0.02, 0.001, 0.002, 0.003)
+    assert lens.centre == (32, 25)
+
+
+@pytest.mark.parametrize(
+    ("settings", "focal", "centre"),
+    [
+        ({"size": (96, 128), "binning": 2}, (28.75, 28.125), (16.0, 12.5)),
+        ({"size": (300, 400), "roi": (10, 4, 48, 64)}, (57.5, 56.25), (22.0, 21.0)),
+        ({"size": (300, 400), "roi": (10, 4, 96, 128), "binning": 2}, (28.75, 28.125), (11.0, 10.5)),
+    ],
+)
+def test_binning_and_regions_of_interest_move_the_camera(settings: dict, focal: tuple, centre: tuple):
+    lens = lens_of(Path("bag"), INFO, info(**settings), (48, 64), rectified=False)
+    assert (lens.focal, lens.centre) == (focal, centre)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"size": (480, 640)}, "a CameraInfo for 64x48 pixels .* found 640x480"),
+        ({"k": np.zeros((3, 3))}, "a calibrated camera, found zeros"),
+        ({"d": (0.1, 0.2, 0.3, 0.4), "model": "equidistant"}, "a lens of plumb_bob .* found equidistant"),
+        ({"d": (0.1, 0, 0, 0, 0, 0.2, 0, 0), "model": "rational_polynomial"}, "a lens of plumb_bob"),
+        ({"d": (-9.0, 0.0, 0.0, 0.0, 0.0)}, "a camera that can be"),
+    ],
+)
+def test_intrinsics_that_cannot_be_used_are_refused_with_their_topic(settings: dict, message: str):
+    with pytest.raises(InputError, match=f"bag: {INFO}: expected {message}"):
+        lens_of(Path("bag"), INFO, info(**settings), (48, 64), rectified=False)
+
+
+# What the messages hold.
+
+
+def message(**values: object) -> object:
+    """An Image or CompressedImage by its fields."""
+    bag = Bag()
+    kind = "Image" if "encoding" in values else "CompressedImage"
+    return bag.type(kind)(header=bag.header(START, OPTICAL), **values)
+
+
+def raw(pixels: np.ndarray, encoding: str, **values: int) -> object:
+    """An Image of an array."""
+    data = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+    sizes = {"height": pixels.shape[0], "width": pixels.shape[1], "step": data.shape[1], "is_bigendian": 0} | values
+    return message(encoding=encoding, data=data.ravel(), **sizes)
+
+
+def decoded(one: object) -> np.ndarray:
+    """The RGB, grey or depth pixels of the file of a message."""
+    data = as_file(one)
+    if ending_of(one) == ".npy":
+        return np.load(io.BytesIO(data))
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    return pixels[..., ::-1] if pixels.ndim == 3 else pixels
+
+
+def test_pixels_of_all_encodings_are_what_they_say():
+    rgb = FEW.images[0]
+    alpha = np.full((*rgb.shape[:2], 1), 9, np.uint8)
+    for encoding, pixels in {
+        "rgb8": rgb, "bgr8": rgb[..., ::-1], "8UC3": rgb[..., ::-1],
+        "rgba8": np.concatenate((rgb, alpha), -1), "bgra8": np.concatenate((rgb[..., ::-1], alpha), -1),
+    }.items():  # fmt: skip
+        np.testing.assert_array_equal(decoded(raw(pixels, encoding)), rgb)
+    np.testing.assert_array_equal(decoded(raw(rgb[..., 0], "mono8")), np.repeat(rgb[..., :1], 3, -1))
+    flat = np.broadcast_to(np.array([200, 100, 50], np.uint8), (16, 24, 3))
+    for encoding, order in {
+        "rggb": (0, 1, 1, 2),
+        "bggr": (2, 1, 1, 0),
+        "gbrg": (1, 2, 0, 1),
+        "grbg": (1, 0, 2, 1),
+    }.items():
+        mosaic = np.zeros((16, 24), np.uint8)
+        for place, channel in enumerate(order):
+            mosaic[place // 2 :: 2, place % 2 :: 2] = flat[0, 0, channel]
+        np.testing.assert_array_equal(decoded(raw(mosaic, f"bayer_{encoding}8"))[4:-4, 4:-4], flat[4:-4, 4:-4])
+    red = np.full((4, 6), 81, np.uint8)  # of BT.601: Y 81, U 90, V 240
+    chroma = np.tile(np.array([90, 240], np.uint8), (4, 3))
+    for encoding, pair in {"yuv422": (chroma, red), "yuv422_yuy2": (red, chroma)}.items():
+        colour = decoded(raw(np.stack(pair, axis=-1), encoding))
+        assert np.abs(colour.astype(int) - (254, 0, 0)).max() <= 3
+
+
+def test_depth_is_millimetres_or_metres_plain_or_compressed():
+    depths = FEW.depths[0]
+    np.testing.assert_array_equal(decoded(raw(depths, "16UC1")), depths)
+    np.testing.assert_array_equal(decoded(raw(depths.astype(">u2"), "16UC1", is_bigendian=1)), depths)
+    metres = depths.astype(np.float32) / 1000
+    np.testing.assert_array_equal(decoded(raw(metres, "32FC1")), metres)
+    head = struct.pack("<iff", 0, 0.0, 0.0)
+    packed = message(format="16UC1; compressedDepth png", data=np.frombuffer(head + png(depths), np.uint8))
+    np.testing.assert_array_equal(decoded(packed), depths)
+    a, b = 100.0 * 101.0, 1 - 101.0 * 100.0 / 10.0  # what compressed_depth_image_transport takes for 10 m and 100
+    inverse = np.where(metres > 0, a / np.maximum(metres, 1e-3) + b, 0).astype(np.uint16)
+    packed = message(
+        format="32FC1; compressedDepth png", data=np.frombuffer(struct.pack("<iff", 0, a, b) + png(inverse), np.uint8)
+    )
+    np.testing.assert_allclose(decoded(packed), metres, atol=0.01)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_depth_in_metres_is_read_with_its_holes(tmp_path: Path, compressed: bool):
+    bag = pictures_alone()
+    add_tree(bag, FEW)
+    for time, depths in zip(times(FEW), FEW.depths, strict=True):
+        if compressed:
+            data = struct.pack("<iff", 0, 0.0, 0.0) + png(depths)
+            bag.compressed(time, DEPTH + "/compressedDepth", data, "16UC1; compressedDepth png")
+        else:
+            bag.image(time, DEPTH, np.where(depths > 0, depths / 1000, np.nan).astype(np.float32), "32FC1")
+    check_read(open_scene(bag.write(tmp_path / "bag")), FEW)
+
+
+def test_compressed_pictures_are_the_files_that_they_hold(tmp_path: Path):
+    bag = robot(FEW)
+    bag.messages = [one for one in bag.messages if one[1] != COLOUR]
+    for time, image in zip(times(FEW), FEW.images, strict=True):
+        bag.compressed(time, COLOUR + "/compressed", png(image), "rgb8; png compressed bgr8")
+    check_read(open_scene(bag.write(tmp_path / "bag")), FEW)
+
+
+def test_a_depth_map_that_is_missing_is_counted(tmp_path: Path):
+    bag = robot(FEW)
+    bag.messages.remove(next(one for one in bag.messages if one[1] == DEPTH))
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert scene.notes[-1] == f"1 of 3 pictures have no depth map of {DEPTH} at their time."
+    assert [frame.depth_path is None for frame in scene.frames] == [True, False, False]
+
+
+# What cannot be read.
+
+
+def test_a_bag_without_the_topics_lists_what_there_is(tmp_path: Path):
+    bag = Bag()
+    add_tree(bag, FEW)
+    assert (
+        "camera: expected topics of type Image or CompressedImage, found topics /tf (TFMessage), /tf_static"
+        in refused(bag, tmp_path / "a")
+    )
+    line = refused(pictures_alone(), tmp_path / "b")
+    assert (
+        f"world: expected poses of {OPTICAL} by TF, Odometry or PoseStamped, found TF from the camera up: {OPTICAL}, which never moves"
+        in line
+    )
+    assert "a bag needs /tf and /tf_static" in line
+    bag = robot(FEW)
+    bag.messages = [one for one in bag.messages if one[1] != INFO]
+    line = refused(bag, tmp_path / "c")
+    assert f"{COLOUR}: expected a CameraInfo in {INFO}, or one of the frame {OPTICAL}, found none" in line
+    assert "--intrinsics fx fy cx cy" in line
+    assert "body: expected a topic of poses that do not say of what they are" in refused(
+        robot(FEW), tmp_path / "d", body="base_link"
+    )
+
+
+def test_several_topics_of_poses_are_listed(tmp_path: Path):
+    bag = pictures_alone()
+    bag.transform(START, "base_link", "camera_link", BASE_FROM_LINK, "/tf_static")
+    bag.transform(START, "camera_link", OPTICAL, LINK_FROM_OPTICAL, "/tf_static")
+    for time, pose in zip(times(FEW), FEW.poses, strict=True):
+        for topic, frame in (("/wheels", "odom"), ("/visual", "vio")):
+            bag.odometry(time, topic, frame, "base_link", pose @ np.linalg.inv(BASE_FROM_OPTICAL))
+    assert (
+        "world: expected one topic of poses, found /visual (vio); /wheels (odom); name one: --world TOPIC"
+        in refused(bag, tmp_path)
+    )
+    for world in ("vio", "/visual"):
+        scene: Scene = open_scene(tmp_path / "bag", world=world)
+        check_read(scene, FEW, depths=False)
+        assert "Poses are by /visual: vio" in scene.notes[1]
+
+
+def test_damage_is_told_with_the_bag(tmp_path: Path):
+    path = robot(FEW).write(tmp_path / "bag")
+    scene = open_scene(path)
+    (file,) = path.glob("*.mcap")
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    (path / "metadata.yaml").touch()  # so that the open reader is not taken
+    with pytest.raises(InputError, match=r"bag: expected a ROS bag, found one that rosbags cannot read"):
+        open_scene(path)
+    with pytest.raises(InputError, match="one that rosbags cannot read"):
+        scene.read([0])
+    file.unlink()
+    with pytest.raises(InputError, match="cannot read: Some database files are missing"):
+        open_scene(path)
+    bag = pictures_alone()
+    add_tree(bag, FEW)
+    bag.messages = [one for one in bag.messages if one[1] != COLOUR]
+    for time in times(FEW):
+        bag.image(time, COLOUR, FEW.images[0], "rgb16")
+    assert f"{COLOUR} at 1700000000.123456789: expected a picture, found pixels encoded as 'rgb16'" in refused(
+        bag, tmp_path / "b"
+    )

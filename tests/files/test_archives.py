@@ -1,0 +1,72 @@
+"""Members of zip archives, read without opening the archive again."""
+
+from __future__ import annotations
+
+import pickle
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from semgs.files.archives import Archive, Member, members
+from semgs.files.errors import InputError
+from semgs.files.stored import Stored
+
+TEXTS = {"a/transforms.json": b"{}", "a/images/ä 1.jpg": bytes(range(256)) * 9, "b/empty.png": b""}
+
+
+@pytest.fixture(params=[zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def archive(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """An archive with a folder of its own entry, stored or deflated."""
+    path = tmp_path / "my scene.zip"
+    with zipfile.ZipFile(path, "w", request.param) as file:
+        file.mkdir("a")
+        for name, data in TEXTS.items():
+            file.writestr(name, data)
+    return path
+
+
+def test_members_hold_what_was_put_in(archive: Path):
+    held = members(archive)
+    assert {name: member.read_bytes() for name, member in held.items()} == TEXTS
+    picture = held["a/images/ä 1.jpg"]
+    assert isinstance(picture, Stored)
+    assert (picture.name, picture.suffix, str(picture)) == ("ä 1.jpg", ".jpg", f"{archive}/a/images/ä 1.jpg")
+    assert pickle.loads(pickle.dumps(picture)) == picture
+
+
+def test_names_are_found_beside_a_member(archive: Path):
+    held = Archive(archive, members(archive))
+    start = held.members["a/transforms.json"]
+    assert held.beside(start, "images/ä 1.jpg") == held.beside(start, "./images/../images/ä 1.jpg")
+    assert held.beside(start, "../b/empty.png") == held.members["b/empty.png"]
+    assert held.beside(start, "empty.png") is None
+
+
+def test_damage_is_told_and_not_passed_on(archive: Path):
+    held = members(archive)
+    picture = held["a/images/ä 1.jpg"]
+    data = bytearray(archive.read_bytes())
+    data[data.index(b"1.jpg") + 20] ^= 1
+    archive.write_bytes(data)
+    with pytest.raises(OSError, match="not those that the archive lists"):
+        picture.read_bytes()
+    archive.write_bytes(data[: len(data) // 2])
+    with pytest.raises(OSError, match="not those that the archive lists"):
+        Member(archive, "x", 10**6, 5, 0).read_bytes()
+    with pytest.raises(InputError, match="a zip archive, found one that cannot be read"):
+        members(archive)
+
+
+def test_other_compressions_and_encryption_are_refused(tmp_path: Path):
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_BZIP2) as file:
+        file.writestr("a", b"a")
+    with pytest.raises(
+        InputError,
+        match=r"scene\.zip: a: expected members that are stored or deflated, found one compressed by method 12",
+    ):
+        members(path)
+    path.write_bytes(b"")
+    with pytest.raises(InputError, match="a zip archive"):
+        members(path)
