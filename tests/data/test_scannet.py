@@ -281,6 +281,13 @@ def test_the_peers_972_rows_are_a_named_choice(tmp_path, written):
     np.testing.assert_allclose(resized, theirs)
 
 
+def test_the_peers_cameras_do_not_move_depth_in_the_pictures(raw, written):
+    scene = open_scene(raw, as_peers=["rows-972"])
+    np.testing.assert_allclose(scene.read([0]).depths[0].numpy(), depths_of(written)[0], atol=5e-4)
+    k = scene.cameras[0].intrinsics.numpy()
+    np.testing.assert_allclose(k[1], [0, COLOUR_K[1, 1] * 968 / 972, (COLOUR_K[1, 2] + 0.5) * 968 / 972], rtol=1e-6)
+
+
 def test_gsnerfs_labels_are_a_named_choice(raw, written):
     ours, theirs = (open_scene(raw, as_peers=chosen).read([0]).labels[0].numpy() for chosen in ((), ("gsnerf-labels",)))
     assert {label for label in np.unique(ours)} >= {0, 1, 255}

@@ -108,10 +108,12 @@ class ScanNetFrame(Frame):
 
     Attributes:
         depth_lens: the pinhole that depth maps are of, at the colour camera's place; None where it is the colour camera.
+        colour_lens: the colour camera, also where `lens` is what peers take it for.
         labels_of_ids: the label of every id that 16 bits hold; None where there are no labels.
     """
 
     depth_lens: Lens | None = None
+    colour_lens: Lens
     labels_of_ids: UInt8[np.ndarray, 65536] | None = field(default=None, repr=False)
 
     def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
@@ -125,7 +127,7 @@ class ScanNetFrame(Frame):
         depths = self.depth_map(self.depth_path)
         if self.depth_lens is None:
             return self.fitted(self.depth_path, depths)
-        return carried_over(depths, self.depth_lens, self.lens)
+        return carried_over(depths, self.depth_lens, self.colour_lens)
 
     def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
         """The class that each pixel's id means, 255 = none; as `Frame.read_labels`.
@@ -176,8 +178,7 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
             f"{path.name} is cut short: {count} of the {recording.declared} frames that its header speaks of are complete."
         )
     labels = _labels(path.parent, as_peers)
-    matrix = _seen_by_peers(recording.colour_intrinsics, recording.colour_size, as_peers)
-    colour = _lens(path, "intrinsic of colour", matrix, recording.colour_size)
+    colour = _lens(path, "intrinsic of colour", recording.colour_intrinsics, recording.colour_size)
     depth = _lens(path, "intrinsic of depth", recording.depth_intrinsics, recording.depth_size)
     pictures = {number: recording.colour(number) for number in range(count)}
     return _scene(
@@ -187,6 +188,7 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
         names={number: f"color/{number}.jpg" for number in pictures},
         poses=dict(enumerate(recording.poses.astype(np.float64))),
         lens=colour,
+        reference=recording.colour_size,
         depths={number: held for number in pictures if (held := recording.depth(number)) is not None},
         depth_unit=recording.depth_unit,
         depth_lens=depth,
@@ -212,7 +214,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         raise InputError(
             folder, "the intrinsics of the colour camera in " + ", ".join(COLOUR_INTRINSICS), "none of them"
         )
-    lens = _scaled(path, matrix, size, (size, told.size("color") or COLOUR_SIZE, COLOUR_SIZE), as_peers)
+    lens, reference = _scaled(path, matrix, size, (size, told.size("color") or COLOUR_SIZE, COLOUR_SIZE))
     notes, depth_lens = [], None
     if depths:
         depth_size = _map_size(next(iter(depths.values())))
@@ -220,7 +222,9 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         if matrix is None:
             notes.append("The depth camera has no intrinsics here; its maps are taken to show what the pictures show.")
         else:
-            depth_lens = _scaled(path, matrix, depth_size, (depth_size, told.size("depth") or DEPTH_SIZE, DEPTH_SIZE))
+            depth_lens, _ = _scaled(
+                path, matrix, depth_size, (depth_size, told.size("depth") or DEPTH_SIZE, DEPTH_SIZE)
+            )
     return _scene(
         path=folder,
         name=folder.absolute().name,
@@ -228,6 +232,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         names={number: picture.relative_to(folder).as_posix() for number, picture in pictures.items()},
         poses=poses,
         lens=lens,
+        reference=reference,
         depths={number: Pgm(depth) if depth.suffix.lower() == ".pgm" else depth for number, depth in depths.items()},
         depth_unit=MILLIMETRE,
         depth_lens=depth_lens,
@@ -245,6 +250,7 @@ def _scene(
     names: Mapping[int, str],
     poses: Mapping[int, np.ndarray],
     lens: Lens,
+    reference: tuple[int, int],
     depths: Mapping[int, Stored],
     depth_unit: float,
     depth_lens: Lens | None,
@@ -263,11 +269,12 @@ def _scene(
         ScanNetFrame(
             name=names[number],
             picture_path=pictures[number],
-            lens=lens,
+            lens=_seen_by_peers(lens, reference) if ROWS_972 in as_peers else lens,
             world_from_camera=pose,
             depth_path=depths.get(number),
             depth_unit=depth_unit,
             depth_lens=depth_lens,
+            colour_lens=lens,
             label_path=labels.maps.get(number),
             labels_of_ids=labels.labels,
         )
@@ -491,20 +498,15 @@ def _matrix(numbers: np.ndarray) -> np.ndarray:
 
 
 def _scaled(
-    path: Path,
-    matrix: np.ndarray,
-    size: tuple[int, int],
-    candidates: Iterable[tuple[int, int]],
-    as_peers: Collection[str] = (),
-) -> Lens:
-    """The lens of pictures that may have been resized since their K was found.
+    path: Path, matrix: np.ndarray, size: tuple[int, int], candidates: Iterable[tuple[int, int]]
+) -> tuple[Lens, tuple[int, int]]:
+    """The lens of pictures that may have been resized since their K was found, and the (height, width) that K is for [px].
 
     Args:
         path: the file with K, for messages.
         matrix: K, pixel centres at whole numbers.
         size: (height, width) of the pictures [px].
         candidates: sizes that K may be for; the first in whose middle its principal point lies is taken.
-        as_peers: readings that are asked for.
 
     Raises:
         InputError: it lies in the middle of none of them, or K is of no camera.
@@ -512,13 +514,10 @@ def _scaled(
     for height, width in candidates:
         off = abs((matrix[0, 2] + 0.5) / width - 0.5), abs((matrix[1, 2] + 0.5) / height - 0.5)
         if max(off) <= CENTRAL:
-            whole = _lens(path, None, _seen_by_peers(matrix, (height, width), as_peers), (height, width))
+            whole = _lens(path, None, matrix, (height, width))
             across, down = size[1] / width, size[0] / height
-            focal, centre = (
-                (whole.focal[0] * across, whole.focal[1] * down),
-                (whole.centre[0] * across, whole.centre[1] * down),
-            )
-            return Lens(size, focal, centre)
+            focal = whole.focal[0] * across, whole.focal[1] * down
+            return Lens(size, focal, (whole.centre[0] * across, whole.centre[1] * down)), (height, width)
     raise InputError(
         path,
         f"intrinsics for pictures of {size[1]}x{size[0]} (width x height) or of ScanNet's own size",
@@ -526,14 +525,10 @@ def _scaled(
     )
 
 
-def _seen_by_peers(matrix: np.ndarray, size: tuple[int, int], as_peers: Collection[str]) -> np.ndarray:
-    """K for pictures of a size, its second row shrunk where the peers' 972 rows are asked for."""
-    if ROWS_972 not in as_peers:
-        return matrix
-    down = size[0] / (PEERS_ASPECT * size[1])
-    shrunk = matrix.copy()
-    shrunk[1, 1], shrunk[1, 2] = matrix[1, 1] * down, (matrix[1, 2] + 0.5) * down - 0.5
-    return shrunk
+def _seen_by_peers(lens: Lens, reference: tuple[int, int]) -> Lens:
+    """The lens as peers take it, whose pictures have three rows for four columns; `reference` is the (height, width) that K is for."""
+    down = reference[0] / (PEERS_ASPECT * reference[1])
+    return Lens(lens.size, (lens.focal[0], lens.focal[1] * down), (lens.centre[0], lens.centre[1] * down))
 
 
 def _lens(path: Path, key: str | None, matrix: np.ndarray, size: tuple[int, int]) -> Lens:
