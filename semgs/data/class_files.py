@@ -18,6 +18,7 @@ from typing import Any
 
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored
 
 
 @dataclass(frozen=True)
@@ -33,16 +34,16 @@ class LabelSet:
     meaning: tuple[int | None, ...]
 
 
-def read_class_file(path: str | Path) -> LabelSet:
+def read_class_file(path: str | Stored) -> LabelSet:
     """The table in a file.
 
     Raises:
         InputError: it is absent, no JSON, or not as described above; the key at fault is named.
     """
-    path = Path(path).expanduser()
+    path = Path(path).expanduser() if isinstance(path, str | Path) else path
     expected = "a table of classes as JSON"
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_bytes())
     except OSError as error:
         raise InputError(path, expected, error.strerror or str(error)) from error
     except ValueError as error:
@@ -80,7 +81,7 @@ def read_class_file(path: str | Path) -> LabelSet:
             meaning[number] = label
     try:
         table = ClassTable(
-            str(content.get("name", path.stem)), tuple(names), tuple(colours), tuple(own[0] for own in ids)
+            str(content.get("name", Path(path.name).stem)), tuple(names), tuple(colours), tuple(own[0] for own in ids)
         )
     except ValueError as error:
         raise InputError(path, expected, str(error), key="classes") from error

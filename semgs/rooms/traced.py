@@ -14,7 +14,6 @@ from semgs.rooms.room import Room
 from semgs.rooms.shading import Frame, ambience, centres, meet, parts_of, pixel_directions
 from semgs.rooms.surfaces import mean_colours, survey
 
-
 BEYOND = 0.35
 """How much of the room's ambient light stands for the paths that are longer than those that are followed."""
 

@@ -108,12 +108,12 @@ class ScanNetFrame(Frame):
 
     Attributes:
         depth_lens: the pinhole that depth maps are of, at the colour camera's place; None where it is the colour camera.
-        colour_lens: the colour camera, also where `lens` is what peers take it for.
+        colour_lens: the colour camera where `lens` is what peers take it for; None where `lens` is it.
         labels_of_ids: the label of every id that 16 bits hold; None where there are no labels.
     """
 
     depth_lens: Lens | None = None
-    colour_lens: Lens
+    colour_lens: Lens | None = None
     labels_of_ids: UInt8[np.ndarray, 65536] | None = field(default=None, repr=False)
 
     def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
@@ -127,7 +127,7 @@ class ScanNetFrame(Frame):
         depths = self.depth_map(self.depth_path)
         if self.depth_lens is None:
             return self.fitted(self.depth_path, depths)
-        return carried_over(depths, self.depth_lens, self.colour_lens)
+        return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)
 
     def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
         """The class that each pixel's id means, 255 = none; as `Frame.read_labels`.

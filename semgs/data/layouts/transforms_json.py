@@ -113,7 +113,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
                 label_path=_map(fields, "label_file_path", (".png",), notes, beside),
             )
         )
-    classes = _classes(shared, frames)
+    classes = _classes(shared, frames, beside)
     if isinstance(classes, LabelSet):
         frames = [replace(frame, meaning=classes.meaning) for frame in frames]
         classes = classes.table
@@ -285,7 +285,7 @@ def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
     return "metric" if metric else "unknown"
 
 
-def _classes(shared: Fields, frames: Sequence[Frame]) -> ClassTable | LabelSet | None:
+def _classes(shared: Fields, frames: Sequence[Frame], beside: Beside) -> ClassTable | LabelSet | None:
     """The table that labels refer to, by its name or in a file (`*.json`, beside the scene's or from there); None where no frame has any.
 
     Raises:
@@ -297,7 +297,10 @@ def _classes(shared: Fields, frames: Sequence[Frame]) -> ClassTable | LabelSet |
     if ignore not in (None, IGNORE):
         raise shared.refused("label_ignore", f"{IGNORE}", f"{ignore:g}")
     if name is not None and name.endswith(".json"):
-        return read_class_file(shared.path.parent / name)
+        file = beside(name)
+        if file is None:
+            raise shared.refused("label_set", "a file with a table of classes", f"{name}, which is not there")
+        return read_class_file(file)
     try:
         return class_table(name or "")
     except ValueError as error:
