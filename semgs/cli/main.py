@@ -44,7 +44,9 @@ COMMANDS = {
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
-    "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
+    "train": Command(
+        "semgs.cli.train", "Train", "Train a network on rooms or scenes of your own; goes on where it was left."
+    ),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
     "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate wrote."),
 }
