@@ -6,7 +6,7 @@
 #   scripts/gpu.sh train small runs/night 8      train for 8 minutes; the same command goes on from there
 #   scripts/gpu.sh all                           tests, then times
 #
-# PYTHON is an interpreter with torch for CUDA, 2.11 or newer (python3). What it lacks (gsplat, tyro, beartype, ...) may lie
+# PYTHON is an interpreter with torch for CUDA, 2.11 or newer (python3). What it lacks (gsplat, tyro, lightning-fabric, beartype, ...) may lie
 # as wheels in the folder WHEELS; they are installed to a folder of their own, build/gpu, and the interpreter stays as it was.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

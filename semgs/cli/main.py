@@ -48,7 +48,9 @@ COMMANDS = {
     ),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
     "rooms bake": Command("semgs.cli.bake", "Bake", "Make furniture for rooms from a seed, with Infinigen."),
-    "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
+    "train": Command(
+        "semgs.cli.train", "Train", "Train a network on rooms or scenes of your own; goes on where it was left."
+    ),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
     "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
     "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate wrote."),

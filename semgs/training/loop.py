@@ -109,7 +109,8 @@ def train(
     tell(console, from_preset(settings))
     data = surveyed(settings, out)
     model = network(out, settings)
-    tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {device}, {fabric.world_size} processes"])
+    where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
+    tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
     state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
     resume(state, out, console)
     share = Share(fabric.global_rank, fabric.world_size, accumulate)

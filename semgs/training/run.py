@@ -39,7 +39,10 @@ def claim(out: Path, settings: TrainingSettings) -> None:
             )
             raise ValueError(f"{out} holds a run of other settings: {listed}; give the same ones or another folder")
         return
-    if out.exists() and not (out.is_dir() and all(is_part_of(file, record) for file in out.iterdir())):
+    # The record itself may appear meanwhile: the other processes of a training start at the same time.
+    if out.exists() and not (
+        out.is_dir() and all(file == record or is_part_of(file, record) for file in out.iterdir())
+    ):
         raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())

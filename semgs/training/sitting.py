@@ -61,10 +61,13 @@ class Sitting:
 
     @property
     def over(self) -> bool:
-        """Whether its end was asked for, or another step and a checkpoint, as long as the longest so far, would no longer fit."""
+        """Whether its end was asked for, or another step, a checkpoint and the weights would no longer fit.
+
+        A step takes as long as the longest so far, and the last two as long as a checkpoint each.
+        """
         if self._asked.is_set() or self._minutes is None:
             return self._asked.is_set()
-        return time.monotonic() + self._step + self._save - self._began >= 60 * self._minutes
+        return time.monotonic() + self._step + 2 * self._save - self._began >= 60 * self._minutes
 
     @property
     def save_due(self) -> bool:

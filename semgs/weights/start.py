@@ -62,7 +62,12 @@ def start(
             raise InputError(
                 path, f"weights of a network with {key} = {value}", f"{header.settings[key]}", key="settings"
             )
-    if header.classes == classes or not own_classes or header.settings.get("name") != name:
+    if header.classes not in (None, classes) and not own_classes:
+        raise InputError(
+            path, f"class table {classes.name} ({len(classes)} classes)", f"{header.classes.name} ({len(header.classes)} classes)",
+            key="classes", advice="name the table to train on with --classes FILE",
+        )  # fmt: skip
+    if header.classes == classes or header.settings.get("name") != name:
         model = load(name, path, classes=classes)
         model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
         return model

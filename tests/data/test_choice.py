@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from landmarks import looking
 
-from semgs.data.choice import choose, given
+from semgs.data.choice import choose, drawn, given
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
 
 LENS = Lens((120, 170), (150.0, 143.0), (91.3, 55.2))
 MIDDLE = 5**0.5
@@ -143,3 +144,40 @@ def test_real_scenes_get_views_that_belong_together(shared, name, count):
     assert ((distances.min(axis=1) / middle > 0.03) & (distances.min(axis=1) / middle < 0.2)).all()
     if name != "fox":
         assert " m " in choice.reason
+
+
+def test_frames_for_training_are_drawn_by_what_they_share():
+    away = looking((0.1 * MIDDLE, 0.1, 0), (0.1 * MIDDLE, 0.1, -5))
+    room = scene([*beside(*np.arange(0, 0.6, 0.02)), away])
+    bounds = room.depth_range()
+    baselines, seen = [], set()
+    for draw in range(60):
+        choice = drawn(room, bounds, 3, 2, np.random.default_rng(draw))
+        assert (len(set(choice.context)), len(set(choice.targets))) == (3, 2)
+        assert not set(choice.context) & set(choice.targets)
+        seen |= {*choice.context, *choice.targets}
+        if 30 not in choice.context:
+            assert 30 not in choice.targets
+            baselines += list(0.02 * np.diff(choice.context))
+    assert len(seen) > 25, "all frames have their turn"
+    assert 0.05 < np.median(baselines) < 0.15, "the baselines are those that choose prefers"
+
+
+def test_targets_lie_between_the_contexts_and_around_them():
+    room = scene(beside(*np.arange(0, 0.6, 0.02)))
+    bounds = room.depth_range()
+    inside = []
+    for draw in range(40):
+        choice = drawn(room, bounds, 2, 2, np.random.default_rng(draw))
+        inside += [min(choice.context) < target < max(choice.context) for target in choice.targets]
+    assert 0.05 < np.mean(inside) < 0.8
+
+
+def test_the_same_numbers_draw_the_same_frames_and_few_frames_are_all_drawn():
+    room = scene(beside(0.0, 0.1, 5.0, 9.0))
+    bounds = room.depth_range()
+    one, two = (drawn(room, bounds, 2, 2, np.random.default_rng(4)) for _ in range(2))
+    assert one == two
+    assert sorted((*one.context, *one.targets)) == [0, 1, 2, 3]
+    with pytest.raises(InputError, match="at least 5 usable frames, for 3 input views and 2 to compare with, found 4"):
+        drawn(room, bounds, 3, 2, np.random.default_rng(4))

@@ -45,11 +45,13 @@ def test_a_step_measures_the_same_on_both_devices(cuda) -> None:
     assert there.gradient_norm == pytest.approx(here.gradient_norm, rel=1e-2)
 
 
-def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path) -> None:
+@pytest.mark.parametrize("precision", ["32", "auto"])
+def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path, precision: str) -> None:
     pytest.importorskip("embreex")
     settings = replace(
         presets.small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validate_every=2, validation_scenes=1
     )
-    steps = [train(settings, tmp_path / "run", device="cuda", workers=0, minutes=0.0).step for _ in range(2)]
+    options = {"device": "cuda", "precision": precision, "workers": 0, "minutes": 0.0}
+    steps = [train(settings, tmp_path / "run", **options).step for _ in range(2)]
     assert steps == [1, 2]
     load("small", export_weights(tmp_path / "run", tmp_path / "weights.safetensors"))

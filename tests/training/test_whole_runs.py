@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import json
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+from rich.console import Console
+from scenes_on_disk import write_labelled, write_table
 
+from semgs.data.class_files import read_class_file
+from semgs.data.classes import SCANNET20
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
@@ -19,10 +26,11 @@ from semgs.training import batches
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
-from semgs.training.run import export_weights, hold_assets
-from semgs.training.settings import VALIDATION_SEED, TrainingSettings
+from semgs.training.run import hold_assets
+from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
 from semgs.weights.file import read_header
 from semgs.weights.load import load
+from semgs.weights.start import CLASS_HEAD
 
 SETTINGS = TrainingSettings(
     model="small",
@@ -57,8 +65,11 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     pytest.importorskip("embreex")
     outcome = train(SETTINGS, tmp_path / "run", workers=0)
     assert (outcome.step, outcome.finished, outcome.skipped) == (2, True, 0)
-    path = export_weights(tmp_path / "run", tmp_path / "weights.safetensors")
+    path = tmp_path / "run" / "weights.safetensors"
     model = load("small", path)
+    # The one validation is the best so far.
+    best = load("small", tmp_path / "run" / "best.safetensors")
+    assert all(torch.equal(a, b) for a, b in zip(model.parameters(), best.parameters(), strict=True))
     start = load("small", "random", seed=SETTINGS.seed)
     assert any((a != b).any() for a, b in zip(model.parameters(), start.parameters(), strict=True))
     metadata = read_header(path).metadata
@@ -70,6 +81,34 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert cut == [1, 2]
     whole, parts = (newest_checkpoint(tmp_path / name / "checkpoints").tensors for name in ("run", "cut"))
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
+
+
+@pytest.mark.usefixtures("real_rendering")
+def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know_them(tmp_path: Path):
+    table = read_class_file(write_table(tmp_path / "three.json"))
+    own = write_labelled(
+        tmp_path / "own", 1, labels=(0, 4, 5), change=lambda one: one.update(label_set="../three.json")
+    )
+    settings = replace(
+        SETTINGS, init="small", classes=table.table, data=(str(own),), validation=str(own), steps=1, learning_rate=1e-6,
+        class_weights="inverse_root_frequency", augmentation=Augmentation(flip=True),
+    )  # fmt: skip
+    console = Console(file=io.StringIO(), width=300)
+    train(settings, tmp_path / "run", workers=0, console=console)
+    told = console.file.getvalue()
+    assert "tensors kept; drawn anew for the 3 classes of three" in told
+    assert "classes: three (wall, seat, floor)" not in told, "there is no preset to differ from"
+    header = read_header(tmp_path / "run" / "weights.safetensors")
+    assert header.classes == table.table
+    assert header.metadata["data"] == str(own)
+    model, start = (load("small", path, classes=table.table if path else SCANNET20) for path in (
+        tmp_path / "run" / "weights.safetensors", None
+    ))  # fmt: skip
+    for name, value in start.state_dict().items():
+        if not name.startswith(CLASS_HEAD):
+            torch.testing.assert_close(model.state_dict()[name], value, rtol=0.02, atol=1e-4)
+    checks = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in checks if "validation" in line] == [0, 1]
 
 
 def test_step_k_sees_the_same_batch_wherever_the_run_began(tmp_path: Path):
@@ -118,9 +157,12 @@ def processes_that_hold(path: Path) -> list[str]:
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same_bits(tmp_path: Path):
+    scans = write_labelled(tmp_path / "scans" / "one", 1).parent
+
     def command(out: Path) -> list[str]:
         options = (
-            "--steps 40 --batch 1 --size 32x48 --contexts 2 3 --targets 1 --validate-every 16 --validation-scenes 1"
+            "--steps 40 --batch 1 --size 32x48 --contexts 2 3 --targets 1 --validate-every 16 --validation-scenes 1 "
+            f"--augmentation.flip --data rooms=2 {scans}=1"
         )
         return [
             sys.executable, "-c", "import sys; from semgs.cli.main import main; sys.exit(main())",
