@@ -32,6 +32,7 @@ class Rule:
         centred: whether they stand in the middle of the depth; others stand with their back to the wall.
         hung: whether they fill the width and height that are there; `stretch` is then that of one against the other.
         share: of the pieces that are exchanged at all, how many.
+        whole: whether all of the mesh has its class, whatever the classes of its parts.
     """
 
     label: str
@@ -43,6 +44,7 @@ class Rule:
     centred: bool = False
     hung: bool = False
     share: float = 1.0
+    whole: bool = False
 
 
 RULES = {
@@ -59,7 +61,7 @@ RULES = {
     ),
     "nightstand": Rule("cabinet", ("nightstand",), low=0.75),
     "bookshelf": Rule("bookshelf", low=0.75, stretch=1.2),
-    "island": Rule("counter", ("counter", "kitchen_base_cabinet"), low=0.7, stretch=1.2, centred=True),
+    "island": Rule("counter", ("counter", "kitchen_base_cabinet"), low=0.7, stretch=1.2, centred=True, whole=True),
     "counter": Rule("counter", ("kitchen_base_cabinet",), low=0.85, stretch=1.25),
     "washbasin": Rule("sink", low=0.75, high=1.1),
     "refrigerator": Rule("refrigerator", low=0.8, stretch=1.15),
@@ -175,6 +177,8 @@ class Swaps:
         if rule.label == "curtain":
             scale, foot = _draped(panels, box, foot)
         self.coverings.gallery.use(row.file)
+        if rule.whole:
+            panels = tuple(replace(panel, label=None) for panel in panels)
         parts = self._parts(panels, row, scale, foot)
         parts = _framed(parts, piece) if rule.label == "picture" else parts + _kept(piece)
         surface = _surface(panels, row, scale) if piece.name in SURFACED else None

@@ -327,7 +327,7 @@ WALL_CABINET = Kind(
 
 
 def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """A row of base cabinets, which are cabinets below a counter, and the row that hangs above it, if there is one."""
+    """A row of base cabinets, which are cabinets below a counter, and the row that hangs above it, if there is one; or an island."""
     mesh = meshes[0]
     paint = pick(rng, CUPBOARDS)
     stone = Tint(("marble",), pick(rng, STONES), 0.8)
@@ -339,7 +339,8 @@ def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     above = heights > (levels[gap] + levels[gap + 1]) / 2 if hung else np.zeros(len(heights), bool)
     top = _of(mesh, ("marble",)) & ~above
     found: Made = []
-    body = s.surface(mesh, "body", ~above & ~top, picture=picture, label="cabinet")
+    label = "cabinet" if kind is KINDS["kitchen"] else None  # an island is a counter as a whole
+    body = s.surface(mesh, "body", ~above & ~top, picture=picture, label=label)
     surfaces = [s.seen_from_outside(body)]
     if top.any():
         surfaces.append(s.surface(mesh, "worktop", top, picture=picture))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -118,13 +119,14 @@ def make_job(seed: int, number: int) -> Job:
     return Job(f"bake_{kind}_{seed}_{number}", kind, number, seed, makes)
 
 
-def _round(seed: int, number: int) -> list[str]:
+@lru_cache
+def _round(seed: int, number: int) -> tuple[str, ...]:
     """The kinds of one round in their order."""
     rng = np.random.default_rng((seed, number, 2))
     places = [
         ((k + rng.random()) / kind.share, name) for name, kind in KINDS.items() for k in range(kind.share)
     ]  # fmt: skip
-    return [name for _, name in sorted(places)]
+    return tuple(name for _, name in sorted(places))
 
 
 def _seed(rng: Random) -> int:
@@ -247,7 +249,7 @@ KINDS: dict[str, Kind] = {
     ),
     "stove": Kind(
         "otherfurniture", "stove", "ignore", 1,
-        _plain("appliances.oven.OvenFactory", triangles=8000, weld=False),
+        _plain("appliances.oven.OvenFactory", setting="electric", triangles=8000, weld=False),
         (0.58, 0.58, 0.86), (0.62, 0.66, 0.94), drawn=True, stretch=2.5,
     ),
     "toilet": Kind(
@@ -263,7 +265,7 @@ KINDS: dict[str, Kind] = {
         (0.48, 0.4, 0.85), (0.7, 0.55, 1.05), hull=0.2,
     ),
     "door": Kind(
-        "door", "door", "door", 3, _plain("elements.doors.DoorFactory", flatten="all"),
+        "door", "door", "door", 3, _plain("elements.doors.DoorFactory", triangles=6000),
         (0.78, 0.05, 1.98), (0.98, 0.16, 2.1), mount="wall", turned=False, stretch=3.0, hull=0.2,
         core=0.2,
     ),

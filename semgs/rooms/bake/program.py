@@ -123,6 +123,11 @@ def set_drawers(maker, depth, width, height):
     maker.params = maker.sample_params()
 
 
+def set_electric(maker):
+    """A stove without gas, whose grates are most of its triangles."""
+    maker.params["UseGas"] = 0
+
+
 def set_kitchen(maker, depth, width, height):
     """A run of kitchen cabinets of a size."""
     maker.dimensions.x, maker.dimensions.y, maker.dimensions.z = depth, width, height
@@ -168,6 +173,7 @@ SETTINGS = {
     "bed": set_bed,
     "sofa": set_sofa,
     "drawers": set_drawers,
+    "electric": set_electric,
     "kitchen": set_kitchen,
     "island": set_island,
     "window": set_window,
@@ -318,6 +324,17 @@ def triangles_of(thing):
     return sum(len(face.vertices) - 2 for face in thing.data.polygons)
 
 
+def level(counts, target):
+    """The most that each of some counts may keep so that they come to a target together: small ones keep all."""
+    left = target
+    for k, count in enumerate(sorted(counts)):
+        share = left // (len(counts) - k)
+        if count > share:
+            return share
+        left -= count
+    return max(counts)
+
+
 def apply(thing, kind, **settings):
     """Apply a modifier to an object."""
     import bpy
@@ -355,10 +372,9 @@ def join(things, target, flatten, weld):
                 apply(thing, "WELD", merge_threshold=2e-4)
             if flatten == "all" or (flatten == "first" and number == 0):
                 apply(thing, "DECIMATE", decimate_type="DISSOLVE", angle_limit=0.12, delimit={"MATERIAL"})
-    total = sum(map(triangles_of, things))
+    most = level([triangles_of(thing) for thing in things], target)
     for number, thing in enumerate(things):
-        count = triangles_of(thing)
-        wanted = max(FEWEST, int(count * target / total)) if total > target else count
+        count, wanted = triangles_of(thing), max(FEWEST, most)
         if count > 1.02 * wanted:
             apply(thing, "TRIANGULATE")
             apply(thing, "DECIMATE", ratio=wanted / count)

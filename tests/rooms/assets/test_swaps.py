@@ -9,7 +9,7 @@ import torch
 pytest.importorskip("embreex")
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import furniture, openings
+from semgs.rooms import fittings, furniture, openings
 from semgs.rooms import materials as m
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
@@ -246,6 +246,10 @@ def test_kitchen_cabinets_are_cabinets_below_their_top(hung_library):
     assert heights.keys() == {None, "cabinet"}
     assert heights[None].min() == pytest.approx(0.86, abs=1e-6)
     assert heights["cabinet"].max() == pytest.approx(0.86, abs=1e-6)
+    found = [swaps(hung_library, seed)(fittings.island(np.random.default_rng(seed))) for seed in range(60)]
+    islands = [piece for piece in found if piece.parts[0].shape == SHELL]
+    assert islands
+    assert {part.label for piece in islands for part in piece.parts} == {LABEL["counter"]}
 
 
 def test_a_frame_shows_what_the_picture_showed_each_its_own(hung_library):

@@ -28,7 +28,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
-    baked = run(tmp_path / "lib", stand_in, 5)
+    baked = run(tmp_path / "lib", stand_in, 3)
     assert (baked.left_out, baked.late) == ({}, {})
     catalogue = read_catalogue(tmp_path / "lib")
     assert [row.name for row in catalogue.meshes] == [row["name"] for row in baked.rows]
@@ -43,25 +43,25 @@ def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
 
 
 def test_pieces_do_not_depend_on_their_number_nor_on_interruptions_nor_on_workers(stand_in, tmp_path):
-    run(tmp_path / "whole", stand_in, 5)
+    run(tmp_path / "whole", stand_in, 4)
 
     def interrupt(count: int) -> None:
-        if count == 2:
+        if count == 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(tmp_path / "cut", stand_in, 5, done=interrupt)
+        run(tmp_path / "cut", stand_in, 4, done=interrupt)
     assert not (tmp_path / "cut" / "lock.json").exists()
     before = len(stand_in.calls)
     (tmp_path / "cut" / "work").mkdir()
     (tmp_path / "cut" / "work" / "bake_x.npz").write_bytes(b"left by a killed one")
-    run(tmp_path / "cut", stand_in, 5)
+    run(tmp_path / "cut", stand_in, 4)
     assert len(stand_in.calls) == before + 3
     run(tmp_path / "grown", stand_in, 2)
-    run(tmp_path / "grown", stand_in, 5, workers=2)
+    run(tmp_path / "grown", stand_in, 4, workers=2)
     assert tree(tmp_path / "whole") == tree(tmp_path / "cut") == tree(tmp_path / "grown")
-    with pytest.raises(ValueError, match="up to number 4, so more than the 3 asked for"):
-        run(tmp_path / "grown", stand_in, 3)
+    with pytest.raises(ValueError, match="up to number 3, so more than the 2 asked for"):
+        run(tmp_path / "grown", stand_in, 2)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_a_baked_folder_is_held_to_its_own_lock(stand_in, tmp_path):
 
 def test_folders_go_together_unless_they_have_files_of_one_name(stand_in, tmp_path, asset_folder):
     folder = tmp_path / "lib"
-    run(folder, stand_in, 4)
+    run(folder, stand_in, 2)
     both = Library([asset_folder, folder], check=False)
     alone = Library(asset_folder, check=False), Library(folder, check=False)
     assert both.meshes == alone[0].meshes + alone[1].meshes
