@@ -51,6 +51,11 @@ SCANNET = "semgs/data/layouts/scannet.py"
 SCANNETPP = "semgs/data/layouts/scannetpp.py"
 
 
+def of_layout(name: str, *tests: str) -> tuple[str, ...]:
+    """Tests of a reader in `tests/data/layouts`."""
+    return tuple(f"tests/data/layouts/test_{name}.py::test_{test}" for test in tests)
+
+
 def of_scannet(name: str) -> tuple[str, ...]:
     """A test of ScanNet's reader."""
     return (f"tests/data/test_scannet.py::test_{name}",)
@@ -559,5 +564,75 @@ MUTANTS = (
         "what a mask hides keeps its depth", SCANNETPP,
         "depths=None if depths is None else depths.masked_fill(hidden, 0)", "depths=depths",
         of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
+    ),
+    Mutant(
+        "quaternions of trajectories are read with w first", "semgs/data/layouts/trajectories.py",
+        "x, y, z, w = np.where(", "w, x, y, z = np.where(", of_layout("tum", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "the centre of the first pixel of a calibration stays at 0", "semgs/data/layouts/calibrations.py",
+        "(cx + HALF, cy + HALF)", "(cx, cy)", of_layout("tum", "a_point_is_where_the_benchmarks_formula_puts_it"),
+    ),
+    Mutant(
+        "association takes the first in time, not the nearest", "semgs/data/layouts/association.py",
+        "(abs(first[i] - second[j]), i, int(j))", "(second[j], i, int(j))",
+        of_layout("tum", "association_takes_the_nearest_first_and_each_once"),
+    ),
+    Mutant(
+        "the principal point of Replica counts from the centre of the first pixel", "semgs/data/layouts/replica.py",
+        "(width / 2, row * height)", "((width - 1) / 2, row * height)", of_layout("replica", "a_point_is_where_the_renderer_puts_it"),
+    ),
+    Mutant(
+        "files are sorted by name, 10 before 2", "semgs/data/layouts/recordings.py",
+        "for number in sorted(found)}", "for number in sorted(found, key=str)}",
+        ("tests/data/layouts/test_recordings.py::test_files_are_in_the_order_of_their_numbers",),
+    ),
+    Mutant(
+        "depth of 7-Scenes is taken to be the colour camera's", "semgs/data/layouts/frame_files.py",
+        "        depth_lens = KINECT_DEPTH\n", "        depth_lens = None\n",
+        of_layout("frame_files", "7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle"),
+    ),
+    Mutant(
+        "the largest count of a depth map is a depth", "semgs/data/frames.py",
+        "depths[counts == SATURATED] = 0", "pass", of_layout("frame_files", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "SUN3D's depth stays rotated", "semgs/data/layouts/rgbd.py",
+        "(rotated >> 3) | (rotated << 13)", "rotated", of_layout("rgbd", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "a moving frame has the pose before, not one between", "semgs/data/layouts/ros_frames.py",
+        "np.where(span > 0, (times - self.times[before]) / np.maximum(span, 1), 0.0)[:, None]", "np.zeros((len(times), 1))",
+        of_layout("ros_bag", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "frames are chained from the world down", "semgs/data/layouts/ros_frames.py",
+        "poses = step.at(times) @ poses", "poses = poses @ step.at(times)",
+        of_layout("ros_bag", "odometry_moves_the_base_that_the_camera_stands_on"),
+    ),
+    Mutant(
+        "pictures of a bag are at the time at which they were recorded", "semgs/data/layouts/ros_bag.py",
+        "found.setdefault(_stamp(message), logged)", "found.setdefault(logged, logged)",
+        of_layout("ros_bag", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros_bag.py",
+        "p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)", "p.reshape(3, 4)[:, :3]",
+        of_layout("ros_bag", "a_point_is_where_opencvs_formula_puts_it"),
+    ),
+    Mutant(
+        "a region of interest leaves the principal point where it was", "semgs/data/layouts/ros_bag.py",
+        "(matrix[0, 2] + HALF - x) / bins[0]", "(matrix[0, 2] + HALF) / bins[0]",
+        of_layout("ros_bag", "binning_and_regions_of_interest_move_the_camera"),
+    ),
+    Mutant(
+        "red and blue change places in a bag", "semgs/data/layouts/ros_images.py",
+        '"rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None)', '"rgb8": (3, None), "bgr8": (3, None)',
+        of_layout("ros_bag", "pixels_of_all_encodings_are_what_they_say"),
+    ),
+    Mutant(
+        "prepared poses keep OpenCV's axes", "semgs/data/preparation.py",
+        "pose[:3, 1:3] *= -1", "pose[:3, 1:3] *= 1",
+        ("tests/data/test_preparation.py::test_a_prepared_scene_is_the_scene_resized_with_its_camera",),
     ),
 )  # fmt: skip

@@ -18,7 +18,7 @@ from semgs.files.paths import existing_folder
 
 @dataclass(frozen=True)
 class Prepare:
-    """Turn scenes of any known layout into small ones, each in one file, to train on and to keep.
+    """Turn scenes of any known layout into small ones, each in one file.
 
     SRC is a scene, a folder of scenes, or a folder of such folders (7-Scenes, Replica): ScanNet, ScanNet++, Replica, TUM RGB-D,
     7-Scenes, RGB-D folders, ROS bags, COLMAP models, transforms.json. OUT becomes a folder with

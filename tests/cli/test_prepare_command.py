@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import zipfile
 from pathlib import Path
 
 import pytest
 from conftest import write_scene
 
-import semgs.data.prepared_set as prepared_set
 from semgs.cli.main import main
 from semgs.cli.prepare import _size
+from semgs.data import preparation, prepared_set
 from semgs.data.scenes import open_scene
 
 
@@ -79,6 +81,26 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
     assert "needs about" in (line := refused(capsys, scenes, out))
     assert "2 kB are free; free some" in line
     assert not out.exists()
+
+
+def test_a_disk_that_fills_up_leaves_what_is_complete_and_no_part(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    monkeypatch.setattr(prepared_set, "needed_space", lambda *given: 0)
+    written = preparation._write
+
+    def until_the_second_scene(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
+        if (out / "a.zip").exists():
+            raise OSError(errno.ENOSPC, "No space left on device", "b.zip")
+        written(archive, name, data)
+
+    monkeypatch.setattr(preparation, "_write", until_the_second_scene)
+    line = refused(capsys, scenes, out, "--size", "32x48", "--workers", 0)
+    assert "the disk is full (b.zip); free some space or write elsewhere" in line
+    assert {path.name for path in out.iterdir()} == {"a.zip", "settings.json"}
+    monkeypatch.setattr(preparation, "_write", written)
+    assert main(["prepare", str(scenes), str(out), "--size", "32x48", "--workers", "0"]) == 0
 
 
 def test_sizes_are_told_as_people_say_them() -> None:
