@@ -9,6 +9,8 @@ PIP := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.t
 STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
 UNFINISHED := .venv/unfinished
+# There when the renderer of traced rooms is installed too: 155 MB to fetch, which only its tests need.
+TRACER := .venv/tracer
 
 .PHONY: help setup demo test long gpu mutants check format anew
 .DEFAULT_GOAL := help
@@ -47,7 +49,11 @@ demo: setup
 test: setup
 	$(BIN)/pytest -m 'not long and not gpu'
 
-long: setup
+$(TRACER): $(STAMP)
+	$(PIP) --no-build-isolation -e '.[rooms]'
+	@touch $(TRACER)
+
+long: setup $(TRACER)
 	$(BIN)/pytest -m 'long'
 
 gpu: setup

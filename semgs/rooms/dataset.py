@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from torch.utils.data import DataLoader, Dataset
 
 from semgs import __version__
@@ -21,11 +20,10 @@ from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution
 from semgs.rooms.scenes import ROOM, write_scene
-from semgs.rooms.style import RENDERS, STYLES, Render, Renders, Style
+from semgs.rooms.stream import render_of
+from semgs.rooms.style import RENDERS, STYLES, Renders, Style
 
 SETTINGS, INDEX, ATTRIBUTION = "settings.json", "index.json", "ATTRIBUTION.md"
-TRACED = 0.1
-"""Share of the scenes of a mixed data set that are traced."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +60,6 @@ class Recipe:
         for name, (holds, expected) in checks.items():
             if not holds:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
-
-    def render_of(self, index: int) -> Render:
-        """How a scene is lit; of a mixed data set by a hash of the seed and the scene's number."""
-        if self.render != "mixed":
-            return self.render
-        draw = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, index, 4)))).random()
-        return "traced" if draw < TRACED else "shaded"
 
     def as_json(self) -> dict:
         """As `settings.json` keeps it, with the version that drew it: another one may draw other rooms."""
@@ -218,7 +209,7 @@ class _Drawing(Dataset):
         try:
             write_scene(
                 self._folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-                library=recipe.library, style=recipe.style, render=recipe.render_of(index),
+                library=recipe.library, style=recipe.style, render=render_of(recipe.render, recipe.seed, index),
             )  # fmt: skip
         except Exception as error:
             error.add_note(f"while {scene_name(index)} was drawn:\n{traceback.format_exc()}")
@@ -237,14 +228,8 @@ def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
         room = json.loads((folder / scene_name(index) / ROOM).read_text(encoding="utf-8"))
-        listed.append(
-            {
-                "folder": scene_name(index),
-                "kind": room["kind"],
-                "render": recipe.render_of(index),
-                "pixels": room["pixels"],
-            }
-        )
+        render = render_of(recipe.render, recipe.seed, index)
+        listed.append({"folder": scene_name(index), "kind": room["kind"], "render": render, "pixels": room["pixels"]})
         for name, pixels in room["pixels"].items():
             total[name] += pixels
     return {**recipe.as_json(), "label_set": SCANNET20.name, "pixels": total, "scenes": listed}

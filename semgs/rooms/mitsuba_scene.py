@@ -25,8 +25,8 @@ DEPTH = 4
 """Rays of a path, from the camera to the light: two bounces."""
 BLOCK = 32
 """Side of the squares that are drawn one after the other [px]; given, because Mitsuba would choose by its threads."""
-SHEEN = ((0.05, None), (0.2, 0.55), (0.4, 0.45), (1.0, 0.35))
-"""Materials up to a gloss have that roughness (the root of the width of a highlight); None has no highlight."""
+SHEEN = ((0.05, 1.0, 0.0), (0.2, 0.55, 0.3), (0.4, 0.45, 0.4), (1.0, 0.35, 0.5))
+"""Materials up to a gloss have that roughness and strength of highlights, as `principled` counts them; 0 has none."""
 FRAME, CURTAINS = 0.02, 0.2
 """Before the middle of an opening: where the frame of its window ends, and where curtains do [m]."""
 BEHIND = 0.08
@@ -54,7 +54,7 @@ class Tracer:
     """
 
     def __init__(self, room: Room, colours: Float64[np.ndarray, "t 3"]) -> None:
-        mi = _mitsuba()
+        mi = library()
         self._integrator = mi.load_dict(
             {"type": "volpath", "max_depth": DEPTH, "rr_depth": 2, "hide_emitters": True, "block_size": BLOCK}
         )
@@ -83,7 +83,7 @@ class Tracer:
 
 
 @cache
-def _mitsuba() -> ModuleType:
+def library() -> ModuleType:
     """Mitsuba, drawing on the calling thread alone.
 
     Raises:
@@ -112,7 +112,7 @@ def _sensor(
     both focal lengths: pixel centres are exact, and a sample lies within fy / fx of a pixel's height. Mitsuba's cameras look
     along z, with x to the left and y up.
     """
-    mi = _mitsuba()
+    mi = library()
     height, width = size
     (fx, _, cx), (_, fy, cy), _ = intrinsics
     pose = mi.ScalarTransform4f(world_from_camera @ np.diag([-1.0, -1.0, 1.0, 1.0]))
@@ -150,14 +150,13 @@ def _meshes(mi: ModuleType, room: Room, colours: Float64[np.ndarray, "t 3"]) -> 
     normals = normals_of(room, corners)
     result: dict[str, Any] = {}
     lowest = -1.0
-    for number, (highest, roughness) in enumerate(SHEEN):
+    for number, (highest, roughness, strength) in enumerate(SHEEN):
         which = (gloss > lowest) & (gloss <= highest) & ~mirror & ~pane
         lowest = highest
         tint = {"type": "mesh_attribute", "name": "face_color"}
-        if roughness is None:
-            bsdf = {"type": "diffuse", "reflectance": tint}
-        else:
-            bsdf = {"type": "principled", "roughness": roughness, "base_color": tint}
+        bsdf: dict[str, Any] = {"type": "diffuse", "reflectance": tint}
+        if strength > 0:
+            bsdf = {"type": "principled", "base_color": tint, "roughness": roughness, "specular": strength}
         if which.any():
             result[f"mesh_{number}"] = _mesh(mi, bsdf, corners[which], normals[which], colours[which])
     if mirror.any():

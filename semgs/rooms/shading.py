@@ -87,7 +87,7 @@ def photograph(
     seen = meet(room, world_from_camera[:3, 3], pixel_directions(world_from_camera, intrinsics, pixels), spread)
     strengths, light = _light(room, seen, width)
     colours = _shade(room, seen, strengths, light)
-    triangles, depths, owners = seen.triangles, seen.depths, parts_of(room, seen)
+    owners = parts_of(room, seen)
     edges = edge_pixels(room, seen, size)
     if len(edges):
         total = colours[edges]
@@ -99,11 +99,16 @@ def photograph(
             light_kernels.borrow(edges, parts, owners, width, light, borrowed)
             total = total + _shade(room, beside, _strengths(room, beside, width), borrowed)
         colours[edges] = total / (1 + len(EDGE_RAYS))
-    labels = np.where(triangles < 0, IGNORE, room.solids.labels[room.owners[triangles]])
+    return frame(room, seen, colours, size)
+
+
+def frame(room: Room, seen: Hits, colours: Float64[np.ndarray, "n 3"], size: tuple[int, int]) -> Frame:
+    """Colours of all pixels, with the labels and depths of what their centres show."""
+    labels = np.where(seen.triangles < 0, IGNORE, room.solids.labels[room.owners[seen.triangles]])
     return Frame(
         colours.reshape(*size, 3).astype(np.float32),
         labels.reshape(size).astype(np.uint8),
-        depths.reshape(size).astype(np.float32),
+        seen.depths.reshape(size).astype(np.float32),
     )
 
 

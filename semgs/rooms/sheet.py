@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms.assets.library import Library
-from semgs.rooms.stream import sample
-from semgs.rooms.style import Render, Style
+from semgs.rooms.stream import render_of, sample
+from semgs.rooms.style import Renders, Style
 
 FRAMES = 48
 COLUMNS = 6
@@ -23,7 +23,7 @@ def contact_sheet(
     seed: int,
     style: Style = "home",
     library: Library | None = None,
-    render: Render = "shaded",
+    render: Renders = "shaded",
     *,
     done: Callable[[int], None] = lambda count: None,
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -45,8 +45,9 @@ def contact_sheet(
     tiles = []
     for index in range(FRAMES):
         views, _ = sample(
-            seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style, render=render
-        )
+            seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style,
+            render=render_of(render, seed, index),
+        )  # fmt: skip
         assert views.labels is not None
         picture = (views.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
         tiles.append(np.concatenate((picture, colours[views.labels[0].numpy()]), axis=1))

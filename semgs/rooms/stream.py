@@ -20,11 +20,13 @@ from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
 from semgs.rooms.room import Room, build_room
 from semgs.rooms.shading import photograph
-from semgs.rooms.style import Render, Style
+from semgs.rooms.style import Render, Renders, Style
 from semgs.rooms.traced import trace
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
+TRACED = 0.1
+"""Share of mixed scenes that are traced."""
 
 Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
@@ -91,6 +93,14 @@ def generator(seed: int, index: int) -> np.random.Generator:
     if seed < 0 or index < 0:
         raise ValueError(f"seed is {seed} and index {index}; expected numbers from 0")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+
+
+def render_of(renders: Renders, seed: int, index: int) -> Render:
+    """How a scene is lit; of mixed ones, by a hash of (seed, index)."""
+    if renders != "mixed":
+        return renders
+    draw = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index, 4)))).random()
+    return "traced" if draw < TRACED else "shaded"
 
 
 def fitted(

@@ -106,13 +106,14 @@ def _painted(room: Room, parts: Int[np.ndarray, " n"], hits: Hits) -> Float64[np
 
 def mean_colours(room: Room) -> Float64[np.ndarray, "t 3"]:
     """The colour of each triangle, textures seen from so far that a pixel would cover it; 0 of what shines by itself."""
-    corners, normals = triangles_of(room), room.planes[:, :3]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1) / 2
-    hits = locate(room, np.arange(len(corners)), corners.mean(axis=1) + normals, -normals, 1.0)
-    wide = np.sqrt(2 * area)
-    hits.feet[:] = wide
-    hits.uv[:, 2] *= wide
-    colours = _painted(room, room.owners, hits)
+    corners, normals, shells = triangles_of(room), room.planes[:, :3], room.shells
+    # A pixel as wide as a square of twice the area.
+    feet = np.sqrt(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1))
+    uv = np.zeros((len(corners), 3))
+    uv[shells.first :, :2] = shells.uv.mean(axis=1)
+    uv[shells.first :, 2] = feet[shells.first :] * shells.density
+    middles = Hits(-normals, np.arange(len(corners)), np.ones(len(corners)), corners.mean(axis=1), normals, feet, uv)
+    colours = _painted(room, room.owners, middles)
     colours[room.solids.materials[room.owners, t.EMISSION] > 0] = 0.0
     return colours
 
