@@ -47,12 +47,12 @@ class Layout:
 
 LAYOUTS = (
     Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
+    Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
     Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.ASKS),
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, asks=tum.ASKS),
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
     Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
     Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
-    Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
     Layout(ros_bag.recognises, ros_bag.open_bag, ros_bag.LOOKED_FOR, asks=ros_bag.ASKS),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
 )

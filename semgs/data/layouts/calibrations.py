@@ -11,8 +11,8 @@ to cx and cy here.
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ class Calibration:
         size: (height, width) that it is for, None where nobody says.
         told_by: the file that says so, or None where it is a layout's constant or the user's word.
         depth_unit: what one count of a depth map is worth [m], where the same file says so.
+        depth_lens: the pinhole of the depth maps, where the same file has one of their own.
         of_a_sensor: whether it is that of a known sensor, so that pictures reduced to another size with the same aspect have it too.
     """
 
@@ -47,6 +48,7 @@ class Calibration:
     size: tuple[int, int] | None = None
     told_by: Path | None = None
     depth_unit: float | None = None
+    depth_lens: Lens | None = None
     of_a_sensor: bool = False
 
     def lens(self, picture: Path, size: tuple[int, int]) -> Lens:
@@ -187,17 +189,34 @@ def _from_info(path: Path) -> Calibration:
     Raises:
         InputError: it holds none.
     """
-    held = {}
-    for _, line in lines(path):
-        key, _, text = line.partition("=")
-        held[key.strip()] = text.strip()
-    key = "m_calibrationColorIntrinsic"
+    held = {key.strip(): text.strip() for key, _, text in (line.partition("=") for _, line in lines(path))}
     try:
-        flat = [float(word) for word in re.split(r"\s+", held[key])]
-        size = (int(held["m_colorHeight"]), int(held["m_colorWidth"]))
         shift = float(held.get("m_depthShift", 1000))
+    except ValueError:
+        shift = math.nan
+    if not shift > 0:
+        raise InputError(path, "a positive number of counts a metre", f"{held['m_depthShift']!r:.40}", "m_depthShift")
+    colour = _of_info(path, held, "Color", "color")
+    if "m_calibrationDepthIntrinsic" not in held:
+        return replace(colour, depth_unit=1 / shift)
+    depth = _of_info(path, held, "Depth", "depth")
+    assert depth.size is not None
+    return replace(colour, depth_unit=1 / shift, depth_lens=depth.lens(path, depth.size))
+
+
+def _of_info(path: Path, held: dict[str, str], name: str, sides: str) -> Calibration:
+    """The calibration of one camera of an info.txt.
+
+    Raises:
+        InputError: its matrix or size is not there, or cannot be.
+    """
+    key = f"m_calibration{name}Intrinsic"
+    try:
+        flat = [float(word) for word in held[key].split()]
+        size = (int(held[f"m_{sides}Height"]), int(held[f"m_{sides}Width"]))
     except (KeyError, ValueError) as error:
-        raise InputError(path, f"{key}, m_colorHeight and m_colorWidth", f"none that can be read: {error}") from error
-    if len(flat) not in (9, 16) or not shift > 0:
-        raise InputError(path, "a 4x4 camera matrix and a positive m_depthShift", f"{held[key]!r:.60}, {shift:g}", key)
-    return _integer_centres(path, key, _of_matrix(path, flat, key), size, 1 / shift)
+        found = f"none that can be read: {error}"
+        raise InputError(path, f"{key}, m_{sides}Height and m_{sides}Width", found) from error
+    if len(flat) not in (9, 16):
+        raise InputError(path, "a 4x4 camera matrix", f"{held[key]!r:.60}", key)
+    return _integer_centres(path, key, _of_matrix(path, flat, key), size)

@@ -2,7 +2,8 @@
 
 Poses are camera to world with OpenCV axes [m], depth is 16-bit PNG in millimetres, 0 or 65535 where unknown. Frames are in the order of
 their numbers. Intrinsics are those of `camera-intrinsics.txt` (3DMatch), `info.txt` or `_info.txt`, in the folder or above it, with the
-centre of the first pixel at (0, 0), so that half a pixel is added.
+centre of the first pixel at (0, 0), so that half a pixel is added. Where an info.txt has a depth camera of its own, each colour pixel gets the
+depth that its ray meets.
 
 7-Scenes has no such file. Its page gives the depth camera of KinectFusion, 585 px and (320, 240), the middle of 640x480, to which nothing is
 added; its colour camera was never calibrated. As those do who localise in it, colour is taken as 525 px about the same middle, with the pose
@@ -61,7 +62,7 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
         raise InputError(path, f"pictures {START}000000{COLOUR[0]}", "none", "frame files")
     told_by = next((one for place in (path, path.parent) for one in _in(place, CALIBRATIONS)), None)
     calibration = asked_calibration(asked) or (read_calibration(told_by) if told_by else None)
-    notes, depth_lens = [], None
+    notes, depth_lens = [], calibration.depth_lens if calibration else None
     if calibration is None or told_by is None:
         depth_lens = KINECT_DEPTH
         notes.append(

@@ -19,6 +19,9 @@ from semgs.files.pictures import is_turned, read_header
 PICTURES = (".png", ".jpg", ".jpeg")
 """Endings of pictures, in lower case."""
 
+GENERIC = ("seq", "sequence", "data", "imap", "")
+"""What folders are called in every scene, but for a number."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shot:
@@ -137,10 +140,13 @@ def numbered(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -
 
 
 def sequence_name(path: Path) -> str:
-    """The name of a scene whose folder may be called as those of all scenes are (seq-01): with the folder above before it."""
+    """The name of a scene whose folder may be called as those of all scenes are (seq-01): with the folders above before it."""
     path = path.absolute()
-    generic = path.name.lower().rstrip("0123456789").rstrip("-_") in ("seq", "sequence", "data", "imap", "")
-    return f"{path.parent.name}_{path.name}" if generic and path.parent.name else path.name
+    parts = [path.name]
+    while parts[0].lower().rstrip("0123456789").rstrip("-_") in GENERIC and path.parent.name:
+        path = path.parent
+        parts.insert(0, path.name)
+    return "_".join(parts)
 
 
 def _poses(shots: Sequence[Shot]) -> np.ndarray:

@@ -98,6 +98,15 @@ def test_bundle_fusions_info_tells_intrinsics_size_and_unit(tmp_path: Path):
     assert scene.frames[0].lens.focal == (58.3, 58.4)
     assert scene.frames[0].lens.centre == (32.6, 24.4)
     np.testing.assert_allclose(scene.read([1]).depths[0], room.depths[1] / 500, atol=1e-3)
+    with (folder / "info.txt").open("a") as file:  # a depth camera that sees half as much
+        file.write(
+            "m_depthWidth = 64\nm_depthHeight = 48\nm_calibrationDepthIntrinsic = 116.6 0 31.5 0 0 116.8 23.5 0 0 0 1 0 0 0 0 1\n"
+        )
+    carried = open_scene(folder).read([1]).depths[0].numpy()
+    assert (carried[:11] == 0).all()
+    assert (carried[:, :16] == 0).all()
+    # (32.5 - 32.6) / 58.3 * 116.6 + 32 = 31.8 and (24.5 - 24.4) / 58.4 * 116.8 + 24 = 24.2: column 31, row 24.
+    assert carried[24, 32] == pytest.approx(room.depths[1, 24, 31] / 500, abs=1e-3)
 
 
 def test_lost_poses_and_missing_files_are_counted(tmp_path: Path):

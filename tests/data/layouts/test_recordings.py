@@ -88,7 +88,7 @@ def test_matrices_below_each_other_are_told_apart_by_their_last_row(tmp_path: Pa
         ("chess/seq-01", "chess_seq-01"),
         ("office_0/Sequence_2", "office_0_Sequence_2"),
         ("a/my room", "my room"),
-        ("room_1/00", "room_1_00"),
+        ("room_1/imap/00", "room_1_imap_00"),
     ],
 )
 def test_sequences_are_called_after_their_scene(tmp_path: Path, path: str, name: str):
