@@ -75,7 +75,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
         raise InputError(
             ROOMS, "scenes in folders, to balance the sampling of", "rooms alone, which are drawn as they come"
         )
-    opened = [_opened(source, settings) for source in settings.sources if not source.is_rooms]
+    opened = [_opened(source, settings.contexts[1], settings) for source in settings.sources if not source.is_rooms]
     good = [scene for folder in opened for scene in folder.scenes]
     bad = tuple(one for folder in opened for one in folder.bad)
     check_bad(bad, len(good) + len(bad))
@@ -84,6 +84,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
             path, why = folder.bad[0]
             raise InputError(folder.source.path, "scenes that can be used", f"none; of {path}: {why}")
     _check_labels(settings, good, classes)
+    _check_validation(settings, classes)
     pixels = _remembered(out / RECORD, good)
     if pixels is None:
         pixels = _pixels(settings, good, rooms, classes)
@@ -139,17 +140,17 @@ class _Opened:
     bad: tuple[tuple[str, str], ...]
 
 
-def _opened(source: Source, settings: TrainingSettings) -> _Opened:
-    """The scenes of a source, and those that cannot be used."""
+def _opened(source: Source, contexts: int, settings: TrainingSettings) -> _Opened:
+    """The scenes of a source, and those that cannot be used or are too short for so many contexts."""
     scenes, bad = [], []
-    needed = settings.contexts[1] + settings.targets
+    needed = contexts + settings.targets
     for path in scene_paths(source.path):
         try:
             scene = open_scene(path)
             if len(scene) < needed:
                 raise InputError(
                     path,
-                    f"at least {needed} usable frames ({settings.contexts[1]} input views and {settings.targets} to compare with)",
+                    f"at least {needed} usable frames ({contexts} input views and {settings.targets} to compare with)",
                     f"{len(scene)}",
                     advice="ask for fewer --contexts or --targets",
                 )
@@ -160,16 +161,15 @@ def _opened(source: Source, settings: TrainingSettings) -> _Opened:
     return _Opened(source, tuple(scenes), tuple(bad))
 
 
-def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
-    """Refuse labels that the table of the run cannot say, and data without any.
+def _check_tables(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
+    """Refuse labels that the table of the run cannot say.
 
     Raises:
-        InputError: labels are of another table and none was asked for, or none of their classes is in the one asked for, or
-            there are no labels at all although classes are to be learned.
+        InputError: they are of another table and none was asked for, or none of their classes is in the one asked for.
     """
-    labelled = [scene for scene in scenes if scene.classes is not None]
-    for scene in labelled:
-        assert scene.classes is not None
+    for scene in scenes:
+        if scene.classes is None:
+            continue
         if settings.classes is None and scene.classes != classes:
             raise InputError(
                 scene.path, f"labels of table {classes.name}", f"those of {scene.classes.name}",
@@ -180,12 +180,35 @@ def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: 
                 scene.path, f"classes of table {classes.name}: {', '.join(classes.names)}",
                 f"table {scene.classes.name}, which has none of them",
             )  # fmt: skip
+
+
+def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
+    """Refuse labels that the table of the run cannot say, and data without any.
+
+    Raises:
+        InputError: as `_check_tables`, or there are no labels at all although classes are to be learned.
+    """
+    _check_tables(settings, scenes, classes)
     wanted = settings.losses.semantic or settings.losses.smoothness
+    labelled = any(scene.classes is not None for scene in scenes)
     if wanted and not labelled and not any(source.is_rooms for source in settings.sources):
         raise InputError(
             scenes[0].path, "scenes with labels, to learn classes from", "none with any",
             advice="train colour and depth alone with --losses.semantic 0 --losses.smoothness 0",
         )  # fmt: skip
+
+
+def _check_validation(settings: TrainingSettings, classes: ClassTable) -> None:
+    """Refuse scenes of validation that cannot be used; as strict as with those of the training.
+
+    Raises:
+        InputError: too many of them are bad, or their labels are of another table.
+    """
+    source = Source.parsed(settings.validation)
+    if not source.is_rooms and settings.validation_scenes:
+        opened = _opened(source, settings.contexts[0], settings)
+        check_bad(opened.bad, len(opened.scenes) + len(opened.bad))
+        _check_tables(settings, opened.scenes, classes)
 
 
 def _notes(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> list[str]:

@@ -227,6 +227,17 @@ def test_validation_scenes_come_from_a_folder_if_asked(scans, tmp_path):
     assert {scene for one in found for scene in one.scenes} <= {"scene0", "scene1", "scene2"}
 
 
+def test_validation_scenes_are_looked_at_before_the_first_step(scans, tmp_path):
+    write_table(tmp_path / "three.json")
+    write_labelled(tmp_path / "own" / "a", 6, change=lambda scene: scene.update(label_set="../../three.json"))
+    write_labelled(tmp_path / "short" / "a", 6, frames=3)
+    settings = replace(SETTINGS, data=(str(scans),))
+    with pytest.raises(InputError, match="found those of three"):
+        surveyed(replace(settings, validation=str(tmp_path / "own")), tmp_path)
+    with pytest.raises(InputError, match="at least 4 usable frames"):
+        surveyed(replace(settings, validation=str(tmp_path / "short")), tmp_path)
+
+
 def test_sources_are_paths_with_weights():
     assert Source.parsed("rooms") == Source("rooms", Fraction(1))
     assert Source.parsed("a/b=0.25") == Source("a/b", Fraction(1, 4))
