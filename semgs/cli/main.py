@@ -46,7 +46,8 @@ COMMANDS = {
     "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
     "train": Command("semgs.cli.train", "Train", "Train a network on synthetic rooms; goes on where it was left."),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
-    "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate wrote."),
+    "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate or bench wrote."),
+    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
 }
 
 
