@@ -10,7 +10,7 @@ STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
 UNFINISHED := .venv/unfinished
 
-.PHONY: help setup demo test long gpu mutants check format anew
+.PHONY: help setup demo test long gpu bench mutants check format anew
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo 'make test    set up, then run the tests (minutes)'
 	@echo 'make long    set up, then run the tests that take longer'
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
+	@echo 'make bench   set up, then measure time and memory beside what was aimed at (10 minutes)'
 	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
@@ -52,6 +53,9 @@ long: setup
 
 gpu: setup
 	PYTHON='$(CURDIR)/$(BIN)/python' scripts/gpu.sh test
+
+bench: setup
+	$(BIN)/semgs bench --json bench.json
 
 mutants: setup
 	$(BIN)/python tests/mutants.py

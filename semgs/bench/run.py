@@ -48,11 +48,12 @@ def run_bench(
         rows: to measure.
         machine: what is known of it; the ceilings are added.
         prepared: makes what a row runs.
-        begin: called before anything is measured.
+        begin: called before anything is measured on the CPU.
         peaks: gives the peak memory of a row by part.
         done: told of every run that is done.
     """
-    begin()
+    if any(row.device == "cpu" for row in rows):
+        begin()
     ceilings = _measured(_ceilings_for(rows), prepared, done)
     speeds = {row.name: found.speed(WHOLE) for row, found in ceilings.items()}
     known = {name: speed for name, speed in speeds.items() if speed is not None}
