@@ -12,7 +12,7 @@ UNFINISHED := .venv/unfinished
 # There when the renderer of traced rooms is installed too: 155 MB to fetch, which only its tests need.
 TRACER := .venv/tracer
 
-.PHONY: help setup demo test long gpu mutants check format anew
+.PHONY: help setup demo test long gpu bench mutants check format anew
 .DEFAULT_GOAL := help
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo 'make test    set up, then run the tests (minutes)'
 	@echo 'make long    set up, then run the tests that take longer'
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
+	@echo 'make bench   set up, then measure time and memory beside what was aimed at (10 minutes)'
 	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
@@ -58,6 +59,9 @@ long: setup $(TRACER)
 
 gpu: setup
 	PYTHON='$(CURDIR)/$(BIN)/python' scripts/gpu.sh test
+
+bench: setup
+	$(BIN)/semgs bench --json bench.json
 
 mutants: setup
 	$(BIN)/python tests/mutants.py

@@ -303,8 +303,8 @@ MUTANTS = (
     ),
     Mutant(
         "Gaussians come column by column", NETWORK,
-        "return maps[:, :, : kept[0], : kept[1]].flatten(1, 3)",
-        "return maps[:, :, : kept[0], : kept[1]].transpose(2, 3).flatten(1, 3)", OF_NETWORK,
+        "return maps[:, : kept[0], : kept[1]].flatten(1, 2)",
+        "return maps[:, : kept[0], : kept[1]].transpose(1, 2).flatten(1, 2)", OF_NETWORK,
     ),
     Mutant(
         "the refinement reads disparity in 1/m", NETWORK,

@@ -1,4 +1,4 @@
-"""`semgs compare`: reports of evaluations in, a table out."""
+"""`semgs compare`: reports of evaluations in, or two files of the bench, and a table out."""
 
 from __future__ import annotations
 
@@ -8,20 +8,23 @@ from typing import Annotated, Literal
 
 import tyro
 
+from semgs.bench.results import is_bench, read_bench
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 
 
 @dataclass(frozen=True)
 class Compare:
-    """Print a table of reports that semgs evaluate wrote.
+    """Print a table of reports that semgs evaluate wrote, or of two files that semgs bench wrote.
 
-    All reports must be of the same frames, at the same size, with the same truth; what differs is told.
+    All reports must be of the same frames, at the same size, with the same truth; what differs is told. Of two files of
+    the bench, the rows that both measured are shown with their ratio.
 
     Examples
     - semgs compare eval/small/report.json
     - semgs compare eval/*/report.json --format latex
     - semgs compare eval/before/report.json eval/after/report.json --layout difference
+    - semgs compare before.json after.json
     """
 
     reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...")]
@@ -46,6 +49,9 @@ class Compare:
                 raise InputError(path, "the report.json of an evaluation", "nothing there")
         if self.layout == "difference" and len(self.reports) < 2:
             raise UsageError("--layout difference needs two reports or more")
+        if is_bench(self.reports[0]):
+            print(self._benches())
+            return
         from semgs.evaluation.compare import check_comparable, difference_grids, paper_grid
         from semgs.evaluation.report import read_report
         from semgs.evaluation.tables import printed
@@ -55,3 +61,22 @@ class Compare:
         with what_the_user_gave():
             grids = [paper_grid(reports)] if self.layout == "paper" else difference_grids(reports)
         print("\n\n".join(printed(grid, self.format) for grid in grids))
+
+    def _benches(self) -> str:
+        """The table of two files of the bench.
+
+        Raises:
+            InputError: one of them cannot be read.
+            UsageError: there are not two.
+        """
+        if len(self.reports) != 2:
+            raise UsageError(f"{len(self.reports)} files of semgs bench given; expected two to compare")
+        if self.layout == "difference":
+            raise UsageError("--layout difference is for reports of semgs evaluate")
+        from semgs.cli.bench_tables import comparison_table
+
+        benches = [read_bench(path) for path in self.reports]
+        names = [path.stem for path in self.reports]
+        if names[0] == names[1]:
+            names = [str(path) for path in self.reports]
+        return comparison_table(benches[0], benches[1], names, self.format)

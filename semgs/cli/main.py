@@ -53,7 +53,8 @@ COMMANDS = {
     ),
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
     "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
-    "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate wrote."),
+    "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate or bench wrote."),
+    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.plane_sweep import sweep
+from semgs.model.chunks import by_chunks
 from semgs.model.conventions import OURS, Conventions
 from semgs.model.precision import outside_autocast
 
@@ -28,6 +30,7 @@ def cost_volume(
     conventions: Conventions = OURS,
     *,
     fused: bool | None = None,
+    views_at_a_time: int | None = None,
 ) -> Float[Tensor, "b v l h w"]:
     """C_i: for each view, texel and candidate the mean of <F_i, F_j warped to i> / sqrt(c) over the other views j.
 
@@ -40,13 +43,32 @@ def cost_volume(
         candidates: depths of each reference view [m].
         conventions: of geometry; MVSplat's mean is over all other views.
         fused: use the compiled kernel; None chooses it on the CPU. The plain form is its specification.
+        views_at_a_time: reference views whose pairs are in memory together; None is all.
     """
-    b, v, c, h, w = features.shape
     if fused is None:
         fused = features.device.type == "cpu"
+
+    def of(at: slice) -> Tensor:
+        cost = _cost_of(range(*at.indices(features.shape[1])), features, cameras, near, candidates, conventions, fused)
+        return cost.transpose(0, 1)
+
+    return by_chunks(of, features.shape[1], views_at_a_time).transpose(0, 1)
+
+
+def _cost_of(
+    views: Sequence[int],
+    features: Float[Tensor, "b v c h w"],
+    cameras: Cameras,
+    near: Float[Tensor, "b v"],
+    candidates: Float[Tensor, "b v l"],
+    conventions: Conventions,
+    fused: bool,
+) -> Float[Tensor, "b r l h w"]:
+    """The cost of some of the reference views."""
+    b, v, c, h, w = features.shape
     smallest = BEHIND * near if conventions.mask_unseen else torch.full_like(near, BEHIND)
-    reference = torch.arange(v).repeat_interleave(v - 1)
-    source = torch.tensor([j for i in range(v) for j in range(v) if j != i])
+    reference = torch.tensor(views).repeat_interleave(v - 1)
+    source = torch.tensor([j for i in views for j in range(v) if j != i])
     plan = sweep(
         cameras[:, reference],
         cameras[:, source],
@@ -54,7 +76,6 @@ def cost_volume(
         own_intrinsics=conventions.own_intrinsics,
         pixel_centres=conventions.pixel_centres,
     )
-    pairs = (b, v * (v - 1))
     # Positions and sums are computed in float32 at least, from relative cameras that were multiplied in float64.
     precise = torch.float64 if features.dtype == torch.float64 else torch.float32
     matrices = plan.matrix.to(features.device, precise).flatten(0, 1)
@@ -84,10 +105,11 @@ def cost_volume(
             limits,
             conventions.mask_unseen,
         )
-    sums = sums.reshape(b, v, v - 1, -1, h, w).sum(2) / math.sqrt(c)
+    pairs = (b, len(views), v - 1, -1, h, w)
+    sums = sums.reshape(pairs).sum(2) / math.sqrt(c)
     if not conventions.mask_unseen:
         return (sums / (v - 1)).to(features.dtype)
-    count = seen.reshape(*pairs, -1, h, w).unflatten(1, (v, v - 1)).sum(2)
+    count = seen.reshape(pairs).sum(2)
     return (sums / count.clamp(min=1)).to(features.dtype)
 
 

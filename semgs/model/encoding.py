@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from jaxtyping import Float
@@ -23,3 +24,7 @@ class Encoding:
     gaussians: Gaussians
     depths: Float[Tensor, "*batch v h w"]
     confidences: Float[Tensor, "*batch v h w"]
+
+    def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
+        """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
+        return Encoding(self.gaussians.map(function), function(self.depths), function(self.confidences))

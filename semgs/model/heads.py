@@ -102,7 +102,7 @@ class DepthRefinement(nn.Module):
 
     Args:
         features: channels of the upsampled features.
-        projected: channels they are reduced to.
+        projected: channels that `project` reduces them to.
         width, levels, decoder_blocks: of the U-Net.
     """
 
@@ -124,13 +124,16 @@ class DepthRefinement(nn.Module):
     def forward(
         self,
         images: Float[Tensor, "n 3 h w"],
-        features: Float[Tensor, "n c h w"],
+        projected: Float[Tensor, "n p h w"],
         disparities: Float[Tensor, "n h w"],
         confidences: Float[Tensor, "n h w"],
         views: int,
     ) -> tuple[Float[Tensor, "n d h w"], Float[Tensor, "n 2 h w"]]:
-        """Features of the refinement, and (correction of disparity, logit of opacity) in the dtype of the disparities."""
-        x = torch.cat((images, self.project(features), disparities[:, None], confidences[:, None]), dim=1)
+        """Features of the refinement, and (correction of disparity, logit of opacity) in the dtype of the disparities.
+
+        `projected` is what `project` makes of the upsampled features.
+        """
+        x = torch.cat((images, projected, disparities[:, None], confidences[:, None]), dim=1)
         conv, norm, activation, unet = self.refine
         refined = unet(activation(norm(conv(x))), views)
         return refined, self.to_disparity(refined).to(disparities.dtype)
@@ -218,6 +221,10 @@ class Rays:
             quaternion_from_matrix(poses[..., :3, :3]),
         )
         return Rays(*(number.to(like) for number in numbers))
+
+    def __getitem__(self, at: slice) -> Rays:
+        """Those of some of the cameras."""
+        return Rays(self.rotation[at], self.centre[at], self.inverse_k[at], self.pixel[at], self.quaternion[at])
 
 
 @outside_autocast

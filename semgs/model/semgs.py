@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -11,9 +13,10 @@ from torch import Tensor, nn
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.gaussians import Gaussians
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.model.camera_attention import token_transforms
+from semgs.model.chunks import WHOLE, Chunks, by_chunks
 from semgs.model.cnn import FeatureCNN, ResidualBlock
 from semgs.model.conventions import OURS, Conventions
 from semgs.model.cost_volume import cost_volume, unit_features
@@ -39,6 +42,12 @@ SHRINK = 4
 
 MULTIPLE = 16
 """Sides of the pictures are padded to a multiple of this."""
+
+STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads")
+"""Parts of the network that take time, in their order."""
+
+Stage = Callable[[str], AbstractContextManager[object]]
+"""What stands around each stage, given its name."""
 
 
 class SemGS(nn.Module):
@@ -176,8 +185,13 @@ class SemGS(nn.Module):
             if classes is not None:
                 start_at(self.semantic_head, slice(0, 3), initial_sigma)
 
-    def forward(self, views: Views) -> Encoding:
+    def forward(self, views: Views, chunks: Chunks = WHOLE, stage: Stage = nullcontext) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size.
+
+        Args:
+            views: of one scene, or of a batch of scenes.
+            chunks: how much is done at a time; fewer views at a time need less memory and give the same numbers.
+            stage: stands around each of `STAGES`, to time it, say.
 
         Raises:
             ValueError: there is one view only.
@@ -187,12 +201,8 @@ class SemGS(nn.Module):
             raise ValueError(f"the network was given {count} view; expected two or more that overlap")
         leading = views.images.shape[:-4]
         flat = _flattened(views, self.cnn.conv1.weight)
-        encoding = self._encode(flat.images, flat.cameras, flat.depth_range, (views.size[0], views.size[1]))
-
-        def restored(tensor: Tensor) -> Tensor:
-            return tensor.reshape(*leading, *tensor.shape[1:])
-
-        return Encoding(encoding.gaussians.map(restored), restored(encoding.depths), restored(encoding.confidences))
+        encoding = self._encode(flat.images, flat.cameras, flat.depth_range, views.size, chunks, stage)
+        return encoding.map(lambda tensor: tensor.reshape(*leading, *tensor.shape[1:]))
 
     def _encode(
         self,
@@ -200,6 +210,8 @@ class SemGS(nn.Module):
         cameras: Cameras,
         depth_range: Float[Tensor, "b v 2"],
         size: tuple[int, int],
+        chunks: Chunks,
+        stage: Stage,
     ) -> Encoding:
         """As `forward`, for padded pictures of a batch, cropped back to `size`.
 
@@ -207,48 +219,45 @@ class SemGS(nn.Module):
         """
         b, v = images.shape[:2]
         pictures = images.flatten(0, 1)
-        shallow = self.cnn(pictures)
-        colour = self._transformed(shallow, self.colour_transformer, "colour", cameras, depth_range)
+        with stage("cnn"):
+            shallow = self.cnn(pictures)
+        with stage("transformer_colour"):
+            colour = self._transformed(shallow, self.colour_transformer, "colour", cameras, depth_range)
+        with stage("transformer_semantic"):
+            semantic = self._semantic(pictures, shallow, cameras, depth_range)
 
         precise = torch.promote_types(colour.dtype, torch.float32)
         bounds = depth_range.to(colour.device, precise)
         candidates = depth_candidates(depth_range, self.candidates, self.conventions.candidates).to(bounds)
-        matched = unit_features(colour) if self.cosine_cost else colour
-        cost = cost_volume(matched.unflatten(0, (b, v)), cameras, bounds[..., 0], candidates, self.conventions)
-        probabilities = self.cost_regressor(cost.flatten(0, 1), colour, v).to(precise).softmax(1)
-        confidences = probabilities.amax(1).repeat_interleave(self.factor, -1).repeat_interleave(self.factor, -2)
+        with stage("cost_volume"):
+            matched = (unit_features(colour) if self.cosine_cost else colour).unflatten(0, (b, v))
+            cost = cost_volume(
+                matched, cameras, bounds[..., 0], candidates, self.conventions, views_at_a_time=chunks.cost
+            ).flatten(0, 1)
         small = nn.functional.avg_pool2d(pictures, self.stride) if self.stride > 1 else pictures
         planes = candidates.flatten(0, 1)
-        if self.paper_heads:
-            decoded = self._decoded_by_the_text(small, colour, probabilities, planes)
-        else:
-            decoded = self._decoded(
-                small, torch.cat((colour, shallow), dim=1), probabilities, planes, bounds.flatten(0, 1), confidences, v
-            )
-        depths = decoded.depths
+        with stage("depth"):
+            probabilities = self.cost_regressor(cost, colour, v).to(precise).softmax(1)
+            confidences = probabilities.amax(1).repeat_interleave(self.factor, -1).repeat_interleave(self.factor, -2)
+            decode: Callable[[slice], Decoded]
+            if self.paper_heads:
+                decode = lambda at: self._decoded_by_the_text(small[at], colour[at], probabilities[at], planes[at])  # noqa: E731
+            else:
+                features = torch.cat((colour, shallow), dim=1)
+                decode = self._refined(
+                    small, features, probabilities, planes, bounds.flatten(0, 1), confidences, v, chunks
+                )
+        rays = Rays.of(_shrunk(cameras, self.stride).flatten(), bounds)
 
-        rays = Rays.of(_shrunk(cameras, self.stride).flatten(), depths)
-        kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
-        means = points(depths, decoded.offsets, rays, self.conventions)
-        shown = small if self.colour_from_image else None
-        appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
-        semantic = None
-        if self.classes is not None:
-            semantic = self._semantic(pictures, small, shallow, depths, cameras, depth_range, rays)
+        def placed(at: slice) -> Encoding:
+            return self._placed(decode(at), small[at], semantic, confidences[at], rays[at], at, size)
 
-        def gathered(tensor: Tensor) -> Tensor:
-            maps = tensor.reshape(b, v, *depths.shape[-2:], *tensor.shape[2:])
-            return maps[:, :, : kept[0], : kept[1]].flatten(1, 3)
+        with stage("heads"):
+            encoding = by_chunks(placed, b * v, chunks.heads)
+        # What was one scene for each view becomes the views of each scene.
+        return encoding.map(lambda tensor: tensor.unflatten(0, (b, v)).flatten(1, 2))
 
-        flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, semantic)
-
-        def full(maps: Tensor) -> Tensor:
-            wide = maps.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
-            return wide[..., : size[0], : size[1]].unflatten(0, (b, v))
-
-        return Encoding(flat.map(gathered), full(depths), full(confidences))
-
-    def _decoded(
+    def _refined(
         self,
         small: Float[Tensor, "n 3 h w"],
         features: Float[Tensor, "n c h4 w4"],
@@ -257,18 +266,34 @@ class SemGS(nn.Module):
         bounds: Float[Tensor, "n 2"],
         confidences: Float[Tensor, "n h w"],
         views: int,
-    ) -> Decoded:
-        """MVSplat's form: disparity is corrected and opacity found by the refinement, whose features the colour head sees."""
+        chunks: Chunks,
+    ) -> Callable[[slice], Decoded]:
+        """MVSplat's form: disparity is corrected and opacity found by the refinement, whose features the colour head sees.
+
+        The refinement looks at all views together; the function that is returned decodes some of them.
+        """
         sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
         coarse = 1 / expected_depth(probabilities, candidates, sampling)
         disparities = upsampled(coarse[:, None], self.factor, corners)[:, 0]
-        wide = self.colour_upsampler(features)
+        # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
+        kept = self.colour_upsampler(features) if chunks.heads is None else None
+
+        def wide(at: slice) -> Tensor:
+            return self.colour_upsampler(features[at]) if kept is None else kept[at]
+
+        projected = by_chunks(lambda at: self.depth_refinement.project(wide(at)), len(small), chunks.heads)
         near, far = bounds[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
-        refined, raw = self.depth_refinement(small, wide, disparities * unit, confidences, views)
+        refined, raw = self.depth_refinement(small, projected, disparities * unit, confidences, views)
         depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
-        attributes = drawn_attributes(self.colour_head, self.harmonics, torch.cat((refined, small, wide), dim=1))
-        return Decoded(depths, raw[:, 1].sigmoid(), attributes[:, 2:], attributes[:, :2])
+        opacities = raw[:, 1].sigmoid()
+
+        def decoded(at: slice) -> Decoded:
+            seen = torch.cat((refined[at], small[at], wide(at)), dim=1)
+            attributes = drawn_attributes(self.colour_head, self.harmonics, seen)
+            return Decoded(depths[at], opacities[at], attributes[:, 2:], attributes[:, :2])
+
+        return decoded
 
     def _decoded_by_the_text(
         self,
@@ -286,6 +311,38 @@ class SemGS(nn.Module):
             self.opacity_head(distribution)[:, 0].to(distribution.dtype).sigmoid(),
             drawn_attributes(self.colour_head, self.harmonics, torch.cat((small, wide), dim=1)),
         )
+
+    def _placed(
+        self,
+        decoded: Decoded,
+        small: Float[Tensor, "n 3 h w"],
+        semantic: Semantic | None,
+        confidences: Float[Tensor, "n h w"],
+        rays: Rays,
+        at: slice,
+        size: tuple[int, int],
+    ) -> Encoding:
+        """Some of the views, each as a scene of its own, cropped to `size`; `at` says which of all they are."""
+        depths = decoded.depths
+        means = points(depths, decoded.offsets, rays, self.conventions)
+        shown = small if self.colour_from_image else None
+        appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
+        classes = None
+        if semantic is not None:
+            seen = torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1)
+            classes = semantic_appearance(self.semantic_head(seen), depths, rays)
+        kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
+
+        def gathered(tensor: Tensor) -> Tensor:
+            maps = tensor.reshape(*depths.shape, *tensor.shape[2:])
+            return maps[:, : kept[0], : kept[1]].flatten(1, 2)
+
+        def full(maps: Tensor) -> Tensor:
+            wide = maps.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
+            return wide[:, None, : size[0], : size[1]]
+
+        flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, classes)
+        return Encoding(flat.map(gathered), full(depths), full(confidences))
 
     def _transformed(
         self,
@@ -312,21 +369,30 @@ class SemGS(nn.Module):
     def _semantic(
         self,
         pictures: Float[Tensor, "n 3 h w"],
-        small: Float[Tensor, "n 3 h2 w2"],
         shallow: Float[Tensor, "n c h4 w4"],
-        depths: Float[Tensor, "n h2 w2"],
         cameras: Cameras,
         depth_range: Float[Tensor, "b v 2"],
-        rays: Rays,
-    ) -> Appearance:
-        """The semantic branch."""
+    ) -> Semantic | None:
+        """Features of the semantic branch, None for a colour-only network."""
+        if self.classes is None:
+            return None
         refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
         features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
+        return Semantic(refined, features)
+
+    def _upsampled_semantic(self, semantic: Semantic, at: slice) -> Float[Tensor, "n d h w"]:
+        """What the semantic head sees of some views, beside the picture."""
         if self.paper_heads:
-            wide = upsampled(features, self.factor, self.conventions.pixel_centres)
-        else:
-            wide = self.semantic_upsampler(torch.cat((features, refined), dim=1))
-        return semantic_appearance(self.semantic_head(torch.cat((small, wide), dim=1)), depths, rays)
+            return upsampled(semantic.features[at], self.factor, self.conventions.pixel_centres)
+        return self.semantic_upsampler(torch.cat((semantic.features[at], semantic.refined[at]), dim=1))
+
+
+@dataclass(frozen=True)
+class Semantic:
+    """Features of the semantic branch: of its refinement, and of its transformer after that."""
+
+    refined: Float[Tensor, "n c h4 w4"]
+    features: Float[Tensor, "n c h4 w4"]
 
 
 def _flattened(views: Views, like: Tensor) -> Views:

@@ -1,0 +1,118 @@
+"""Peak memory: of this process, by part of a run; and of a row, in a process of its own.
+
+Linux keeps the most memory that a process ever held (`VmHWM`) and lets it start anew, so that each part has its own.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+MEGABYTE = 1e6
+
+CHILD_SECONDS = 3600
+"""A process that takes longer is given up."""
+
+
+def peak_mb() -> float:
+    """The most memory that this process held since its start, or since `forget_peak` [10^6 bytes]."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")) / MEGABYTE
+    except (OSError, StopIteration):
+        unit = 1 if sys.platform == "darwin" else 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / MEGABYTE
+
+
+def forget_peak() -> bool:
+    """Let the peak start anew at what is held now; False where the system cannot."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    except OSError:
+        return False
+    return True
+
+
+class PeakWatch:
+    """The most memory that the process held in each part of a run; parts may lie in each other.
+
+    Attributes:
+        peaks: by part [10^6 bytes].
+    """
+
+    def __init__(self) -> None:
+        self.peaks: dict[str, float] = {}
+        self._open: list[str] = []
+
+    @contextmanager
+    def __call__(self, part: str) -> Iterator[None]:
+        """Around a part."""
+        self._look()
+        self._open.append(part)
+        self.peaks[part] = 0.0
+        yield
+        self._look()
+        self._open.pop()
+
+    def _look(self) -> None:
+        """Let all open parts know of the peak since the last look."""
+        peak = peak_mb()
+        for part in self._open:
+            self.peaks[part] = max(self.peaks[part], peak)
+        forget_peak()
+
+
+def peaks_of(name: str) -> dict[str, float] | None:
+    """Peak memory of a row's run and of its parts, from a process that does nothing else [10^6 bytes].
+
+    Args:
+        name: of the row.
+
+    Returns:
+        By part; None where the process failed, for want of memory, say.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        told = Path(folder) / "peaks.json"
+        with suppress(subprocess.TimeoutExpired):
+            subprocess.run(
+                [sys.executable, "-m", "semgs.bench.memory", name, str(told)],
+                capture_output=True,
+                timeout=CHILD_SECONDS,
+                check=False,
+            )
+        try:
+            return json.loads(told.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+
+
+def _child(name: str, told: Path) -> None:
+    """Run a row once and write the peaks."""
+    from semgs.bench.measure import WHOLE
+    from semgs.bench.rows import every_row
+    from semgs.bench.workloads import PROGRAM_THAT_TELLS, command, prepare
+
+    row = next(row for row in every_row() if row.name == name).run
+    if row.kind == "command":
+        with tempfile.TemporaryDirectory() as folder:
+            number = Path(folder) / "peak"
+            arguments = command(row, Path(folder) / "out")
+            subprocess.run([sys.executable, "-c", PROGRAM_THAT_TELLS, str(number), *arguments], check=True)
+            peaks = {WHOLE: float(number.read_text(encoding="ascii"))}
+    else:
+        work = prepare(row)
+        before = peak_mb()
+        watch = PeakWatch()
+        work.run(watch)
+        peaks = watch.peaks | {WHOLE: max(before, watch.peaks[WHOLE])}
+    told.write_text(json.dumps(peaks), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    _child(sys.argv[1], Path(sys.argv[2]))

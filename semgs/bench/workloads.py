@@ -1,0 +1,238 @@
+"""Workloads: what each row runs. They are made once, with all that they need, and then called again and again."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+import torch
+
+from semgs.bench.measure import WHOLE, CannotMeasureError
+from semgs.bench.rows import Row
+from semgs.bench.scenes import context_views, generated_scene, network, target_camera, training_batch
+from semgs.data.views import stack
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.pinhole import Pinhole
+from semgs.rendering.render import render
+from semgs.rendering.splats import Splats
+from semgs.rooms.demo import demo_scene
+
+Watch = Callable[[str], AbstractContextManager[object]]
+"""What stands around each part of a run, given its name: it times, counts, or looks at memory. `WHOLE` is around all parts."""
+
+CONVOLUTION = (2, 128, 60, 80)
+"""The ceiling's convolution, 3x3 between as many channels: the features of `base`, N = 2, 240x320."""
+
+MATRIX = 1024
+"""Sides of the ceiling's matrices."""
+
+ATTENTION = (2, 4, 1200, 128)
+"""The ceiling's queries, keys and values: views, windows, tokens and channels of `base`, likewise."""
+
+CEILING_REPEATS = 10
+"""Times that a ceiling's operation is done in a run: one alone takes milliseconds."""
+
+PROGRAM = "import sys; from semgs.cli.main import main; sys.exit(main(sys.argv[1:]))"
+"""The command `semgs`, with this interpreter."""
+
+PROGRAM_THAT_TELLS = (
+    "import sys; from semgs.cli.main import main; from semgs.bench.memory import peak_mb; code = main(sys.argv[2:]); "
+    "open(sys.argv[1], 'w').write(str(peak_mb())); sys.exit(code)"
+)
+"""The same, with the most memory that it needed in the file named first [10^6 bytes]."""
+
+
+@dataclass(frozen=True)
+class Workload:
+    """Something that is run again and again.
+
+    Attributes:
+        run: does the work, with what it is given around each part.
+        times: how often it does the same in one run.
+        details: what else is known of it.
+    """
+
+    run: Callable[[Watch], None]
+    times: int = 1
+    details: Callable[[], Mapping[str, float]] = dict
+
+
+def prepare(row: Row) -> Workload:
+    """What a row runs, with its number of threads.
+
+    Raises:
+        CannotMeasureError: it cannot be run here.
+    """
+    _check(row)
+    makers = {"ceiling": _ceiling, "network": _frame, "render": _drawing, "train": _training, "command": _command}
+    made = makers[row.kind](row)
+
+    def run(watch: Watch) -> None:
+        torch.set_num_threads(row.threads)
+        made.run(watch)
+
+    return Workload(run, made.times, made.details)
+
+
+def compile_kernels() -> None:
+    """Let what is compiled on first use be compiled, or loaded, before anything is measured: that takes up to a minute."""
+    with torch.no_grad():
+        network("small")(context_views(2, (32, 48)))
+    _backward(*generated_scene(1, (32, 48)), lambda part: nullcontext())
+
+
+def command(row: Row, out: Path) -> list[str]:
+    """The arguments of the program for a row of it; what it writes goes to a new folder `out`."""
+    if row.part == "help":
+        return ["--help"]
+    return ["reconstruct", str(demo_scene()), "--out", str(out), "--model", row.network, "--views", str(row.views)]
+
+
+def _check(row: Row) -> None:
+    """Refuse what this machine has no device, library or cores for."""
+    if row.device == "cuda":
+        if not torch.cuda.is_available():
+            raise CannotMeasureError("no CUDA device")
+        if row.kind in ("network", "render", "train") and find_spec("gsplat") is None:
+            raise CannotMeasureError("gsplat is not installed")
+        return
+    import numba
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    found = min(cores, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    if found < row.threads:
+        raise CannotMeasureError(f"{row.threads} threads needed, {found} here")
+
+
+def _ceiling(row: Row) -> Workload:
+    """One operation alone, in the shape that the networks have it, with memory laid out as is fastest."""
+    dtype = getattr(torch, row.precision)
+
+    def drawn(*shape: int) -> torch.Tensor:
+        return torch.randn(*shape, generator=torch.Generator().manual_seed(0)).to(row.device, dtype)
+
+    operation: Callable[[], torch.Tensor]
+    if row.part == "conv":
+        channels = CONVOLUTION[1]
+        x = drawn(*CONVOLUTION).contiguous(memory_format=torch.channels_last)
+        kernel = drawn(channels, channels, 3, 3).contiguous(memory_format=torch.channels_last)
+        operation = partial(torch.nn.functional.conv2d, x, kernel, padding=1)
+    elif row.part == "matmul":
+        operation = partial(torch.mm, drawn(MATRIX, MATRIX), drawn(MATRIX, MATRIX))
+    else:
+        q = drawn(*ATTENTION)
+        operation = partial(torch.nn.functional.scaled_dot_product_attention, q, q, q)
+
+    def run(watch: Watch) -> None:
+        with torch.no_grad(), watch(WHOLE):
+            for _ in range(CEILING_REPEATS):
+                operation()
+
+    return Workload(run, CEILING_REPEATS)
+
+
+def _frame(row: Row) -> Workload:
+    """Views to Gaussians, and one target drawn from them with colour, classes and depth."""
+    model = network(row.network).to(row.device)
+    views, camera = context_views(row.views, row.size), target_camera(row.size)
+    near = float(views.depth_range[:, 0].min())
+    if row.batch > 1:
+        views = stack([views] * row.batch)
+        camera = Cameras(
+            camera.world_from_camera.expand(row.batch, 1, 4, 4), camera.intrinsics.expand(row.batch, 1, 3, 3), row.size
+        )
+    # On the device once, as a program that has its pictures there would have it.
+    views = views.to(row.device)
+    half = row.precision == "bfloat16"
+
+    def run(watch: Watch) -> None:
+        with torch.no_grad(), watch(WHOLE):
+            with torch.autocast(row.device, torch.bfloat16, enabled=half):
+                encoding = model(views, stage=watch)
+            with watch("render"):
+                render(encoding.gaussians, camera, near=near)
+
+    return Workload(run)
+
+
+def _drawing(row: Row) -> Workload:
+    """The generated scene: both passes, colour alone, or the way back."""
+    scene, camera = generated_scene(row.views, row.size)
+    if row.part == "colour":
+        scene = Gaussians(scene.means, scene.opacities, scene.colour)
+    gaussians = scene.to(row.device)
+    if row.part == "backward":
+        return Workload(partial(_backward, gaussians, camera))
+
+    def run(watch: Watch) -> None:
+        with torch.no_grad(), watch(WHOLE):
+            render(gaussians, camera, near=1.0)
+
+    return Workload(run, details=partial(_pairs, scene, camera))
+
+
+def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
+    """Gradients of everything, from a picture and a class map that are drawn before and not watched."""
+    leaves = gaussians.map(lambda tensor: tensor.detach().requires_grad_())
+    drawn = render(leaves, camera, near=1.0)
+    assert drawn.semantics is not None
+    loss = drawn.images.square().mean() + drawn.semantics.square().mean() + drawn.depths.mean()
+    with watch(WHOLE):
+        loss.backward()
+
+
+def _pairs(gaussians: Gaussians, camera: Cameras) -> dict[str, float]:
+    """How many pairs of Gaussian and tile each pass draws."""
+    from semgs.rendering.numba_backend import depth_order, pair_count
+
+    pinhole = Pinhole.of(camera[0])
+    order = depth_order(gaussians.means, pinhole, near=1.0)
+    counts = {}
+    for name, one in (("pairs_colour", gaussians.colour), ("pairs_semantic", gaussians.semantic)):
+        if one is not None:
+            splats = Splats(gaussians.means, one.quaternions, one.scales, gaussians.opacities, one.features.flatten(1))
+            counts[name] = float(pair_count(splats, order, pinhole))
+    return counts
+
+
+def _training(row: Row) -> Workload:
+    """A step on one scene, with the settings of the network's preset."""
+    from semgs.training import presets
+    from semgs.training.state import TrainingState
+    from semgs.training.step import training_step
+    from semgs.weights.load import drawn
+
+    settings = presets.PRESETS[row.network]()
+    batch = training_batch(row.views, row.size, settings.targets)
+    state = TrainingState.begin(drawn(row.network, seed=0).to(row.device), 1e-6, 0.99)
+
+    def run(watch: Watch) -> None:
+        with watch(WHOLE):
+            training_step(state, batch, settings)
+
+    return Workload(run)
+
+
+def _command(row: Row) -> Workload:
+    """The program, from its start to its end."""
+
+    def run(watch: Watch) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            arguments = command(row, Path(folder) / "out")
+            with watch(WHOLE):
+                done = subprocess.run(
+                    [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False
+                )
+        if done.returncode:
+            raise CannotMeasureError(f"semgs {arguments[0]} ended with {done.returncode}: {done.stderr[-200:].strip()}")
+
+    return Workload(run)

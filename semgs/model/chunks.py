@@ -1,0 +1,83 @@
+"""Chunks: views that are worked on a few at a time where each is worked on by itself, so that memory does not grow with all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from torch import Tensor
+
+from semgs.model.encoding import Encoding
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """How many views are worked on at a time; None is all. The numbers do not change but for rounding.
+
+    Attributes:
+        cost: reference views of the cost volume.
+        heads: views whose features are brought to the Gaussians' scale and become Gaussians.
+
+    Raises:
+        ValueError: one of them is less than 1.
+    """
+
+    cost: int | None = None
+    heads: int | None = None
+
+    def __post_init__(self) -> None:
+        for name, count in (("cost", self.cost), ("heads", self.heads)):
+            if count is not None and count < 1:
+                raise ValueError(f"{name} is {count}; expected 1 view or more at a time, or None for all")
+
+
+WHOLE = Chunks()
+"""All views at once."""
+
+
+Result = TypeVar("Result", Tensor, Encoding)
+
+
+def by_chunks(function: Callable[[slice], Result], views: int, at_a_time: int | None) -> Result:
+    """What `function` gives of all views, called for some of them at a time.
+
+    Args:
+        function: given which of the views; every tensor of its result has them along the first axis.
+        views: how many there are.
+        at_a_time: how many it is given; None is all.
+    """
+    if at_a_time is None or at_a_time >= views:
+        return function(slice(0, views))
+    whole: Result | None = None
+    for start in range(0, views, at_a_time):
+        at = slice(start, min(start + at_a_time, views))
+        part = function(at)
+        # Filled in place: joined at the end, all parts would be in memory twice.
+        if whole is None:
+            whole = _mapped(part, lambda tensor: tensor.new_empty(views, *tensor.shape[1:]))
+        for target, tensor in zip(_tensors(whole), _tensors(part), strict=True):
+            target[at] = tensor
+    assert whole is not None
+    return whole
+
+
+def _mapped(result: Result, function: Callable[[Tensor], Tensor]) -> Result:
+    """A tensor, or tensors that go together, through a function."""
+    if isinstance(result, Tensor):
+        return function(result)  # type: ignore[return-value]
+    return result.map(function)
+
+
+def _tensors(result: Tensor | Encoding) -> list[Tensor]:
+    """The tensors of a result, in their order."""
+    if isinstance(result, Tensor):
+        return [result]
+    found: list[Tensor] = []
+
+    def look(tensor: Tensor) -> Tensor:
+        found.append(tensor)
+        return tensor
+
+    result.map(look)
+    return found

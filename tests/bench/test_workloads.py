@@ -1,0 +1,156 @@
+"""What the rows run, on pictures so small that it takes milliseconds."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+
+import pytest
+import torch
+
+from semgs.bench.flops import counted
+from semgs.bench.measure import WHOLE, CannotMeasureError
+from semgs.bench.memory import PeakWatch, forget_peak, peak_mb
+from semgs.bench.rows import STAGES, Row, every_row
+from semgs.bench.scenes import context_views, generated_scene, network
+from semgs.bench.watches import Stopwatch
+from semgs.bench.workloads import command, prepare
+from semgs.geometry.cameras import project
+from semgs.model import presets
+from semgs.model.heads import SIGMA_UNIT
+
+TINY = (32, 48)
+ROWS = {row.name: row for row in every_row()}
+
+
+def tiny(name: str, **changes) -> Row:
+    return replace(ROWS[name], size=TINY, threads=1, **changes)
+
+
+def test_a_frame_tells_of_all_its_parts_and_they_fill_it() -> None:
+    watch = Stopwatch()
+    prepare(tiny("total_small_n2_float32")).run(watch)
+    assert set(watch.seconds) == {WHOLE, *STAGES}
+    assert sum(watch.seconds[stage] for stage in STAGES) <= watch.seconds[WHOLE]
+
+
+def test_the_operations_of_the_parts_are_those_of_the_whole() -> None:
+    with counted() as counter:
+        watch = Stopwatch(counter=counter)
+        prepare(tiny("total_small_n2_float32")).run(watch)
+    for kind in ("conv", "matmul", "attention", "sweep"):
+        whole = watch.operations[WHOLE][kind]
+        assert whole > 0
+        assert sum(watch.operations[stage][kind] for stage in STAGES) <= whole
+    channels, grid, others = 48, (TINY[0] // 4) * (TINY[1] // 4), 1
+    assert watch.operations["cost_volume"]["sweep"] == 2 * others * grid * 64 * channels * 9
+
+
+def test_a_convolution_a_product_and_attention_count_two_for_a_product_and_its_sum() -> None:
+    with counted() as counter, torch.no_grad():
+        torch.nn.functional.conv2d(torch.ones(2, 3, 8, 9), torch.ones(5, 3, 3, 3), padding=1)
+        torch.mm(torch.ones(4, 6), torch.ones(6, 7))
+        q = torch.ones(2, 3, 10, 8)
+        torch.nn.functional.scaled_dot_product_attention(q, torch.ones(2, 3, 12, 8), torch.ones(2, 3, 12, 8))
+        found = counter.read()
+    assert found["conv"] == 2 * (2 * 5 * 8 * 9) * (3 * 3 * 3)
+    assert found["matmul"] == 2 * 4 * 6 * 7
+    assert found["attention"] == 2 * 2 * 3 * 10 * 12 * 8 * 2
+
+
+def test_mvsplats_encoder_counts_what_its_own_code_does() -> None:
+    """407 GFLOP at 240x320, N = 2, of which 12.5 are harmonics that we leave out; 262.8 of ours are convolutions.
+
+    Convolutions follow the number of pixels; a 25th of them are counted here.
+    """
+    model = presets.mvsplat().eval()
+    with counted() as counter, torch.no_grad():
+        model(context_views(2, (48, 64)))
+        found = counter.read()
+    assert found["conv"] == pytest.approx(262.76e9 / 25, rel=1e-4)
+    assert sum(found.values()) == pytest.approx(13.16e9, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["render_n2", "render_n2_colour", "render_n2_backward", "train_small_n2"])
+def test_the_other_rows_run(name: str) -> None:
+    watch = Stopwatch()
+    work = prepare(tiny(name))
+    work.run(watch)
+    assert watch.seconds[WHOLE] > 0
+    if name == "render_n2":
+        details = work.details()
+        assert details["pairs_semantic"] > details["pairs_colour"] > 0
+    if name == "render_n2_colour":
+        assert set(work.details()) == {"pairs_colour"}
+
+
+def test_a_row_that_needs_more_threads_than_there_are_says_so() -> None:
+    with pytest.raises(CannotMeasureError, match="4096 threads needed"):
+        prepare(replace(tiny("render_n2"), threads=4096))
+
+
+def test_a_row_on_cuda_says_what_is_missing() -> None:
+    if torch.cuda.is_available():
+        pytest.skip("there is a CUDA device here")
+    with pytest.raises(CannotMeasureError, match="no CUDA device"):
+        prepare(ROWS["total_base_n2_bfloat16_b8_cuda"])
+
+
+def test_the_generated_scene_is_what_its_row_says() -> None:
+    gaussians, camera = generated_scene()
+    assert len(gaussians) == 2 * 240 * 320
+    assert 0.3 <= gaussians.opacities.min() < 0.31
+    assert 0.94 < gaussians.opacities.max() <= 0.95
+    assert gaussians.semantic is not None
+    focal = float(camera.intrinsics[0, 0, 0])
+    depths = gaussians.means[:, 2]  # the cameras look along z from z = 0
+    assert torch.allclose(gaussians.colour.scales[:, 0] * focal / depths, torch.tensor(0.6))
+    assert torch.allclose(gaussians.semantic.scales[:, 2] * focal / depths, torch.tensor(1.0))
+    seen = project(gaussians.means[None], camera)[0]
+    inside = (seen[:, 0] > 0) & (seen[:, 0] < 320) & (seen[:, 1] > 0) & (seen[:, 1] < 240)
+    assert inside.float().mean() > 0.9
+
+
+def test_the_generated_scene_follows_from_its_seed() -> None:
+    one, again, other = (generated_scene(1, TINY, seed=seed)[0] for seed in (1, 1, 2))
+    assert torch.equal(one.means, again.means)
+    assert torch.equal(one.colour.features, again.colour.features)
+    assert not torch.equal(one.opacities, other.opacities)
+
+
+def test_the_random_weights_of_base_give_gaussians_of_one_pixel() -> None:
+    views = context_views(2, (64, 80))
+    with torch.no_grad():
+        encoding = network("base")(views)
+    pixel = (1 / views.cameras.focal_px).sum(-1)[:, None, None].float()
+    unit = (pixel * encoding.depths).reshape(-1, 1) / 2  # what a pixel is at a Gaussian's depth [m]
+    for one in (encoding.gaussians.colour, encoding.gaussians.semantic):
+        assert float((one.scales / unit).median()) == pytest.approx(1.0, rel=0.1)
+    assert SIGMA_UNIT == 0.1
+
+
+def test_the_program_is_called_with_the_rows_network(tmp_path) -> None:
+    assert command(ROWS["command_help"], tmp_path) == ["--help"]
+    arguments = command(ROWS["command_small_n2"], tmp_path / "out")
+    assert arguments[0] == "reconstruct"
+    assert arguments[-4:] == ["--model", "small", "--views", "2"]
+
+
+def test_the_peak_of_a_part_is_its_own() -> None:
+    if not forget_peak():
+        pytest.skip("this system does not let the peak start anew")
+    watch = PeakWatch()
+    start = peak_mb()
+    with watch("whole"):
+        with watch("large"):
+            held = torch.ones(40, 1_000_000)
+            del held
+        with watch("little"):
+            pass
+    assert watch.peaks["large"] > start + 120
+    assert watch.peaks["whole"] == watch.peaks["large"]
+    assert watch.peaks["little"] < watch.peaks["large"] - 100
+
+
+def test_a_watch_of_nothing_will_do() -> None:
+    prepare(tiny("render_n2_colour")).run(lambda part: nullcontext())
