@@ -217,7 +217,7 @@ def _training(row: Row) -> Workload:
 
     def run(watch: Watch) -> None:
         with watch(WHOLE):
-            training_step(state, batch, settings)
+            training_step(state, [batch], settings)
 
     return Workload(run)
 
