@@ -522,7 +522,7 @@ MUTANTS = (
     ),
     Mutant(
         "ScanNet's depth is taken to be the colour camera's", SCANNET,
-        "return carried_over(depths, self.depth_lens, self.colour_lens)", "return self.fitted(self.depth_path, depths)",
+        "return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)", "return self.fitted(self.depth_path, depths)",
         of_scannet("a_recording_is_read_as_it_was_written"),
     ),
     Mutant(
