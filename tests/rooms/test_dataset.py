@@ -14,7 +14,7 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.rooms import dataset
 from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.lock import make_lock
+from semgs.rooms.assets.lock import make_lock, write_lock
 from semgs.rooms.dataset import Recipe, write_dataset
 
 RECIPE = Recipe(seed=11, size=(36, 48), frames=3)
@@ -116,12 +116,13 @@ def test_a_full_disk_is_told_as_such_and_leaves_no_half_scene(tmp_path, monkeypa
     assert [path.name for path in (tmp_path / "full").iterdir()] == [dataset.SETTINGS]
 
 
-def test_scenes_with_assets_name_them_and_are_not_mixed_with_others(asset_folder, tmp_path, monkeypatch):
-    """The folder of the assets may move; the lock that they satisfy is part of the recipe."""
+def test_scenes_with_assets_name_them_and_are_not_mixed_with_others(asset_folder, tmp_path):
+    """The folder of the assets may move; the lock that they satisfy, here one of their own, is part of the recipe."""
     rows = make_lock(asset_folder)
-    monkeypatch.setattr("semgs.rooms.assets.lock.read_lock", lambda path=None: rows)
-    recipe = Recipe(seed=11, size=(24, 32), frames=2, library=Library(asset_folder))
-    moved = shutil.copytree(asset_folder, tmp_path / "moved")
+    locked = shutil.copytree(asset_folder, tmp_path / "locked")
+    write_lock(locked / "lock.json", rows)
+    recipe = Recipe(seed=11, size=(24, 32), frames=2, library=Library(locked))
+    moved = shutil.copytree(locked, tmp_path / "moved")
     write_dataset(tmp_path / "one", recipe, 3)
     write_dataset(tmp_path / "two", replace(recipe, library=Library(moved)), 3)
     assert tree(tmp_path / "one") == tree(tmp_path / "two")

@@ -5,7 +5,7 @@ import pytest
 
 from semgs.files.errors import InputError
 from semgs.rooms.assets.catalogue import read_catalogue
-from semgs.rooms.assets.lock import attribution, make_lock, read_lock, verify, write_lock
+from semgs.rooms.assets.lock import LockRow, attribution, lock_digest, lock_of, make_lock, read_lock, verify, write_lock
 
 REAL = Path(__file__).parents[3].parent / "shared" / "assets"
 
@@ -54,6 +54,24 @@ def test_an_altered_list_is_noticed_as_well(copied):
     (copied / "catalog.json").write_text("[]")
     with pytest.raises(InputError, match=r"altered: catalog\.json"):
         verify(copied, lock)
+
+
+def test_a_folder_with_a_lock_of_its_own_is_held_to_it(copied):
+    assert lock_of(copied).name == "lock.json"
+    assert lock_of(copied).parent != copied
+    write_lock(copied / "lock.json", make_lock(copied))
+    verify(copied)
+    assert lock_digest(copied) != lock_digest(copied.parent)
+    (copied / "textures/stone_0.png").write_bytes(b"")
+    with pytest.raises(InputError, match=r"1 altered: textures/stone_0\.png"):
+        verify(copied)
+
+
+def test_a_lock_must_not_lead_out_of_its_folder(tmp_path):
+    path = tmp_path / "lock.json"
+    write_lock(path, [LockRow("../secret", "s", "c", "p", "CC0-1.0", "", "0" * 64)])
+    with pytest.raises(InputError, match="leads out of the folder"):
+        read_lock(path)
 
 
 def test_attribution_names_what_was_used_with_licence_author_and_source(asset_folder):
