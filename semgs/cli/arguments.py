@@ -58,8 +58,17 @@ def parse_size(text: str) -> tuple[int, int] | None:
 
 
 def _one_line(box: str) -> str:
-    """The message inside the box that tyro draws, without its frame and the help below it."""
+    """The message inside the box that tyro draws, without its frame, title and the help below it.
+
+    Where stdout cannot show frames, tyro draws the title and the parts below each other with dashes between them.
+    """
     lines = [line.strip(" │") for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
-    inside = [line for line in lines if line and not line.startswith(("╭", "╰"))]
-    rule = next((number for number, line in enumerate(inside) if set(line) == {"─"}), len(inside))
-    return " ".join(inside[:rule]).rstrip(".") or "the arguments cannot be understood"
+    framed = any(line.startswith("╭") for line in lines)
+    parts: list[list[str]] = [[]]
+    for line in lines:
+        if line and set(line) <= {"─", "-"}:
+            parts.append([])
+        elif line and not line.startswith(("╭", "╰")):
+            parts[-1].append(line)
+    message = parts[0] if framed or len(parts) == 1 else parts[1]
+    return " ".join(message).rstrip(".") or "the arguments cannot be understood"

@@ -1,0 +1,25 @@
+"""What tyro says becomes one line, whatever the terminal can show."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
+    program = "import sys; from semgs.cli.main import main; sys.exit(main(['train', 'small', '--out', 'run', '--steps', '0']))"
+    ended = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        env=os.environ | {"PYTHONIOENCODING": encoding},
+        check=False,
+    )
+    told = ended.stderr.decode()
+    assert ended.returncode == 2
+    assert told.count("\n") == 1
+    assert "steps is 0; expected at least 1; see semgs train --help" in told
+    assert "----" not in told
