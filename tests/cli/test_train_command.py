@@ -126,7 +126,7 @@ def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(li
     assert main(["train", *line.replace("RUN", str(tmp_path / "run")).replace("TABLE", str(table)).split()]) == 2
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last.startswith("semgs: error: ")
-    assert told.replace("TABLE", str(table)) in last
+    assert told.replace("TABLE", table.name) in last
 
 
 def test_the_help_lists_the_settings_without_torch():
