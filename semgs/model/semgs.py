@@ -28,6 +28,7 @@ from semgs.model.heads import (
     Head,
     Rays,
     Upsampler,
+    class_distributions,
     colour_appearance,
     drawn_attributes,
     points,
@@ -204,6 +205,31 @@ class SemGS(nn.Module):
         encoding = self._encode(flat.images, flat.cameras, flat.depth_range, views.size, chunks, stage)
         return encoding.map(lambda tensor: tensor.reshape(*leading, *tensor.shape[1:]))
 
+    def classify(self, views: Views) -> Float[Tensor, "*batch v class h w"]:
+        """The distribution over classes of every pixel of N >= 2 views, as their own Gaussians have it: the semantic branch alone.
+
+        Nothing is placed in space nor splatted; where Gaussians stand for several pixels, those have the same distribution.
+
+        Raises:
+            ValueError: there is one view only, or the network has no semantic branch.
+        """
+        if len(views) < 2:
+            raise ValueError(f"the network was given {len(views)} view; expected two or more that overlap")
+        flat = _flattened(views, self.cnn.conv1.weight)
+        pictures = flat.images.flatten(0, 1)
+        semantic = self._semantic(pictures, self.cnn(pictures), flat.cameras, flat.depth_range)
+        if semantic is None:
+            raise ValueError("the network has no semantic branch; it cannot classify")
+        raw = self._semantic_raw(self._shrunk(pictures), semantic, slice(None))
+        classes = class_distributions(raw.to(torch.promote_types(raw.dtype, torch.float32)))
+        wide = classes.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
+        return wide[..., : views.size[0], : views.size[1]].reshape(*views.images.shape[:-3], -1, *views.size)
+
+    def semantic_parameters(self) -> set[str]:
+        """Names of the parameters that `classify` depends on."""
+        parts = ("semantic_",) if self.semantic_cnn is not None else ("semantic_", "cnn.")
+        return {name for name, _ in self.named_parameters() if name.startswith(parts)}
+
     def _encode(
         self,
         images: Float[Tensor, "b v 3 h w"],
@@ -234,7 +260,7 @@ class SemGS(nn.Module):
             cost = cost_volume(
                 matched, cameras, bounds[..., 0], candidates, self.conventions, views_at_a_time=chunks.cost
             ).flatten(0, 1)
-        small = nn.functional.avg_pool2d(pictures, self.stride) if self.stride > 1 else pictures
+        small = self._shrunk(pictures)
         planes = candidates.flatten(0, 1)
         with stage("depth"):
             probabilities = self.cost_regressor(cost, colour, v).to(precise).softmax(1)
@@ -329,8 +355,7 @@ class SemGS(nn.Module):
         appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
         classes = None
         if semantic is not None:
-            seen = torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1)
-            classes = semantic_appearance(self.semantic_head(seen), depths, rays)
+            classes = semantic_appearance(self._semantic_raw(small, semantic, at), depths, rays)
         kept = (size[0] + self.stride - 1) // self.stride, (size[1] + self.stride - 1) // self.stride
 
         def gathered(tensor: Tensor) -> Tensor:
@@ -379,6 +404,16 @@ class SemGS(nn.Module):
         refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
         features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
         return Semantic(refined, features)
+
+    def _shrunk(self, pictures: Float[Tensor, "n 3 h w"]) -> Float[Tensor, "n 3 h2 w2"]:
+        """The pictures at the Gaussians' scale."""
+        return nn.functional.avg_pool2d(pictures, self.stride) if self.stride > 1 else pictures
+
+    def _semantic_raw(
+        self, small: Float[Tensor, "n 3 h w"], semantic: Semantic, at: slice
+    ) -> Float[Tensor, "n channel h w"]:
+        """What the semantic head says of some views, given their pictures at the Gaussians' scale."""
+        return self.semantic_head(torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1))
 
     def _upsampled_semantic(self, semantic: Semantic, at: slice) -> Float[Tensor, "n d h w"]:
         """What the semantic head sees of some views, beside the picture."""

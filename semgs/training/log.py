@@ -103,7 +103,7 @@ class RunLog:
         """Take note of a validation."""
         numbers = {name: getattr(result, name) for name in ("psnr", "miou", "accuracy")}
         self._write({"step": step, "validation": numbers}, result.pictures)
-        told = [f"PSNR {result.psnr:.2f} dB"]
+        told = [f"PSNR {result.psnr:.2f} dB"] if math.isfinite(result.psnr) else []
         if result.miou is not None:
             told += [f"mIoU {result.miou:.3f}", f"accuracy {result.accuracy:.3f}"]
         self.say(f"step {step}: validation {', '.join(told)}")
@@ -136,7 +136,9 @@ class RunLog:
             "memory_gb": memory_gb(),
         }
         self._write(numbers)
-        told = f"loss {means['total']:.4f}, PSNR {means['psnr']:.2f} dB"
+        told = f"loss {means['total']:.4f}"
+        if math.isfinite(means["psnr"]):
+            told += f", PSNR {means['psnr']:.2f} dB"
         if self._bar is not None:
             self._bar.update(self._task, description=told)
         elif now - self._shown >= PLAIN_LINE_SECONDS or step == self._steps:

@@ -111,6 +111,9 @@ def train(
     model = network(out, settings)
     where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
     tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
+    if settings.supervision == "labels":
+        for name in {name for name, _ in model.named_parameters()} - model.semantic_parameters():
+            model.get_parameter(name).requires_grad_(False)
     state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
     resume(state, out, console)
     share = Share(fabric.global_rank, fabric.world_size, accumulate)
@@ -181,7 +184,7 @@ def fit(
     ):
         known = BadScenes(scenes, log.say, bad)
         if validation and state.step == 0 and settings.init != "random":
-            _check(state, validation, out, log)  # what the weights to start from are worth
+            _check(state, validation, out, log, settings.supervision)  # what the weights to start from are worth
         for portion, waited in timed(batches):
             if portion.failure is not None:
                 raise portion.failure
@@ -192,7 +195,7 @@ def fit(
             if state.skipped_in_a_row >= TOLERATED_IN_A_ROW:
                 raise broken_down(out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank)
             if validation and state.step % settings.validate_every == 0:
-                _check(state, validation, out, log)
+                _check(state, validation, out, log, settings.supervision)
                 checked = state.step
             if _any(fabric, sitting.over):
                 break
@@ -200,15 +203,15 @@ def fit(
                 sitting.saved(lambda: save_checkpoint(folder, state))
         finished = state.step >= settings.steps
         if finished and validation and checked < state.step:
-            _check(state, validation, out, log)
+            _check(state, validation, out, log, settings.supervision)
         if leads and state.step > first:
             save_checkpoint(folder, state)
     return Outcome(state.step, finished, state.skipped)
 
 
-def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog) -> None:
+def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog, supervision: str) -> None:
     """Validate the averaged weights, show how they do, and keep them if they are the best so far."""
-    result = validate(state.average.module, validation)
+    result = validate(state.average.module, validation, supervision)
     log.validation(state.step, result)
     if result.pictures is not None:
         (out / "validation").mkdir(exist_ok=True)

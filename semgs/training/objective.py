@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
+from semgs.data.classes import IGNORE
 from semgs.data.views import Batch, Views
 from semgs.geometry.cameras import Cameras
 from semgs.model.encoding import Encoding
-from semgs.objectives.losses import depth_error, losses
+from semgs.objectives.losses import cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
@@ -24,12 +27,14 @@ class Objective(nn.Module):
     Every term is a mean over scenes, so that the means of equal shares of a batch average to that of the whole.
     """
 
-    def __init__(self, network: nn.Module) -> None:
+    def __init__(self, network: Any) -> None:
         super().__init__()
         self.network = network
 
     def forward(self, batch: Batch, settings: TrainingSettings) -> dict[str, Tensor]:
         """Each of `TERMS` as a number, `total` with its gradient; all are NaN where the Gaussians cannot be drawn."""
+        if settings.supervision == "labels":
+            return self._of_labels(batch.context, settings)
         encoding = self.network(batch.context)
         if not _can_be_drawn(encoding):
             return _broken(encoding)
@@ -50,6 +55,23 @@ class Objective(nn.Module):
         return {"total": terms.total + settings.depth_weight * depth} | {
             name: term.detach() for name, term in found.items()
         }
+
+    def _of_labels(self, views: Views, settings: TrainingSettings) -> dict[str, Tensor]:
+        """The terms where only the classes of the views' own pixels count; nothing is rendered, so there is no PSNR.
+
+        Raises:
+            ValueError: the views have no labels.
+        """
+        distributions = self.network.classify(views)
+        if views.labels is None:
+            raise ValueError("the scenes have no labels; supervision by labels needs them")
+        assert not isinstance(settings.class_weights, str)
+        labels = views.labels.to(distributions.device).flatten(end_dim=-3)
+        total = cross_entropy(distributions.flatten(end_dim=-4), labels, settings.class_weights).mean()
+        none = total.new_zeros(())
+        unlabelled = (labels == IGNORE).flatten(1).all(1).sum().to(total)
+        found = dict.fromkeys(TERMS, none) | {"semantic": total.detach(), "psnr": none + torch.nan}
+        return found | {"total": total, "unlabelled": unlabelled}
 
 
 def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:

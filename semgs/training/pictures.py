@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from semgs.data.views import Views
@@ -28,6 +28,15 @@ def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:
         depths.append(_first(target.depths, 2))
     limits = depth_limits(depths[-1:])
     return np.concatenate([*panels, *(depth_picture(one, limits) for one in depths)], axis=1)
+
+
+def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views) -> UInt8[np.ndarray, "h w 3"]:
+    """The first view in a row: image, classes, truth where there is one; of distributions that were not rendered."""
+    classes = _first(distributions, 3).argmax(0).astype(np.uint8)
+    panels = [_picture(_first(views.images, 3)), class_picture(classes, views.classes)]
+    if views.labels is not None:
+        panels.append(true_class_picture(_first(views.labels, 2), views.classes))
+    return np.concatenate(panels, axis=1)
 
 
 def _first_view(rendering: Rendering) -> Rendering:

@@ -167,6 +167,10 @@ class TrainingSettings:
     the data and favours the rare, such that a mean pixel has factor 1."""
     depth_weight: float = 0.0
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
+    supervision: Literal["rendered", "labels"] = "rendered"
+    """What the loss looks at: rendered views, as in the paper; or labels, the classes of the input views' own pixels before anything is
+    splatted. That trains the semantic branch and the layers it shares alone, in a fifth of the time: a first stage, whose weights
+    --init of a second one takes."""
     sampling: Literal["even", "balanced"] = "even"
     """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
     augmentation: Augmentation = field(default_factory=Augmentation)
