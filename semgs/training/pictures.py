@@ -30,7 +30,7 @@ def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:
     return np.concatenate([*panels, *(depth_picture(one, limits) for one in depths)], axis=1)
 
 
-def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views) -> UInt8[np.ndarray, "h w 3"]:
+def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views) -> UInt8[np.ndarray, "h w_all 3"]:
     """The first view in a row: image, classes, truth where there is one; of distributions that were not rendered."""
     classes = _first(distributions, 3).argmax(0).astype(np.uint8)
     panels = [_picture(_first(views.images, 3)), class_picture(classes, views.classes)]

@@ -189,12 +189,14 @@ def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: 
         InputError: as `_check_tables`, or there are no labels at all although classes are to be learned.
     """
     _check_tables(settings, scenes, classes)
-    wanted = settings.losses.semantic or settings.losses.smoothness
+    by_labels = settings.supervision == "labels"
+    wanted = by_labels or settings.losses.semantic or settings.losses.smoothness
     labelled = any(scene.classes is not None for scene in scenes)
     if wanted and not labelled and not any(source.is_rooms for source in settings.sources):
         raise InputError(
             scenes[0].path, "scenes with labels, to learn classes from", "none with any",
-            advice="train colour and depth alone with --losses.semantic 0 --losses.smoothness 0",
+            advice="give --supervision rendered" if by_labels
+            else "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0",
         )  # fmt: skip
 
 

@@ -176,3 +176,28 @@ def test_base_has_the_papers_sizes():
     for transformer in (base.colour_transformer, base.semantic_transformer):
         assert transformer.windows == 2
         assert all(hasattr(block, "self_attn") and hasattr(block, "cross_attn_ffn") for block in transformer.layers)
+
+
+def test_classify_gives_each_pixel_the_distribution_of_its_gaussian(model):
+    size = (30, 44)  # padded inside
+    views = posed_views(2, size, dtype=torch.float64)
+    with torch.inference_mode():
+        found = model.classify(views)
+        features = model(views).gaussians.semantic.features
+    assert found.shape == (2, 20, *size)
+    grid = features.reshape(2, size[0] // model.stride, size[1] // model.stride, 20).movedim(-1, 1)
+    assert torch.allclose(found[..., :: model.stride, :: model.stride], grid, rtol=1e-9, atol=1e-12)
+    assert torch.equal(found[..., :: model.stride, :], found[..., model.stride - 1 :: model.stride, :])
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool):
+    model = fill_golden(SemGS(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
+                              cost_width=16, upsampled_channels=16, harmonics=4, shared_layers=shared))  # fmt: skip
+    model.classify(posed_views(2, (16, 32)))[:, 0].sum().backward()
+    assert {name for name, one in model.named_parameters() if one.grad is not None} == model.semantic_parameters()
+
+
+def test_a_network_of_colours_alone_does_not_classify():
+    with pytest.raises(ValueError, match="no semantic branch"):
+        presets.mvsplat().classify(posed_views(2, SIZE))

@@ -142,6 +142,8 @@ def test_scenes_without_labels_are_refused_unless_classes_are_not_learned_or_oth
     settings = replace(SETTINGS, data=(str(plain),))
     with pytest.raises(InputError, match=r"--losses.semantic 0"):
         surveyed(settings, tmp_path)
+    with pytest.raises(InputError, match=r"--supervision rendered"):
+        surveyed(replace(settings, supervision="labels"), tmp_path)
     blind = replace(settings, losses=replace(settings.losses, semantic=0.0, smoothness=0.0))
     (first, *_) = batches(blind, tmp_path / "blind")
     assert (first.target.labels == IGNORE).all()

@@ -83,6 +83,31 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
 
 
+def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("semgs.training.objective.render", None)
+    own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
+    settings = replace(
+        SETTINGS, supervision="labels", init="small", data=(str(own),), validation=str(own), depth_weight=0.0
+    )
+    train(settings, tmp_path / "run", workers=0)
+    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small")
+    moved = {
+        name
+        for (name, value), old in zip(model.named_parameters(), start.parameters(), strict=True)
+        if (value != old).any()
+    }
+    assert moved
+    assert moved <= model.semantic_parameters()
+    assert any(name.startswith("cnn.") for name in moved)
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    steps = [line for line in lines if "total" in line]
+    assert all(line["psnr"] is None and line["total"] == line["semantic"] > 0 for line in steps)
+    checks = [line["validation"] for line in lines if "validation" in line]
+    assert len(checks) == 2
+    assert all(check["psnr"] is None and 0 <= check["miou"] <= 1 for check in checks)
+    assert (tmp_path / "run" / "validation" / "00000002.png").is_file()
+
+
 @pytest.mark.usefixtures("real_rendering")
 def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know_them(tmp_path: Path):
     table = read_class_file(write_table(tmp_path / "three.json"))
