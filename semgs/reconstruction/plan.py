@@ -188,7 +188,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     }
 
 
-def _result(model: SemGS, gaussians: float, pixels: float) -> float:
+def _result(model: SemGS, gaussians: float, pixels: int) -> float:
     """How many numbers an encoding holds: its Gaussians, and two maps of its views."""
     harmonics = min(model.harmonics, RENDERED_HARMONICS)
     semantic = 0 if model.classes is None else 7 + len(model.classes)
