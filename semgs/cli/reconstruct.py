@@ -81,7 +81,7 @@ class Reconstruct:
 
         Raises:
             InputError: the scene, the weights or the output folder cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option asks for what cannot be, or there is too little memory.
         """
         self._check()
         with show_stage("Starting"):
@@ -97,10 +97,14 @@ class Reconstruct:
             model, origin = self._model(device)
 
         from semgs.cli.results import summary, write_results
+        from semgs.reconstruction.plan import NotEnoughMemoryError
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
-            result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages, notes=self._notes())
+            try:
+                result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages, notes=self._notes())
+            except NotEnoughMemoryError as error:
+                raise UsageError(f"{error}; see --size and --views") from error
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
 

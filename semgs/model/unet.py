@@ -42,7 +42,9 @@ class CrossViewAttention(nn.Module):
         """Features of the same size; the first axis is (scene, view)."""
         n, c, h, w = x.shape
         joined = x.reshape(n // views, views, c, h * w).transpose(1, 2).flatten(2)
-        q, k, v = self.qkv(joined).unflatten(1, (self.heads, 3, c // self.heads)).transpose(-1, -2).unbind(2)
+        parts = self.qkv(joined).unflatten(1, (self.heads, 3, c // self.heads)).transpose(-1, -2)
+        # Channels of a token must lie side by side, or torch keeps the weights of all pairs of tokens in memory.
+        q, k, v = parts.contiguous().unbind(2)
         out = nn.functional.scaled_dot_product_attention(q, k, v)
         out = self.proj_out(out.transpose(-1, -2).flatten(1, 2))
         return x + self.norm(out.unflatten(2, (views, h * w)).transpose(1, 2).reshape(n, c, h, w))

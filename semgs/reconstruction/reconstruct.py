@@ -13,7 +13,10 @@ from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size
+from semgs.model.chunks import WHOLE
 from semgs.model.encoding import Encoding
+from semgs.model.semgs import SemGS
+from semgs.reconstruction.plan import Plan, plan
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.render import render
@@ -74,6 +77,7 @@ class Reconstruction:
         context: the frames that went in, as the Gaussians show them.
         target: the frames that were held out, or None if there are none.
         notes: what the user should know of this result, a sentence each.
+        plan: how memory was used; None for a network that `plan` does not know.
     """
 
     scene: Scene
@@ -86,6 +90,7 @@ class Reconstruction:
     context: Shown
     target: Shown | None
     notes: tuple[str, ...]
+    plan: Plan | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -109,6 +114,8 @@ def reconstruct(
 ) -> Reconstruction:
     """Reconstruct a scene from its context frames and look at it from these and from the held-out ones.
 
+    Where memory is short, `SemGS` takes fewer views at a time, as `plan` says; the numbers are the same but for rounding.
+
     Args:
         scene: an open scene.
         choice: the frames to use and those to hold out.
@@ -119,6 +126,7 @@ def reconstruct(
 
     Raises:
         InputError: a frame cannot be read.
+        NotEnoughMemoryError: it would not fit into memory.
         ValueError: fewer than two context frames, or a position outside the scene.
     """
     stages = stages or Stages()
@@ -130,7 +138,10 @@ def reconstruct(
         context = scene.read(choice.context, wanted)
         target = scene.read(choice.targets, wanted) if choice.targets else None
     with stages("encode", f"Encoding {len(context)} views with {model.name}"), torch.no_grad():
-        encoding = _on_cpu(model(context))
+        planned = plan(model, context, target) if isinstance(model, SemGS) else None
+        encoded = model(context, planned.chunks) if isinstance(model, SemGS) and planned else model(context)
+        encoding = _on_cpu(encoded)
+        del encoded
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
         near = float(context.depth_range[:, 0].min())
         own = render(encoding.gaussians, context.cameras, near=near)
@@ -147,7 +158,8 @@ def reconstruct(
         target=None
         if target is None or held_out is None
         else _shown(scene, choice.targets, target, held_out, model.classes),
-        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes)),
+        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(planned)),
+        plan=planned,
     )
 
 
@@ -187,6 +199,15 @@ def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | N
     if not choice.targets:
         notes.append("No frame is held out, so nothing here tells how well a new view comes out.")
     return notes
+
+
+def _note_of_memory(planned: Plan | None) -> list[str]:
+    """That memory was short, if it was."""
+    if planned is None or planned.chunks == WHOLE:
+        return []
+    return [
+        "Memory was short, so the network worked on fewer views at a time; that takes longer and changes nothing else."
+    ]
 
 
 def has_parallax(context: Views) -> bool:

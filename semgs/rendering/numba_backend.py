@@ -3,6 +3,7 @@
 Annotations are evaluated here, since torch reads the operators' schemas from them.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,12 +19,17 @@ from semgs.rendering.tile_kernels import (
     PARTS,
     TILE_HEIGHT,
     TILE_WIDTH,
+    add_pairs,
     count_pairs,
     draw,
     draw_backward,
     fill_pairs,
     sort_pairs,
 )
+
+PAIRS_AT_A_TIME = 1 << 21
+"""Pairs of Gaussian and tile that are in memory together, 12 bytes each, about 140 on the way back: those of a run of tiles. A
+single tile may hold more, but no more than there are Gaussians."""
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
@@ -46,7 +52,7 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
 def pair_count(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> int:
     """How many pairs of Gaussian and tile `splat` draws: what its time and memory follow."""
     geometry = (splats.means, splats.quaternions, splats.scales, splats.opacities)
-    return len(into_tiles(*geometry, order, camera_vector(camera), *camera.size).pairs)
+    return Projected.of(*geometry, order, camera_vector(camera), *camera.size).count().pairs
 
 
 def camera_vector(camera: Pinhole) -> Float64[Tensor, " 20"]:
@@ -83,11 +89,14 @@ def _splat(
     transmittance = torch.empty(height, width, dtype=torch.float64)
     last = torch.empty(height, width, dtype=torch.int32)
     with numba_threads():
-        tiles = into_tiles(means, quaternions, scales, opacities, order, camera, height, width)
-        draw(
-            tiles.ellipses, _array(features), tiles.first_in_tile, tiles.gaussians,
-            picture.numpy(), transmittance.numpy(), last.numpy(),
-        )  # fmt: skip
+        projected = Projected.of(means, quaternions, scales, opacities, order, camera, height, width)
+        for count in projected.runs():
+            tiles = projected.tiles(count)
+            draw(
+                projected.ellipses, _array(features), tiles.first, tiles.first_in_tile, tiles.gaussians,
+                picture.numpy(), transmittance.numpy(), last.numpy(),
+            )  # fmt: skip
+            del tiles  # before the next run's are made
     return picture, transmittance, last
 
 
@@ -110,17 +119,23 @@ def _splat_backward(
     grad_scales, grad_opacities = scales.new_zeros(scales.shape), opacities.new_zeros(opacities.shape)
     grad_features = features.new_zeros(features.shape)
     with numba_threads():
-        tiles = into_tiles(means, quaternions, scales, opacities, order, camera, height, width)
-        geometry = np.zeros((len(tiles.pairs), 6))
-        blended = np.zeros((len(tiles.pairs), features.shape[1]), _array(features).dtype)
-        draw_backward(
-            tiles.ellipses, _array(features), tiles.first_in_tile, tiles.gaussians, tiles.pairs,
-            transmittance.numpy(), last.numpy(), _array(grad_picture), _array(grad_transmittance), geometry, blended,
-        )  # fmt: skip
+        projected = Projected.of(means, quaternions, scales, opacities, order, camera, height, width)
+        met = np.zeros(len(means), np.bool_)
+        grad_ellipses = np.zeros((len(means), 6))
+        for count in projected.runs():
+            tiles = projected.tiles(count)
+            geometry = np.zeros((count.pairs, 6))
+            blended = np.zeros((count.pairs, features.shape[1]), _array(features).dtype)
+            draw_backward(
+                projected.ellipses, _array(features), tiles.first, tiles.first_in_tile, tiles.gaussians, tiles.pairs,
+                transmittance.numpy(), last.numpy(), _array(grad_picture), _array(grad_transmittance), geometry, blended,
+            )  # fmt: skip
+            add_pairs(tiles.first_pair, geometry, blended, grad_ellipses, grad_features.numpy())
+            met |= np.diff(tiles.first_pair) > 0
+            del tiles, geometry, blended  # before the next run's are made
         project_backward(
-            _array(means), _array(quaternions), _array(scales), camera.numpy(), tiles.ellipses, tiles.first_pair,
-            geometry, blended, grad_means.numpy(), grad_quaternions.numpy(), grad_scales.numpy(), grad_opacities.numpy(),
-            grad_features.numpy(),
+            _array(means), _array(quaternions), _array(scales), camera.numpy(), projected.ellipses, met, grad_ellipses,
+            grad_means.numpy(), grad_quaternions.numpy(), grad_scales.numpy(), grad_opacities.numpy(),
         )  # fmt: skip
     return grad_means, grad_quaternions, grad_scales, grad_opacities, grad_features
 
@@ -153,42 +168,99 @@ _splat.register_autograd(_differentiate, setup_context=_save)
 
 @dataclass(frozen=True)
 class Tiles:
-    """Projected Gaussians and which tiles they meet.
+    """Which Gaussians the tiles of a run meet.
 
     Recomputed by the backward pass: that takes less time than its share of memory would be worth.
     """
 
-    ellipses: np.ndarray  # [g 8]
+    first: int  # tile of the run, row by row
     first_in_tile: np.ndarray  # [tiles + 1]
     gaussians: np.ndarray  # [pairs], tile by tile, front to back
     pairs: np.ndarray  # [pairs], the number of each pair, Gaussian by Gaussian
     first_pair: np.ndarray  # [g + 1]
 
 
-def into_tiles(
-    means: Tensor, quaternions: Tensor, scales: Tensor, opacities: Tensor, order: Tensor, camera: Tensor,
-    height: int, width: int,
-) -> Tiles:  # fmt: skip
-    """Project Gaussians and sort them into tiles, front to back."""
-    count = len(means)
-    ellipses = np.empty((count, 8))
-    project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
-    ranks = np.full(count, -1, np.int32)
-    ranks[order.numpy()] = np.arange(len(order), dtype=np.int32)
+@dataclass(frozen=True)
+class Count:
+    """How many pairs of Gaussian and tile a run of tiles has."""
 
-    tiles = -(-height // TILE_HEIGHT) * -(-width // TILE_WIDTH)
-    counts = np.zeros((PARTS, tiles), np.int64)
-    first_pair = np.zeros(count + 1, np.int64)
-    rectangles = np.empty((count, 4), np.int32)
-    count_pairs(ellipses, ranks, height, width, rectangles, first_pair[1:], counts)
-    np.cumsum(first_pair, out=first_pair)
-    ends = np.cumsum(counts.T).reshape(tiles, PARTS)
-    first_in_tile = np.concatenate(([0], ends[:, -1]))
-    pairs = np.empty(first_pair[-1], np.int64)
-    fill_pairs(ellipses, ranks, width, rectangles, first_pair, np.ascontiguousarray(ends.T) - counts, pairs)
-    gaussians = np.empty(len(pairs), np.int32)
-    sort_pairs(first_in_tile, order.numpy(), pairs, gaussians)
-    return Tiles(ellipses, first_in_tile, gaussians, pairs, first_pair)
+    first: int  # tile of the run, row by row
+    rectangles: np.ndarray  # [g 4], first and end row and column of the tiles that a Gaussian meets
+    first_pair: np.ndarray  # [g + 1], Gaussian by Gaussian
+    counts: np.ndarray  # [PARTS tiles], of a part of the Gaussians in a tile
+
+    @property
+    def pairs(self) -> int:
+        """All of them."""
+        return int(self.first_pair[-1])
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Gaussians in the image plane, and their order in depth."""
+
+    ellipses: np.ndarray  # [g 8]
+    ranks: np.ndarray  # [g], place in the order, -1 where not drawn
+    order: np.ndarray  # [drawn]
+    size: tuple[int, int]  # height, width [px]
+
+    @classmethod
+    def of(
+        cls, means: Tensor, quaternions: Tensor, scales: Tensor, opacities: Tensor, order: Tensor, camera: Tensor,
+        height: int, width: int,
+    ) -> "Projected":  # fmt: skip
+        """Project Gaussians."""
+        ellipses = np.empty((len(means), 8))
+        project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
+        ranks = np.full(len(means), -1, np.int32)
+        ranks[order.numpy()] = np.arange(len(order), dtype=np.int32)
+        return cls(ellipses, ranks, order.numpy(), (height, width))
+
+    def count(self, run: range | None = None) -> Count:
+        """The pairs of a run of tiles; None is all tiles."""
+        height, width = self.size
+        run = run or range(-(-height // TILE_HEIGHT) * -(-width // TILE_WIDTH))
+        counts = np.zeros((PARTS, len(run)), np.int64)
+        first_pair = np.zeros(len(self.ranks) + 1, np.int64)
+        rectangles = np.empty((len(self.ranks), 4), np.int32)
+        count_pairs(self.ellipses, self.ranks, run.start, height, width, rectangles, first_pair[1:], counts)
+        np.cumsum(first_pair, out=first_pair)
+        return Count(run.start, rectangles, first_pair, counts)
+
+    def runs(self) -> Iterator[Count]:
+        """All tiles in runs of at most `PAIRS_AT_A_TIME` pairs, or of one tile that has more."""
+        whole = self.count()
+        if whole.pairs <= PAIRS_AT_A_TIME:
+            yield whole
+            return
+        per_tile = whole.counts.sum(0)
+        del whole
+        for run in runs_of_tiles(per_tile, PAIRS_AT_A_TIME):
+            yield self.count(run)
+
+    def tiles(self, count: Count) -> Tiles:
+        """Sort the Gaussians of a run into its tiles, front to back."""
+        ends = np.cumsum(count.counts.T).reshape(-1, PARTS)
+        first_in_tile = np.concatenate(([0], ends[:, -1]))
+        starts = np.ascontiguousarray(ends.T) - count.counts
+        pairs = np.empty(count.pairs, np.int64)
+        fill_pairs(
+            self.ellipses, self.ranks, count.first, self.size[1], count.rectangles, count.first_pair, starts, pairs
+        )
+        gaussians = np.empty(len(pairs), np.int32)
+        sort_pairs(first_in_tile, self.order, pairs, gaussians)
+        return Tiles(count.first, first_in_tile, gaussians, pairs, count.first_pair)
+
+
+def runs_of_tiles(pairs: Int64[np.ndarray, " tiles"], most: int) -> list[range]:
+    """All tiles, cut into runs that have at most `most` pairs together, or are one tile that has more."""
+    runs, first, held = [], 0, 0
+    for tile, count in enumerate(pairs.tolist()):
+        if held and held + count > most:
+            runs.append(range(first, tile))
+            first, held = tile, 0
+        held += count
+    return [*runs, range(first, len(pairs))]
 
 
 def _array(tensor: Tensor) -> np.ndarray:

@@ -62,32 +62,22 @@ def project(means, quaternions, scales, opacities, camera, ellipses):
 
 @njit(cache=True, parallel=True)
 def project_backward(
-    means, quaternions, scales, camera, ellipses, first_pair, pair_geometry, pair_features,
-    grad_means, grad_quaternions, grad_scales, grad_opacities, grad_features,
+    means, quaternions, scales, camera, ellipses, met, grad_ellipses,
+    grad_means, grad_quaternions, grad_scales, grad_opacities,
 ):  # fmt: skip
-    """Sum each Gaussian's gradients over its tiles, in a fixed order, and carry them back through the projection.
+    """Carry each ellipse's gradients back through the projection.
 
     Args:
-        first_pair: [g + 1], the pairs of Gaussian i are first_pair[i] .. first_pair[i + 1] - 1.
-        pair_geometry: [pairs 6], gradients of centre, inverse covariance (xy counted once) and opacity.
-        pair_features: [pairs c].
-        grad_means, grad_quaternions, grad_scales, grad_opacities, grad_features: zeros, filled.
+        met: [g], whether an ellipse meets any tile; the gradients of others stay 0.
+        grad_ellipses: [g 6], of centre, inverse covariance (xy counted once) and opacity.
+        grad_means, grad_quaternions, grad_scales, grad_opacities: zeros, filled.
     """
     for i in prange(means.shape[0]):
-        begin, end = first_pair[i], first_pair[i + 1]
-        if begin == end:
+        if not met[i]:
             continue
-        vu, vv, va, vb, vc, vo = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for pair in range(begin, end):
-            vu += pair_geometry[pair, 0]
-            vv += pair_geometry[pair, 1]
-            va += pair_geometry[pair, 2]
-            vb += pair_geometry[pair, 3]
-            vc += pair_geometry[pair, 4]
-            vo += pair_geometry[pair, 5]
-            for channel in range(pair_features.shape[1]):
-                grad_features[i, channel] += pair_features[pair, channel]
-        grad_opacities[i] = vo
+        vu, vv, va = grad_ellipses[i, 0], grad_ellipses[i, 1], grad_ellipses[i, 2]
+        vb, vc = grad_ellipses[i, 3], grad_ellipses[i, 4]
+        grad_opacities[i] = grad_ellipses[i, 5]
 
         # d(C^-1) = -C^-1 dC C^-1: gradient of the covariance, as a symmetric matrix (hxx, hxy, hyy).
         a, b, c = ellipses[i, CONIC_XX], ellipses[i, CONIC_XY], ellipses[i, CONIC_YY]

@@ -1,7 +1,8 @@
 """Numba kernels: ellipses into tiles, tiles into pixels, and back. Parallel over tiles; the same bits in every run.
 
-A pair is one Gaussian in one tile; all memory is linear in their number. Pairs are numbered twice: in a tile's list, front
-to back, where the picture is drawn, and Gaussian by Gaussian, where gradients are summed without a race.
+A pair is one Gaussian in one tile; all memory is linear in their number, so where there are many the caller takes one run of
+tiles after the other (tiles are counted row by row). Pairs are numbered twice: in a tile's list, front to back, where the
+picture is drawn, and Gaussian by Gaussian, where gradients are summed without a race.
 Alpha and transmittance are float64 in every dtype (see `projection_kernels`), sums of features are in the features' own.
 
 The inner loops run over all pixels of the rows of a tile that an ellipse meets, without a branch and over slices that
@@ -62,47 +63,49 @@ STRIDE = 16
 
 
 @njit(cache=True, parallel=True)
-def count_pairs(ellipses, ranks, height, width, rectangles, per_gaussian, counts):
-    """Find the tiles of every ellipse that is drawn and count the pairs.
+def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian, counts):
+    """Find the tiles of every ellipse that is drawn and count the pairs of a run of tiles.
 
     Args:
         ranks: [g], place in the depth order, negative where not drawn.
-        rectangles: [g 4], filled with the first and end row and column of tiles.
+        first: tile of the run.
+        rectangles: [g 4], filled with the first and end row and column of tiles of the picture.
         per_gaussian: [g], filled with the number of pairs.
-        counts: [PARTS tiles], zeros, filled with each part's number of pairs in each tile.
+        counts: [PARTS tiles], zeros, filled with each part's number of pairs in each tile of the run.
     """
-    tiles_x = -(-width // TILE_WIDTH)
+    end = first + counts.shape[1]
     for part in prange(PARTS):
         for i in range(part * len(ranks) // PARTS, (part + 1) * len(ranks) // PARTS):
             pairs = 0
             if ranks[i] >= 0:
                 rectangles[i] = _rectangle(ellipses, i, height, width)
-                for row in range(rectangles[i, 0], rectangles[i, 1]):
-                    left, right = _tile_columns(ellipses, i, rectangles, row, width)
-                    for column in range(left, right):
-                        counts[part, row * tiles_x + column] += 1
-                    pairs += right - left
+                top, bottom = _tile_rows(rectangles, i, width, first, end)
+                for row in range(top, bottom):
+                    begin, stop = _tiles(ellipses, i, rectangles, row, width, first, end)
+                    for tile in range(begin, stop):
+                        counts[part, tile - first] += 1
+                        pairs += 1
             per_gaussian[i] = pairs
 
 
 @njit(cache=True, parallel=True)
-def fill_pairs(ellipses, ranks, width, rectangles, first_pair, starts, keys):
+def fill_pairs(ellipses, ranks, first, width, rectangles, first_pair, starts, keys):
     """Fill each tile's list of keys [pairs]: rank in the high half, number of the pair Gaussian by Gaussian in the low one.
 
-    `starts` [PARTS tiles] is where each part begins in each tile's list; it is used up.
+    `first` is the run's first tile; `starts` [PARTS tiles], where each part begins in each tile's list, is used up.
     """
-    tiles_x = -(-width // TILE_WIDTH)
+    end = first + starts.shape[1]
     for part in prange(PARTS):
         for i in range(part * len(ranks) // PARTS, (part + 1) * len(ranks) // PARTS):
             pair = first_pair[i]
             if pair == first_pair[i + 1]:
                 continue
-            for row in range(rectangles[i, 0], rectangles[i, 1]):
-                left, right = _tile_columns(ellipses, i, rectangles, row, width)
-                for column in range(left, right):
-                    tile = row * tiles_x + column
-                    keys[starts[part, tile]] = np.int64(ranks[i]) << 32 | pair
-                    starts[part, tile] += 1
+            top, bottom = _tile_rows(rectangles, i, width, first, end)
+            for row in range(top, bottom):
+                begin, stop = _tiles(ellipses, i, rectangles, row, width, first, end)
+                for tile in range(begin, stop):
+                    keys[starts[part, tile - first]] = np.int64(ranks[i]) << 32 | pair
+                    starts[part, tile - first] += 1
                     pair += 1
 
 
@@ -143,25 +146,28 @@ def _by_rank(keys, digits):
 
 
 @njit(cache=True, parallel=True)
-def draw(ellipses, features, first_in_tile, gaussians, picture, transmittance, last):
-    """Fill picture [c h w], transmittance [h w] and, per pixel, the place in its tile's list of the last one added (or -1)."""
+def draw(ellipses, features, first, first_in_tile, gaussians, picture, transmittance, last):
+    """Fill the pixels of a run of tiles that begins with tile `first`.
+
+    Picture [c h w], transmittance [h w] and, per pixel, the place in its tile's list of the last one added (or -1).
+    """
     count = len(first_in_tile) - 1
     rounds = (count + STRIDE - 1) // STRIDE
     for visit in prange(rounds * STRIDE):
         tile = (visit % rounds) * STRIDE + visit // rounds
         if tile < count:
             _draw_tile(
-                ellipses, features, gaussians[first_in_tile[tile] : first_in_tile[tile + 1]], tile,
+                ellipses, features, gaussians[first_in_tile[tile] : first_in_tile[tile + 1]], first + tile,
                 picture, transmittance, last,
             )  # fmt: skip
 
 
 @njit(cache=True, parallel=True)
 def draw_backward(
-    ellipses, features, first_in_tile, gaussians, pairs, transmittance, last, grad_picture, grad_transmittance,
+    ellipses, features, first, first_in_tile, gaussians, pairs, transmittance, last, grad_picture, grad_transmittance,
     pair_geometry, pair_features,
 ):  # fmt: skip
-    """Fill the gradients of every pair, both zeros: geometry [pairs 6] as `project_backward` takes it, features [pairs c]."""
+    """Fill the gradients of every pair of a run of tiles, both zeros: geometry [pairs 6] as `add_pairs` takes it, features [pairs c]."""
     count = len(first_in_tile) - 1
     rounds = (count + STRIDE - 1) // STRIDE
     for visit in prange(rounds * STRIDE):
@@ -169,9 +175,28 @@ def draw_backward(
         if tile < count:
             begin, end = first_in_tile[tile], first_in_tile[tile + 1]
             _draw_tile_backward(
-                ellipses, features, gaussians[begin:end], pairs[begin:end], tile, transmittance, last,
+                ellipses, features, gaussians[begin:end], pairs[begin:end], first + tile, transmittance, last,
                 grad_picture, grad_transmittance, pair_geometry, pair_features,
             )  # fmt: skip
+
+
+@njit(cache=True, parallel=True)
+def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_features):
+    """Add each Gaussian's gradients over a run of tiles, in a fixed order: one sum over all runs, whatever they are.
+
+    Args:
+        first_pair: [g + 1], the pairs of Gaussian i are first_pair[i] .. first_pair[i + 1] - 1.
+        pair_geometry: [pairs 6], gradients of centre, inverse covariance (xy counted once) and opacity.
+        pair_features: [pairs c].
+        grad_ellipses: [g 6], added to.
+        grad_features: [g c], added to.
+    """
+    for i in prange(len(first_pair) - 1):
+        for pair in range(first_pair[i], first_pair[i + 1]):
+            for k in range(6):
+                grad_ellipses[i, k] += pair_geometry[pair, k]
+            for channel in range(pair_features.shape[1]):
+                grad_features[i, channel] += pair_features[pair, channel]
 
 
 @njit(cache=True)
@@ -436,6 +461,21 @@ def _rectangle(ellipses, i, height, width):
         left // TILE_WIDTH,
         (right - 1) // TILE_WIDTH + 1,
     )
+
+
+@njit(cache=True)
+def _tile_rows(rectangles, i, width, first, end):
+    """Rows of tiles of an ellipse's rectangle, as begin and end, that have some of the tiles first..end - 1."""
+    columns = -(-width // TILE_WIDTH)
+    return max(rectangles[i, 0], first // columns), min(rectangles[i, 1], -(-end // columns))
+
+
+@njit(cache=True)
+def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
+    """Tiles of one row that an ellipse meets, as begin and end, of the tiles first..end - 1."""
+    left, right = _tile_columns(ellipses, i, rectangles, tile_row, width)
+    start = tile_row * -(-width // TILE_WIDTH)
+    return max(start + left, first), min(start + right, end)
 
 
 @njit(cache=True)

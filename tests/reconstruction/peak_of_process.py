@@ -1,0 +1,35 @@
+"""Reconstruct frames of the embedded room and tell what was planned and what the process held at most.
+
+    python tests/reconstruction/peak_of_process.py NETWORK VIEWS HEIGHT WIDTH [FREE_GB]
+
+With FREE_GB the plan believes that so much is free.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+
+from semgs.bench.memory import peak_mb
+from semgs.bench.scenes import network
+from semgs.data.choice import given
+from semgs.data.scenes import open_scene
+from semgs.reconstruction import plan
+from semgs.reconstruction.reconstruct import reconstruct
+from semgs.rooms.demo import demo_scene
+
+
+def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> None:
+    if free_gb:
+        plan.free_bytes = lambda: 1e9 * float(free_gb)
+    scene, count = open_scene(demo_scene()), int(views)
+    choice = given(scene, list(range(count)))
+    result = reconstruct(scene, choice, network(name), (int(height), int(width)))
+    assert result.plan is not None
+    told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb()}
+    print(json.dumps({key: value for key, value in told.items() if key != "available_bytes"}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
