@@ -110,6 +110,41 @@ def test_what_was_saved_can_be_scored_again_on_pinned_frames(done: tuple[Path, s
     assert not (tmp_path / "again/predictions").exists()
 
 
+def test_scenes_of_a_list_are_evaluated_with_the_near_and_far_that_are_given(done: tuple[Path, str], tmp_path: Path):
+    folder, _ = done
+    (tmp_path / "list.txt").write_text("room\n")
+    shutil.copytree(folder / "scenes/room", tmp_path / "scenes/room")
+    shutil.copytree(folder / "scenes/room", tmp_path / "scenes/other")
+    code, _, errors = run(
+        "evaluate", folder / "random.safetensors", "--data", tmp_path / "scenes", "--scenes", tmp_path / "list.txt",
+        "--views", "2", "--size", "48x64", "--depth-range", "0.1", "10", "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert (code, errors) == (0, "")
+    first, report = numbers(folder / "out"), numbers(tmp_path / "out")
+    assert [scene["name"] for scene in report["data"]["scenes"]] == ["room"]
+    assert report["protocol"] == "neighbours, near 0.1 and far 10"
+    assert report["results"][0]["truth_sha256"] == first["results"][0]["truth_sha256"]
+    assert report["results"][0]["psnr"] != first["results"][0]["psnr"]
+
+
+def test_rooms_that_the_weights_were_trained_in_are_refused_or_told_of(done: tuple[Path, str], tmp_path: Path):
+    folder, _ = done
+    shutil.copytree(folder / "scenes/room", tmp_path / "scenes/scene0007_01")
+    save(tmp_path / "seen.safetensors", load("small", "random"), {"scenes": '["scene0007_00"]'})
+    command = (
+        "evaluate", tmp_path / "seen.safetensors", "--data", tmp_path / "scenes", "--views", "2", "--size", "48x64",
+        "--out", tmp_path / "out",
+    )  # fmt: skip
+    code, _, errors = run(*command)
+    assert code == 2
+    assert errors.count("\n") == 1
+    assert "found 1 that were: scene0007_01 (as scene0007_00)" in errors
+    assert not (tmp_path / "out").exists()
+    code, told, _ = run(*command, "--allow-seen")
+    assert code == 0
+    assert "The weights were trained in rooms that are scored here: scene0007_01." in told
+
+
 def test_predictions_that_are_the_truth_score_exactly_one_and_pixels_without_one_do_not_count(
     done: tuple[Path, str], tmp_path: Path
 ):
@@ -197,6 +232,11 @@ def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
     line = refused("small", "--as-peers", "gsnerf-labels", "rows-972")
     assert "expected a scene that gsnerf-labels is about" in line
     assert "found transforms.json" in line
+
+
+def test_near_and_far_that_cannot_be(refused: Refused):
+    assert "--depth-range is 2 1; expected near and far" in refused("small", "--depth-range", "2", "1")
+    assert "expected a text file of scenes, or one of" in refused("small", "--scenes", "scannet-sray")
 
 
 def test_more_views_than_the_scene_has(refused: Refused):
