@@ -161,6 +161,7 @@ def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
     That is the place below the folder (with _ or / between), the folder's own name, and for 7-Scenes "sequence1". What two are called means
     the first.
     """
+    root = root.expanduser()
     known: dict[str, Path] = {}
     for path in paths:
         place = Path(path.absolute().name) if path == root else path.relative_to(root)

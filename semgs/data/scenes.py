@@ -130,11 +130,10 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
     Raises:
         InputError: nothing is there, no scene, or not one that is wanted.
     """
-    root = Path(path).expanduser()
-    found = _found(root)
+    found = _found(Path(path).expanduser())
     if wanted is None:
         return found
-    chosen = set(wanted.choose(calls(root, found), str(path)))
+    chosen = set(wanted.choose(calls(Path(path), found), str(path)))
     return tuple(one for one in found if one in chosen)
 
 

@@ -119,7 +119,7 @@ def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path,
     if settings.scenes:
         known: dict[str, Path] = {}
         for source, paths in zip(sources, found, strict=True):
-            known = calls(Path(source.path).expanduser(), paths) | known
+            known = calls(Path(source.path), paths) | known
         chosen = set(read_list(settings.scenes).choose(known, ", ".join(settings.data)))
         found = [tuple(path for path in paths if path in chosen) for paths in found]
         for source, paths in zip(sources, found, strict=True):
