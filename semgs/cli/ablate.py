@@ -43,7 +43,7 @@ class Ablate:
     Examples
     - semgs ablate small --out ablation --steps 3000 --dry-run
     - semgs ablate small --out ablation --steps 3000 --seeds 1 2
-    - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scannet/test --protocol peers
+    - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
@@ -51,6 +51,8 @@ class Ablate:
     """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
     test: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Scenes to evaluate on at the size of the training; none draws 24 rooms that no training sees."""
+    test_scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    """Of a folder, evaluate on the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file."""
     protocol: Literal["neighbours", "peers"] = "neighbours"
     """Which frames of them, as for semgs evaluate."""
     views: int = 4
@@ -99,6 +101,8 @@ class Ablate:
         check_device(self.device)
         if self.test is not None:
             existing_folder(self.test)
+        elif self.test_scenes:
+            raise UsageError("--test-scenes is for --test DIR")
         if self.views < 2:
             raise UsageError(f"--views is {self.views}; expected 2 or more")
         if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
@@ -114,14 +118,15 @@ class Ablate:
         Raises:
             InputError: there are such rooms, or no scenes where they should be.
         """
-        from semgs.data.scene_lists import calls, check_unseen
+        from semgs.data.scene_lists import calls, check_unseen, read_list
         from semgs.data.scenes import scene_paths
         from semgs.training.survey import training_paths
 
         if self.test is None:
             return
         trained = [name for source, paths in training_paths(self.settings) for name in calls(Path(source.path), paths)]
-        tested = calls(self.test, scene_paths(self.test))
+        wanted = read_list(self.test_scenes) if self.test_scenes else None
+        tested = calls(self.test, scene_paths(self.test, wanted))
         check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
 
     def _folder(self, row: Row, seed: int) -> Path:
@@ -164,7 +169,7 @@ class Ablate:
             return
         data = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            scenes, classes = labelled_scenes(data, SceneOptions())
+            scenes, classes = labelled_scenes(data, SceneOptions(), self.test_scenes)
         if classes is None:
             raise InputError(data, "scenes with labels", "none that has any")
         plan = plan_of((self.protocol,), scenes, (self.views,), settings.size)
