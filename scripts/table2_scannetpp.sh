@@ -14,7 +14,7 @@ scannetpp=$1 work=$2
 
 mkdir -p "$work"
 public=$work/scannetpp-public.txt
-cat "$scannetpp/splits/nvs_sem_train.txt" "$scannetpp/splits/nvs_sem_val.txt" > "$public"
+awk 1 "$scannetpp/splits/nvs_sem_train.txt" "$scannetpp/splits/nvs_sem_val.txt" > "$public" # ends every line, as cat would not
 "$SEMGS" prepare "$scannetpp/data" "$work/data/scannetpp" --scenes "all-but-ten:$public" --every "$EVERY"
 # Here and below, what holds several words is meant to be split into them.
 # shellcheck disable=SC2086

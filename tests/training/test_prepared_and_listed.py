@@ -15,8 +15,6 @@ from semgs.data.prepared_set import Reading, prepare_set, sources
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.training.batches import surveyed, training_batches, validation_batches
-from semgs.training.loop import train
-from semgs.training.run import export_weights
 from semgs.training.settings import TrainingSettings
 from semgs.training.survey import RECORD, scenes_of
 from semgs.weights.file import read_header, save
@@ -98,19 +96,25 @@ def test_validation_in_rooms_that_are_trained_in_is_refused_and_names_them(scans
     assert validation_batches(kept, surveyed(kept, tmp_path))
 
 
-@pytest.mark.usefixtures("real_rendering")
-def test_weights_say_which_scenes_they_saw_and_which_those_saw_that_they_began_with(archives: Path, tmp_path: Path):
-    save(tmp_path / "first.safetensors", load("small", "random"), {"scenes": json.dumps(["scene0009_00", "scan"])})
-    settings = replace(
-        SETTINGS, data=(str(archives),), scenes=listed(tmp_path, "scene0002_00", "scan"), steps=1, batch=1,
-        init=str(tmp_path / "first.safetensors"),
-    )  # fmt: skip
-    train(settings, tmp_path / "run", workers=0)
-    seen = ("scene0009_00", "scan", "scene0002_00")
-    assert trained_scenes(tmp_path / "run" / "weights.safetensors") == seen
-    (tmp_path / "first.safetensors").unlink()  # a run goes on without the weights that it began with
-    export_weights(tmp_path / "run", tmp_path / "again.safetensors")
-    assert trained_scenes(tmp_path / "again.safetensors") == seen
+def test_a_run_remembers_its_scenes_and_those_that_its_first_weights_had_seen(archives: Path, tmp_path: Path):
+    first = tmp_path / "first.safetensors"
+    save(first, load("small", "random"), {"scenes": json.dumps(["scene0009_00", "scan"])})
+    scenes = listed(tmp_path, "scene0002_00", "scan")
+    settings = replace(SETTINGS, data=(str(archives),), scenes=scenes, init=str(first))
+    surveyed(settings, tmp_path)
+    first.unlink()  # a run goes on without the weights that it began with
+    surveyed(settings, tmp_path)
+    assert scenes_of(tmp_path / RECORD) == ("scene0009_00", "scan", "scene0002_00")
+    held = replace(settings, validation=str(tmp_path / "held"), validation_scenes=1, init="random")
+    write_labelled(tmp_path / "held" / "scene0009_01", 7)
+    with pytest.raises(InputError, match=r"scene0009_01 \(as scene0009_00\)"):
+        surveyed(replace(held, init=str(_saved(first))), tmp_path / "anew")
+
+
+def _saved(path: Path) -> Path:
+    """Weights that saw a scene."""
+    save(path, load("small", "random"), {"scenes": json.dumps(["scene0009_00"])})
+    return path
 
 
 def test_weights_that_saw_no_files_name_none(tmp_path: Path):
