@@ -22,9 +22,7 @@ from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
-    from semgs.data.classes import ClassTable
-    from semgs.evaluation.figure import Compared
-    from semgs.evaluation.plan import Plan
+    from semgs.evaluation.figure import Part
     from semgs.evaluation.predictions import Method
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
@@ -155,7 +153,18 @@ class Figure:
         self.reading.check()
         check_folder(self.out, self.overwrite)
 
-    def _part(self, index: int) -> _Part:
+    def _weights(self, index: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The weights that are shown of one of the data, and what their columns are called.
+
+        Raises:
+            InputError: weights say that they were trained in the other way.
+        """
+        if self.kind == "smoothness":
+            _check_smoothness(self.weights)
+            return self.weights, (WITHOUT, WITH)
+        return (self.weights[index if len(self.weights) > 1 else 0],), ("ours",)
+
+    def _part(self, index: int) -> Part:
         """What is drawn of one of the data.
 
         Raises:
@@ -164,7 +173,7 @@ class Figure:
         """
         from semgs.cli.evaluation_results import network_method
         from semgs.data.scene_lists import check_unseen
-        from semgs.evaluation.figure import chosen_tasks
+        from semgs.evaluation.figure import Part, chosen_tasks
         from semgs.evaluation.report import data_name
         from semgs.evaluation.saved import SavedPredictions
         from semgs.weights.load import find, table_of, trained_scenes
@@ -178,11 +187,7 @@ class Figure:
         ]
         with what_the_user_gave():
             plan = replace(plan, tasks=chosen_tasks(plan, self.rows, wanted))
-        if self.kind == "smoothness":
-            weights, names = self.weights, (WITHOUT, WITH)
-            _check_smoothness(weights)
-        else:
-            weights, names = (self.weights[index if len(self.weights) > 1 else 0],), ("ours",)
+        weights, names = self._weights(index)
         methods: list[Method] = []
         for text in self.predictions:
             name, _, folder = text.partition("=")
@@ -197,36 +202,7 @@ class Figure:
                 methods.append(network_method(one, classes, chosen_device(self.device), name)[0])
         assert classes is not None
         title = self.names[index] if self.names else data_name(str(self.data[index]), [scene.name for scene in scenes])
-        return _Part(title, plan, tuple(methods), classes)
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """What is drawn of one of the data: its targets, the methods in the order of the columns, and the table of all."""
-
-    title: str
-    plan: Plan
-    methods: tuple[Method, ...]
-    classes: ClassTable
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The headings of the methods."""
-        return tuple(method.name for method in self.methods)
-
-    def compare(self, done: Callable[[int], object]) -> list[Compared]:
-        """What every method says of the targets; `done` is told after each how many there have been.
-
-        Raises:
-            InputError: a file of the frames or of a prediction cannot be used.
-        """
-        from semgs.evaluation.figure import compared
-
-        frames = []
-        for task in self.plan.tasks:
-            frames.append(compared(task, self.methods, self.classes))
-            done(len(frames))
-        return frames
+        return Part(title, plan, tuple(methods), classes)
 
 
 def _after(before: int, done: Callable[[int], object], count: int) -> None:

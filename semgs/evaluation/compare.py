@@ -127,7 +127,7 @@ def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None 
 def data_grid(reports: Sequence[SavedReport]) -> Grid:
     """Reports of different data below each other, each with the nearest context copied: what a method does where it was not trained."""
     rows: list[tuple[Cell, ...]] = []
-    rules = []
+    rules: list[int] = []
     for report in reports:
         rules += [len(rows)] if rows else []
         for views, result in report.results.items():

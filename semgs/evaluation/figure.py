@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -91,6 +91,40 @@ def compared(
         if prediction.labels is None:
             raise InputError(task.scene.path, f"classes of {task.truth_stem} from {method.name}", "none")
     return Compared(task, inputs.contexts, views[task.sample.target], predictions, classes)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a figure shows of one data set.
+
+    Attributes:
+        title: of the data.
+        plan: the targets.
+        methods: in the order of the columns.
+        classes: the table of all.
+    """
+
+    title: str
+    plan: Plan
+    methods: tuple[Method, ...]
+    classes: ClassTable
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The headings of the methods."""
+        return tuple(method.name for method in self.methods)
+
+    def compare(self, done: Callable[[int], object] = lambda count: None) -> list[Compared]:
+        """What every method says of the targets; `done` is told after each how many there have been.
+
+        Raises:
+            InputError: as `compared`.
+        """
+        frames: list[Compared] = []
+        for task in self.plan.tasks:
+            frames.append(compared(task, self.methods, self.classes, self.plan.depth_range))
+            done(len(frames))
+        return frames
 
 
 def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str]) -> Block:

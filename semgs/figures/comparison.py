@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import UInt8
@@ -162,7 +162,7 @@ class _Grid:
         """Draw it with its upper left corner there."""
         width, height = figure.get_size_inches()
 
-        def text(x: float, y: float, words: str, size: float, **options: object) -> None:
+        def text(x: float, y: float, words: str, size: float, **options: Any) -> None:
             figure.text(x / width, 1 - y / height, words, fontsize=size, **options)
 
         middle = left + self._left + (self.width - self._left) / 2

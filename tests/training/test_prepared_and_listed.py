@@ -105,16 +105,11 @@ def test_a_run_remembers_its_scenes_and_those_that_its_first_weights_had_seen(ar
     first.unlink()  # a run goes on without the weights that it began with
     surveyed(settings, tmp_path)
     assert scenes_of(tmp_path / RECORD) == ("scene0009_00", "scan", "scene0002_00")
-    held = replace(settings, validation=str(tmp_path / "held"), validation_scenes=1, init="random")
+    save(first, load("small", "random"), {"scenes": json.dumps(["scene0009_00"])})
     write_labelled(tmp_path / "held" / "scene0009_01", 7)
+    held = replace(settings, validation=str(tmp_path / "held"), validation_scenes=1)
     with pytest.raises(InputError, match=r"scene0009_01 \(as scene0009_00\)"):
-        surveyed(replace(held, init=str(_saved(first))), tmp_path / "anew")
-
-
-def _saved(path: Path) -> Path:
-    """Weights that saw a scene."""
-    save(path, load("small", "random"), {"scenes": json.dumps(["scene0009_00"])})
-    return path
+        surveyed(held, tmp_path / "anew")
 
 
 def test_weights_that_saw_no_files_name_none(tmp_path: Path):
