@@ -43,7 +43,7 @@ class PictureRow:
     """
 
     label: str
-    pictures: tuple[UInt8[np.ndarray, "h w 3"] | None, ...]
+    pictures: tuple[UInt8[np.ndarray, "_ _ 3"] | None, ...]
 
 
 @dataclass(frozen=True, eq=False)
