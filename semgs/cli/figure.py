@@ -22,7 +22,7 @@ from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
-    from semgs.evaluation.figure import Part
+    from semgs.evaluation.figure import Compared, Part
     from semgs.evaluation.predictions import Method
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
@@ -97,7 +97,8 @@ class Figure:
         tables = list(dict.fromkeys(part.classes for part in parts))
         if len(tables) > 1:
             raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)
-        blocks, shown, numbers = [], [], []
+        blocks, numbers = [], []
+        shown: list[Compared] = []
         with show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
             for part in parts:
                 frames = part.compare(partial(_after, len(shown), done))
@@ -140,11 +141,11 @@ class Figure:
             if given and len(given) != len(self.data):
                 raise UsageError(f"{option} names {len(given)}; expected one for each of the {len(self.data)} data")
         for text in self.predictions:
-            name, _, folder = text.partition("=")
-            if not name or not folder:
+            name, _, theirs = text.partition("=")
+            if not name or not theirs:
                 raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
-            if not Path(folder).is_dir():
-                raise InputError(folder, "a folder of predictions", "nothing there")
+            if not Path(theirs).is_dir():
+                raise InputError(theirs, "a folder of predictions", "nothing there")
         check_protocol(self.protocol)
         if self.views < 2 or self.rows < 1:
             raise UsageError(f"--views is {self.views} and --rows {self.rows}; expected 2 or more and 1 or more")
