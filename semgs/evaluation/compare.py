@@ -138,7 +138,7 @@ def data_grid(reports: Sequence[SavedReport]) -> Grid:
             copy = result.trivial.get("copy", {})
             rows.append(_overview_row(f"  {ROWS['copy']}", copy, DATA, []))
     return Grid(
-        title=f"{len(reports)} evaluations, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
+        title=f"{len(reports)} evaluation{'s' * (len(reports) > 1)}, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
         groups=(),
         head=("method and data", *[TITLES[metric] for metric in DATA]),
         rows=tuple(rows),
