@@ -521,7 +521,7 @@ MUTANTS = (
         of_scannet("a_point_is_where_scannets_own_formula_puts_it"),
     ),
     Mutant(
-        "ScanNet's depth is taken to be the colour camera's", SCANNET,
+        "ScanNet's depth is taken to be the colour camera's", "semgs/data/layouts/recordings.py",
         "return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)", "return self.fitted(self.depth_path, depths)",
         of_scannet("a_recording_is_read_as_it_was_written"),
     ),

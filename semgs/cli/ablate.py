@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -43,14 +43,18 @@ class Ablate:
     Examples
     - semgs ablate small --out ablation --steps 3000 --dry-run
     - semgs ablate small --out ablation --steps 3000 --seeds 1 2
-    - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scannet/test
+    - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
     test: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Scenes to evaluate on, with the protocol neighbours at the size of the training; none draws 24 rooms that no training sees."""
+    """Scenes to evaluate on at the size of the training; none draws 24 rooms that no training sees."""
+    test_scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    """Of a folder, evaluate on the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file."""
+    protocol: Literal["neighbours", "peers"] = "neighbours"
+    """Which frames of them, as for semgs evaluate."""
     views: int = 4
     """Input views of the evaluation; the paper's table has 4."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]")] = ()
@@ -80,6 +84,7 @@ class Ablate:
                 for seed in self.seeds or (self.settings.seed,)
                 for row in ROWS
             ]
+        self._check_unseen()
         if self.dry_run:
             print(self._cost(len(runs)))
             return
@@ -96,6 +101,8 @@ class Ablate:
         check_device(self.device)
         if self.test is not None:
             existing_folder(self.test)
+        elif self.test_scenes:
+            raise UsageError("--test-scenes is for --test DIR")
         if self.views < 2:
             raise UsageError(f"--views is {self.views}; expected 2 or more")
         if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
@@ -104,6 +111,23 @@ class Ablate:
             raise UsageError("--seeds names one twice")
         if self.out.exists() and not self.out.is_dir():
             raise InputError(self.out, "a folder to write", "a file", advice="name another")
+
+    def _check_unseen(self) -> None:
+        """Refuse to train in rooms that are evaluated on, before anything is trained.
+
+        Raises:
+            InputError: there are such rooms, or no scenes where they should be.
+        """
+        from semgs.data.scene_lists import calls, check_unseen, read_list
+        from semgs.data.scenes import scene_paths
+        from semgs.training.survey import training_paths
+
+        if self.test is None:
+            return
+        trained = [name for source, paths in training_paths(self.settings) for name in calls(Path(source.path), paths)]
+        wanted = read_list(self.test_scenes) if self.test_scenes else None
+        tested = calls(self.test, scene_paths(self.test, wanted))
+        check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
 
     def _folder(self, row: Row, seed: int) -> Path:
         return self.out / f"seed_{seed}" / row.name
@@ -135,11 +159,9 @@ class Ablate:
 
     def _evaluate(self, row: Row, settings: TrainingSettings) -> None:
         """Evaluate a row that is trained, if that was not done before."""
-        from semgs.cli.evaluate import labelled_scenes
+        from semgs.cli.evaluate import labelled_scenes, plan_of
         from semgs.cli.evaluation_results import evaluate_into, network_method
         from semgs.cli.scene_options import SceneOptions
-        from semgs.evaluation.plan import make_plan
-        from semgs.evaluation.protocols import neighbours
         from semgs.training.loop import WEIGHTS
 
         folder = self._folder(row, settings.seed)
@@ -147,10 +169,10 @@ class Ablate:
             return
         data = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            scenes, classes = labelled_scenes(data, SceneOptions())
+            scenes, classes = labelled_scenes(data, SceneOptions(), self.test_scenes)
         if classes is None:
             raise InputError(data, "scenes with labels", "none that has any")
-        plan = make_plan("neighbours", neighbours, scenes, (self.views,), settings.size)
+        plan = plan_of((self.protocol,), scenes, (self.views,), settings.size)
         device = chosen_device(self.device)
         with what_the_user_gave():
             method, subject = network_method(folder / RUN / WEIGHTS, classes, device, row.title)

@@ -23,15 +23,18 @@ class Compare:
     Examples
     - semgs compare eval/small/report.json
     - semgs compare eval/*/report.json --format latex
+    - semgs compare eval/scannet/report.json --published scannet
     - semgs compare eval/before/report.json eval/after/report.json --layout difference
     - semgs compare before.json after.json
     """
 
     reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...")]
     """The reports, or the folders that they are in; differences are to the first."""
-    layout: Literal["paper", "difference"] = "paper"
+    layout: Literal["paper", "difference", "data"] = "paper"
     """paper has the columns of the paper's tables; difference subtracts the first report from each other one, with
-    paired 95 % bootstrap intervals."""
+    paired 95 % bootstrap intervals; data puts reports of different data below each other."""
+    published: Literal["scannet", "scannetpp", "ablation"] | None = None
+    """With paper: the rows of the paper's table above ours, marked as published, and what cannot be known of them below."""
     format: Literal["text", "markdown", "latex"] = "text"
     """For a terminal, a page or a paper (LaTeX with booktabs)."""
 
@@ -47,19 +50,28 @@ class Compare:
         for path in self.reports:
             if not path.exists():
                 raise InputError(path, "the report.json of an evaluation", "nothing there")
+        if self.published and self.layout != "paper":
+            raise UsageError("--published is for --layout paper alone")
         if self.layout == "difference" and len(self.reports) < 2:
             raise UsageError("--layout difference needs two reports or more")
         if is_bench(self.reports[0]):
             print(self._benches())
             return
-        from semgs.evaluation.compare import check_comparable, difference_grids, paper_grid
+        from semgs.evaluation.compare import check_comparable, data_grid, difference_grids, paper_grid
+        from semgs.evaluation.published import PUBLISHED
         from semgs.evaluation.report import read_report
         from semgs.evaluation.tables import printed
 
         reports = [read_report(path) for path in self.reports]
-        check_comparable(reports)
+        if self.layout != "data":
+            check_comparable(reports)
         with what_the_user_gave():
-            grids = [paper_grid(reports)] if self.layout == "paper" else difference_grids(reports)
+            if self.layout == "difference":
+                grids = difference_grids(reports)
+            elif self.layout == "data":
+                grids = [data_grid(reports)]
+            else:
+                grids = [paper_grid(reports, PUBLISHED[self.published] if self.published else None)]
         print("\n\n".join(printed(grid, self.format) for grid in grids))
 
     def _benches(self) -> str:
@@ -71,8 +83,8 @@ class Compare:
         """
         if len(self.reports) != 2:
             raise UsageError(f"{len(self.reports)} files of semgs bench given; expected two to compare")
-        if self.layout == "difference":
-            raise UsageError("--layout difference is for reports of semgs evaluate")
+        if self.layout != "paper" or self.published:
+            raise UsageError("--layout and --published are for reports of semgs evaluate")
         from semgs.cli.bench_tables import comparison_table
 
         benches = [read_bench(path) for path in self.reports]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +56,7 @@ class Evaluate:
     Examples
     - semgs evaluate small --data scenes --out eval/small
     - semgs evaluate runs/mine/weights.safetensors --data scenes --views 2 --out eval/mine
-    - semgs evaluate small --data scannet --protocol peers --views 2 3 4 --out eval/peers
+    - semgs evaluate small --data scannet --scenes scannet-sray-test --protocol peers --views 2 3 4 --out eval/peers
     - semgs evaluate --predictions theirs --data scenes --protocol pinned eval/small/frames.json --out eval/theirs
     """
 
@@ -65,6 +66,8 @@ class Evaluate:
     """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
     weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
     """"small" for those inside the package, or a file of weights."""
+    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    """Of a folder, take the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file with a name a line; docs/data.md."""
     predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
     """In place of WEIGHTS, somebody's label maps: DIR/N2/SCENE/STEM.png, a class per pixel, 255 = none given."""
     protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
@@ -73,8 +76,13 @@ class Evaluate:
     """How many frames go in. By default 2, 3 and 4; those in the file, or those that predictions are there for."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
     """Height x width to compare at. By default 240x320, 320x240 for portrait scenes, or what the pinned file says."""
+    depth_range: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="NEAR FAR", help_behavior_hint="")] = None
+    """Near and far given to the network, in the unit of the scenes; by default what the scene knows, 0.5 10 where it is metric. The
+    peers have 0.1 10 for ScanNet and 0.1 6 for Replica."""
     gsnerf_distance: bool = False
     """With peers: rank source frames as GSNeRF's code does, by world-to-camera translations."""
+    allow_seen: bool = False
+    """Score rooms that the weights were trained in too, and say so; else they are refused."""
     name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
     """What tables call it; by default the name of the network or of the folder of predictions."""
     workers: int = 0
@@ -95,16 +103,18 @@ class Evaluate:
         self._check()
         with show_stage("Starting"):
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
-            from semgs.cli.evaluation_results import evaluate_into
+            from semgs.cli.evaluation_results import evaluate_into, remarks_on_seen_rooms
 
-            scenes, classes = labelled_scenes(self.data, self.reading)
+            scenes, classes = labelled_scenes(self.data, self.reading, self.scenes)
         plan = self._plan(scenes)
         device = chosen_device(self.device)
         with show_stage("Loading"):
             method, subject = self._method(plan, classes, device)
+            remarks = remarks_on_seen_rooms(self.weights, plan, self.allow_seen) if self.weights else []
         told = evaluate_into(
             self.out, plan, method, subject, self.data, scenes, classes,
             device=device, predictions=self.predictions, workers=self.workers, overwrite=self.overwrite,
+            remarks=remarks,
         )  # fmt: skip
         print(told)
 
@@ -122,17 +132,13 @@ class Evaluate:
         check_folder(self.out, self.overwrite)
         parse_size(self.size)
         check_device(self.device)
-        name, *file = self.protocol or ("",)
-        if name not in [known.split()[0] for known in KNOWN]:
-            raise UsageError(f"--protocol is {name!r}; expected one of {', '.join(KNOWN)}")
-        if len(file) != (name == "pinned"):
-            given = " ".join(self.protocol)
-            raise UsageError(f"--protocol is {given!r}; expected one of {', '.join(KNOWN)}")
-        if file and not Path(file[0]).is_file():
-            raise InputError(file[0], "a frames.json or report.json", "no such file")
-        if self.gsnerf_distance and name != "peers":
+        check_protocol(self.protocol)
+        if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance is for --protocol peers alone")
         self.reading.check()
+        if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
+            near, far = self.depth_range
+            raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
         if any(views < 2 for views in self.views):
             raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
         if self.workers < 0:
@@ -140,22 +146,12 @@ class Evaluate:
 
     def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
         """What is compared."""
-        from semgs.evaluation.plan import make_plan, pinned_plan
-        from semgs.evaluation.protocols import neighbours, peers
+        from semgs.evaluation.plan import with_depth_range
         from semgs.evaluation.saved import views_in
 
-        size = parse_size(self.size)
         held = views_in(self.predictions) if self.predictions is not None else ()
-        if self.protocol[0] == "pinned":
-            return pinned_plan(self.protocol[1], scenes, self.views or held, size)
-        views = self.views or held or VIEWS
-        if self.protocol[0] == "neighbours":
-            return make_plan("neighbours", neighbours, scenes, views, size)
-        if self.gsnerf_distance:
-            return make_plan(
-                "peers, GSNeRF's distance", lambda scene, count: peers(scene, count, "gsnerf"), scenes, views, size
-            )
-        return make_plan("peers", peers, scenes, views, size)
+        plan = plan_of(self.protocol, scenes, self.views or held, parse_size(self.size), self.gsnerf_distance)
+        return with_depth_range(plan, self.depth_range)
 
     def _method(self, plan: Plan, classes: ClassTable | None, device: str) -> tuple[Method, Subject]:
         """What is evaluated, and what the report says of it."""
@@ -174,15 +170,16 @@ class Evaluate:
             return network_method(self.weights, classes, device, self.name)
 
 
-def labelled_scenes(data: Path, reading: SceneOptions) -> tuple[tuple[Scene, ...], ClassTable | None]:
-    """The scenes, and the table of their labels.
+def labelled_scenes(data: Path, reading: SceneOptions, wanted: str = "") -> tuple[tuple[Scene, ...], ClassTable | None]:
+    """The scenes, or those of a list, and the table of their labels.
 
     Raises:
-        InputError: there are none, or their labels are of different tables.
+        InputError: there are none, one of the list is not there, or their labels are of different tables.
     """
+    from semgs.data.scene_lists import read_list
     from semgs.data.scenes import open_scenes
 
-    scenes = open_scenes(data, reading.as_peers, reading.asked())
+    scenes = open_scenes(data, reading.as_peers, reading.asked(), read_list(wanted) if wanted else None)
     labelled = [scene for scene in scenes if scene.classes is not None]
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:
@@ -194,3 +191,51 @@ def labelled_scenes(data: Path, reading: SceneOptions) -> tuple[tuple[Scene, ...
                 advice="evaluate scenes of different tables by themselves",
             )
     return scenes, labelled[0].classes if labelled else None
+
+
+def check_protocol(protocol: tuple[str, ...]) -> None:
+    """Refuse a protocol that is none, before torch is imported.
+
+    Raises:
+        UsageError: it has no such name, or a file too many or too few.
+        InputError: its file is not there.
+    """
+    name, *file = protocol or ("",)
+    if name not in [known.split()[0] for known in KNOWN]:
+        raise UsageError(f"--protocol is {name!r}; expected one of {', '.join(KNOWN)}")
+    if len(file) != (name == "pinned"):
+        raise UsageError(f"--protocol is {' '.join(protocol)!r}; expected one of {', '.join(KNOWN)}")
+    if file and not Path(file[0]).is_file():
+        raise InputError(file[0], "a frames.json or report.json", "no such file")
+
+
+def plan_of(
+    protocol: tuple[str, ...],
+    scenes: tuple[Scene, ...],
+    views: tuple[int, ...] = (),
+    size: tuple[int, int] | None = None,
+    gsnerf_distance: bool = False,
+) -> Plan:
+    """The plan of a protocol that was checked.
+
+    Args:
+        protocol: as it is typed.
+        scenes: to evaluate on.
+        views: numbers of contexts; none takes the usual ones, or those of the pinned file.
+        size: (height, width) of all scenes [px]; None is the usual one, or that of the pinned file.
+        gsnerf_distance: of peers, the other distance.
+
+    Raises:
+        InputError: a scene is too small, or the pinned file cannot be used.
+    """
+    from semgs.evaluation.plan import make_plan, pinned_plan
+    from semgs.evaluation.protocols import neighbours, peers
+
+    if protocol[0] == "pinned":
+        return pinned_plan(protocol[1], scenes, views, size)
+    if protocol[0] == "neighbours":
+        return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
+    if gsnerf_distance:
+        as_gsnerf = partial(peers, distance="gsnerf")
+        return make_plan("peers, GSNeRF's distance", as_gsnerf, scenes, views or VIEWS, size)
+    return make_plan("peers", peers, scenes, views or VIEWS, size)

@@ -8,6 +8,7 @@ from pathlib import Path
 from semgs.cli.progress import show_progress, show_stage
 from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
+from semgs.data.scene_lists import check_unseen, seen_before
 from semgs.evaluation.compare import BRIEF, overview_grid
 from semgs.evaluation.environment import hardware, versions
 from semgs.evaluation.evaluate import PREDICTIONS, evaluate
@@ -22,7 +23,7 @@ from semgs.evaluation.tables import printed
 from semgs.files.atomic import write_json, write_text
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
-from semgs.weights.load import find, load, table_of
+from semgs.weights.load import find, load, table_of, trained_scenes
 
 
 def evaluate_into(
@@ -38,6 +39,7 @@ def evaluate_into(
     predictions: Path | None = None,
     workers: int = 0,
     overwrite: bool = False,
+    remarks: Sequence[str] = (),
 ) -> str:
     """Score a method on every target of a plan and write the folder of an evaluation, which appears whole or not at all.
 
@@ -53,6 +55,7 @@ def evaluate_into(
         predictions: where its maps are, if they are somebody else's; None writes them.
         workers: processes side by side, each on one thread; 0 uses this one with all its threads.
         overwrite: replace the folder if an earlier evaluation wrote it.
+        remarks: what else the report should say, a sentence each.
 
     Returns:
         What the user reads at the end.
@@ -72,7 +75,7 @@ def evaluate_into(
             classes=classes,
             versions=versions(),
             hardware=hardware(device),
-            notes=tuple(notes(plan, scenes, rows, workers)),
+            notes=(*remarks, *notes(plan, scenes, rows, workers)),
         )
         with show_stage("Writing the report"):
             write_results(folder, evaluation, predictions)
@@ -99,6 +102,25 @@ def network_method(
     parameters = sum(parameter.numel() for parameter in model.parameters())
     subject = Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
     return NetworkMethod(model.eval(), device, subject.name), subject
+
+
+def remarks_on_seen_rooms(weights: str | Path, plan: Plan, allowed: bool = False) -> list[str]:
+    """What to say of rooms that the weights were trained on: nothing, where there are none.
+
+    Args:
+        weights: a file, or the name of those inside the package.
+        plan: what is evaluated.
+        allowed: say it in a sentence instead of refusing.
+
+    Raises:
+        InputError: there are some, and they are not allowed; or the header of the weights is broken.
+    """
+    trained, tested = trained_scenes(weights), [scene.name for scene in plan.scenes]
+    if allowed:
+        seen = sorted(seen_before(trained, tested))
+        return [f"The weights were trained in rooms that are scored here: {', '.join(seen)}."] if seen else []
+    check_unseen(weights, trained, tested, "evaluate on other rooms (--scenes), or say --allow-seen")
+    return []
 
 
 def write_results(folder: Path, evaluation: Evaluation, predictions: Path | None) -> None:

@@ -30,7 +30,7 @@ class Prepare:
     beforehand from some frames of some scenes. The bytes depend on the source and the options, not on --workers.
 
     Examples
-    - semgs prepare scannet/scans data/scannet --list scannetv2_train.txt --every 2 --workers 8
+    - semgs prepare scannet/scans data/scannet --scenes scannet-1000-without-sray --every 2 --workers 8
     - semgs prepare replica data/replica
     - semgs prepare recording data/robot --camera /camera/color --world map
     """
@@ -43,8 +43,8 @@ class Prepare:
     """Height x width of the pictures [px]; turned for pictures that are higher than wide. Other aspects lose their margins."""
     every: int = 1
     """Keep each n-th frame."""
-    list: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
-    """A text file with the names of the scenes to take, one a line, as the splits of data sets come."""
+    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", aliases=["--list"], help_behavior_hint="")] = ""
+    """Take the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file with a name a line; docs/data.md."""
     workers: int | None = None
     """Processes that prepare; by default as many as there are cores, 0 prepares in this one."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
@@ -69,8 +69,9 @@ class Prepare:
         with show_stage("Looking for scenes"):
             from semgs.data.preparation import Preparation
             from semgs.data.prepared_set import INDEX, Reading, check, free_space, needed_space, prepare_set, sources
+            from semgs.data.scene_lists import read_list
 
-            found = sources(self.src, self.list)
+            found = sources(self.src, read_list(self.scenes) if self.scenes else None)
         settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked())
         with what_the_user_gave():
             check(self.out, settings, reading)
@@ -79,7 +80,7 @@ class Prepare:
         if needed > free:
             raise UsageError(
                 f"{self.out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
-                "free some, take fewer scenes (--list) or frames (--every), or write elsewhere"
+                "free some, take fewer scenes (--scenes) or frames (--every), or write elsewhere"
             )
         if len(found) == 1:
             frames = len(reading.open(found[0]).frames[:: self.every])

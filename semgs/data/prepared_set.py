@@ -25,6 +25,7 @@ from semgs.data.asked import Asked
 from semgs.data.layouts.recordings import sequence_name
 from semgs.data.preparation import Preparation, estimated_bytes, fingerprint, prepare_scene, read_record
 from semgs.data.scene import Scene
+from semgs.data.scene_lists import SceneList, calls
 from semgs.data.scenes import open_scenes, scene_paths
 from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_json, write_text
@@ -78,16 +79,15 @@ class Reading:
         return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(told))}
 
 
-def sources(path: Path, wanted: Path | None = None) -> list[Source]:
+def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
     """The scenes at a path, named by where they are below it.
 
     Args:
         path: a scene, or a folder with scenes, or one of such folders.
-        wanted: a text file with the names of those to take, a line each, as splits come: "scene0000_00", "office_0/Sequence_1",
-            and for 7-Scenes "sequence1"; None takes all.
+        wanted: those to take; None takes all.
 
     Raises:
-        InputError: there is none, the list is empty or names something else.
+        InputError: there is none, or not one that is wanted.
     """
     path = path.expanduser()
     paths = scene_paths(path)
@@ -104,18 +104,9 @@ def sources(path: Path, wanted: Path | None = None) -> list[Source]:
         raise InputError(path, "scenes of different names", f"{twice[0]} twice")
     if wanted is None:
         return found
-    known: dict[str, Source] = {}
-    for source, one in zip(found, below, strict=True):
-        for name in _called(source, one):
-            known.setdefault(name, source)
-    listed = _listed(wanted)
-    missing = [name for name in listed if name not in known]
-    if missing:
-        raise InputError(
-            wanted, f"names of scenes in {path}, such as {found[0].name}", f"{missing[0]} and {len(missing) - 1} more that are not there"
-            if len(missing) > 1 else f"{missing[0]}, which is not there", f"{len(missing)} of {len(listed)} lines",
-        )  # fmt: skip
-    return list(dict.fromkeys(known[name] for name in listed))
+    by_path = {source.path: source for source in found}
+    called = {**{source.name: source.path for source in found}, **calls(path, paths)}
+    return [by_path[one] for one in wanted.choose(called, str(path))]
 
 
 def prepare_set(
@@ -334,25 +325,3 @@ def _older(file: Path, than: Path) -> bool:
 def _safe(name: str) -> str:
     """A name as a file may have it anywhere."""
     return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "scene"
-
-
-def _called(source: Source, below: Path) -> list[str]:
-    """What a list may call a scene: by its place, by the name of its archive, by its folder, or as 7-Scenes calls its sequences."""
-    numbered = re.fullmatch(r"seq-0*(\d+)", below.name)
-    return [below.as_posix(), source.name, below.name, *([f"sequence{numbered[1]}"] if numbered else [])]
-
-
-def _listed(path: Path) -> list[str]:
-    """The names in a list.
-
-    Raises:
-        InputError: it cannot be read or is empty.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "a list of scenes", getattr(error, "strerror", None) or str(error)) from error
-    names = [line.strip().replace("\\", "/").rstrip("/") for line in lines if line.strip() and not line.startswith("#")]
-    if not names:
-        raise InputError(path, "names of scenes, one a line", "none: the list is empty")
-    return names

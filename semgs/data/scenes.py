@@ -10,6 +10,7 @@ from semgs.data.asked import Asked
 from semgs.data.layouts import colmap, frame_files, replica, rgbd, ros_bag, scannet, scannetpp, transforms_json, tum
 from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
+from semgs.data.scene_lists import SceneList, calls
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
@@ -95,7 +96,9 @@ def open_scene(
     return scene
 
 
-def open_scenes(path: str | Path, as_peers: Collection[str] = (), asked: Asked | None = None) -> tuple[Scene, ...]:
+def open_scenes(
+    path: str | Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: SceneList | None = None
+) -> tuple[Scene, ...]:
     """The scene at a path, or else those right inside it, or else those one level below, in the order of their names.
 
     What has no known layout is passed over, as is what has a name that begins with a dot.
@@ -104,14 +107,15 @@ def open_scenes(path: str | Path, as_peers: Collection[str] = (), asked: Asked |
         path: a scene as for `open_scene`, or a folder of such.
         as_peers: as for `open_scene`, for all of them.
         asked: what is told of all of them.
+        wanted: those to open; None is all.
 
     Raises:
-        InputError: as `open_scene`; there is no scene at all; or two have the same name.
+        InputError: as `open_scene`; there is no scene at all, or not one that is wanted; or two have the same name.
         ValueError: as `open_scene`.
     """
     check_readings(as_peers)
     told = asked or Asked()
-    scenes = tuple(scene for one in scene_paths(path) if (scene := _opened(one, as_peers, told)) is not None)
+    scenes = tuple(scene for one in scene_paths(path, wanted) if (scene := _opened(one, as_peers, told)) is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -120,13 +124,21 @@ def open_scenes(path: str | Path, as_peers: Collection[str] = (), asked: Asked |
     return scenes
 
 
-def scene_paths(path: str | Path) -> tuple[Path, ...]:
+def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path, ...]:
     """Where the scenes of `open_scenes` are: the path itself, or else what is right inside it, or else one level below.
 
     Raises:
-        InputError: nothing is there, or no scene.
+        InputError: nothing is there, no scene, or not one that is wanted.
     """
-    path = Path(path).expanduser()
+    found = _found(Path(path).expanduser())
+    if wanted is None:
+        return found
+    chosen = set(wanted.choose(calls(Path(path), found), str(path)))
+    return tuple(one for one in found if one in chosen)
+
+
+def _found(path: Path) -> tuple[Path, ...]:
+    """As `scene_paths`, all of them."""
     existing_folder(path)
     if _recognised(path):
         return (path,)

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from semgs.evaluation.intervals import paired_differences
+from semgs.evaluation.published import MARK, PublishedTable
 from semgs.evaluation.report import COMPARED, SavedReport, SavedResult, below
 from semgs.evaluation.summary import LOWER_IS_BETTER
 from semgs.evaluation.tables import Cell, Grid
 from semgs.files.errors import InputError
 
-Layout = Literal["paper", "difference"]
+Layout = Literal["paper", "difference", "data"]
 
 TITLES = {
     "miou": "mIoU", "miou_per_image": "mIoU/image", "accuracy": "acc.", "accuracy_per_image": "acc./image",
@@ -38,6 +39,9 @@ BRIEF = (
 """Those that a terminal is wide enough for."""
 
 FULL = tuple(metric for metric in TITLES if metric != "not_given")
+
+DATA = ("miou", *PAPER[:3], "psnr", "fps_encoding_each")
+"""The columns of a table of different data."""
 
 ROWS = {"copy": "nearest context copied", "warp": "warped with true depth", "majority": "most frequent class"}
 """The trivial rows' names in tables."""
@@ -81,8 +85,13 @@ def _difference(one: SavedReport, other: SavedReport, first: SavedResult, second
     return None if first.truth == second.truth else "other true labels or depths"
 
 
-def paper_grid(reports: Sequence[SavedReport]) -> Grid:
-    """The reports in the columns of the paper's tables, the trivial rows below them; the best of each column is bold."""
+def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None = None) -> Grid:
+    """The reports in the columns of the paper's tables, the trivial rows below them; the best of each column is bold.
+
+    Args:
+        reports: of the same targets.
+        published: a table of the paper, whose rows stand above ours, marked, and are compared with nothing.
+    """
     names = distinct_names(reports)
     views = sorted({count for report in reports for count in report.results})
     by_views: dict[str, dict[int, Mapping[str, Any]]] = {
@@ -94,19 +103,47 @@ def paper_grid(reports: Sequence[SavedReport]) -> Grid:
         tuple([Cell(name), *_paper_cells(numbers, views, trivial.get("copy", {}))])
         for name, numbers in by_views.items()
     ]
+    above = () if published is None else published.rows
+    above_rows = [tuple([Cell(f"{row.name} {MARK}"), *_paper_cells(row.numbers, views, {})]) for row in above]
     below_rows = [tuple([Cell(ROWS[name]), *_paper_cells(numbers, views, {})]) for name, numbers in trivial.items()]
     targets = max(len(result.frames) for report in reports for result in report.results.values())
     marked = any(cell.marked for row in rows for cell in row)
     return Grid(
-        title=f"{targets} targets, protocol {reports[0].protocol}",
+        title=f"{targets} targets, protocol {reports[0].protocol}"
+        + (f"; beside {published.title}" if published else ""),
         groups=tuple((f"{count} input views", len(PAPER)) for count in views),
         head=("method", *[TITLES[metric] for _ in views for metric in PAPER]),
-        rows=(*_best(rows), *below_rows),
-        rule=len(rows),
+        rows=(*above_rows, *_best(rows), *below_rows),
+        rules=tuple(number for number in (len(above_rows), len(above_rows) + len(rows)) if number),
         notes=(
             "/image: means over images, then over scenes, as S-Ray and GSNeRF compute them. FPS: encoding anew for each target.",
+            *([_measured_on(reports)] if published else []),
             *([MARKED] if marked else []),
+            *([f"{MARK} published, not run here.", *published.notes] if published else []),
         ),
+    )
+
+
+def data_grid(reports: Sequence[SavedReport]) -> Grid:
+    """Reports of different data below each other, each with the nearest context copied: what a method does where it was not trained."""
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
+    for report in reports:
+        rules += [len(rows)] if rows else []
+        for views, result in report.results.items():
+            worse = result.numbers["below_copy"]
+            scenes = len(report.sizes)
+            where = f"{report.name} on {report.data_name} ({scenes} scene{'s' * (scenes > 1)}), {views} views"
+            rows.append(_overview_row(where, result.numbers, DATA, worse))
+            copy = result.trivial.get("copy", {})
+            rows.append(_overview_row(f"  {ROWS['copy']}", copy, DATA, []))
+    return Grid(
+        title=f"{len(reports)} evaluation{'s' * (len(reports) > 1)}, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
+        groups=(),
+        head=("method and data", *[TITLES[metric] for metric in DATA]),
+        rows=tuple(rows),
+        rules=tuple(rules),
+        notes=("Rows of different data are not comparable with each other.", _measured_on(reports), MARKED),
     )
 
 
@@ -190,6 +227,16 @@ def shown_number(metric: str, value: float | None) -> str:
     if metric in ("unseen", "not_given"):
         return f"{100 * value:.1f} %"
     return f"{value:.2f}" if metric in ("psnr", "fps_encoding_each", "fps_encoding_shared") else f"{value:.3f}"
+
+
+def _measured_on(reports: Sequence[SavedReport]) -> str:
+    """What the frames per second of the reports were measured on."""
+    machines = dict.fromkeys(
+        f"{one.get('gpu', one.get('processor', 'unknown'))}"
+        + (f", {one['threads']} threads" if "threads" in one and "gpu" not in one else "")
+        for one in (report.hardware for report in reports)
+    )
+    return f"FPS of the rows run here: {'; '.join(machines)}."
 
 
 def _overview_row(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,7 +71,7 @@ def evaluate(
         OSError: the disk is full.
     """
     targets = DataLoader(
-        _Targets(plan.tasks, method, folder, save),
+        _Targets(plan, method, folder, save),
         batch_size=None,
         num_workers=workers,
         # A forked process in which numba has run its threads dies at its next kernel.
@@ -96,6 +96,31 @@ def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
     return task.scene.frames[position].read(bounds, task.scene.classes, size=task.size)
 
 
+def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> dict[int, Views]:
+    """The contexts and the target of a task by their positions in the scene, one view each.
+
+    Args:
+        task: what is compared.
+        depth_range: near and far to give them; None is what the scene knows.
+
+    Raises:
+        InputError: a file of them cannot be used.
+    """
+    if depth_range is None:
+        found = task.scene.depth_range(task.sample.contexts)
+        depth_range = (found.near, found.far)
+    return {
+        position: read_frame(task, position, depth_range) for position in (*task.sample.contexts, task.sample.target)
+    }
+
+
+def inputs_of(task: Task, views: Mapping[int, Views]) -> Inputs:
+    """What a method is given of `read_views`: neither labels nor depths."""
+    contexts = joined([views[index] for index in task.sample.contexts], task.scene.classes or SCANNET20)
+    given = Views(contexts.images, contexts.cameras, contexts.depth_range, classes=contexts.classes)
+    return Inputs(task, given, views[task.sample.target].cameras)
+
+
 @dataclass(frozen=True, eq=False)
 class _Judged:
     """One target: the method's scores, those of copy and warp, and a hash of the truth."""
@@ -112,31 +137,25 @@ class _Targets(Dataset):
     A file that cannot be used, or a full disk, is returned and not raised: a loader hands on no more than an error's text.
     """
 
-    def __init__(self, tasks: Sequence[Task], method: Method, folder: Path, save: bool) -> None:
-        self._tasks, self._method, self._folder, self._save = tuple(tasks), method, folder, save
+    def __init__(self, plan: Plan, method: Method, folder: Path, save: bool) -> None:
+        self._plan, self._method, self._folder, self._save = plan, method, folder, save
         self._perceptual = perceptual_distance()
 
     def __len__(self) -> int:
-        return len(self._tasks)
+        return len(self._plan.tasks)
 
     def __getitem__(self, index: int) -> _Judged | InputError | OSError:
         """Judge a target."""
         try:
-            return self._judge(self._tasks[index])
+            return self._judge(self._plan.tasks[index])
         except (InputError, OSError) as error:
             return error
 
     def _judge(self, task: Task) -> _Judged:
         """Read, predict, write, score."""
-        found = task.scene.depth_range(task.sample.contexts)
-        bounds = (found.near, found.far)
-        views = {
-            position: read_frame(task, position, bounds) for position in (*task.sample.contexts, task.sample.target)
-        }
+        views = read_views(task, self._plan.depth_range)
         target = views[task.sample.target]
-        contexts = joined([views[index] for index in task.sample.contexts], task.scene.classes or SCANNET20)
-        given = Views(contexts.images, contexts.cameras, contexts.depth_range, classes=contexts.classes)
-        prediction = self._method.predict(Inputs(task, given, target.cameras))
+        prediction = self._method.predict(inputs_of(task, views))
         if self._save:
             write_prediction(self._folder / PREDICTIONS, task, prediction)
         if target.labels is not None:

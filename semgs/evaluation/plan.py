@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.scene import Scene
@@ -68,10 +68,12 @@ class Plan:
     Attributes:
         protocol: what chose them, in words ("neighbours").
         tasks: by number of views, then scene, then frame.
+        depth_range: near and far given to a method, in the scenes' unit; None is what each scene knows.
     """
 
     protocol: str
     tasks: tuple[Task, ...]
+    depth_range: tuple[float, float] | None = None
 
     @property
     def views(self) -> tuple[int, ...]:
@@ -114,6 +116,14 @@ def make_plan(
         for sample in protocol(scene, count)
     ]
     return _checked(Plan(name, tuple(tasks)))
+
+
+def with_depth_range(plan: Plan, depth_range: tuple[float, float] | None) -> Plan:
+    """The plan with near and far for all scenes, which is told with the protocol; None leaves it as it is."""
+    if depth_range is None:
+        return plan
+    near, far = depth_range
+    return replace(plan, protocol=f"{plan.protocol}, near {near:g} and far {far:g}", depth_range=depth_range)
 
 
 def usual_size(scene: Scene) -> tuple[int, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -213,6 +213,8 @@ class SavedReport:
         sizes: (height, width) of each scene [px].
         classes: the name of the class table, None without labels.
         results: by number of views.
+        data_name: what its data are called: the last part of their path, or the scene.
+        hardware: what it was computed on; nothing in reports of older versions.
     """
 
     path: Path
@@ -221,6 +223,8 @@ class SavedReport:
     sizes: Mapping[str, tuple[int, int]]
     classes: str | None
     results: Mapping[int, SavedResult]
+    data_name: str = "data"
+    hardware: Mapping[str, str | int] = field(default_factory=dict)
 
 
 def read_report(path: str | Path) -> SavedReport:
@@ -274,4 +278,12 @@ def _saved(path: Path, content: dict[str, Any]) -> SavedReport:
         sizes={one["scene"]: (int(one["size"][0]), int(one["size"][1])) for one in content["frames"]["scenes"]},
         classes=classes["name"] if classes else None,
         results=results,
+        data_name=data_name(str(content["data"]["path"]), [str(one["name"]) for one in content["data"]["scenes"]]),
+        hardware=dict(content.get("hardware", {})),
     )
+
+
+def data_name(path: str, scenes: Sequence[str]) -> str:
+    """What data are called: the scene, where there is one, or the last part of the folder's path."""
+    parts = [part for part in path.replace("\\", "/").split("/") if part not in ("", ".", "..")]
+    return scenes[0] if len(scenes) == 1 or not parts else parts[-1]

@@ -14,7 +14,7 @@ from semgs.evaluation.compare import BRIEF, MARKED, ROWS, TITLES, overview_grid,
 from semgs.evaluation.evaluate import read_frame
 from semgs.evaluation.plan import Task
 from semgs.evaluation.predictions import Prediction
-from semgs.evaluation.report import Evaluation, SavedReport, SavedResult
+from semgs.evaluation.report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.evaluation.saved import SavedPredictions
 from semgs.evaluation.scores import FrameScores
 from semgs.evaluation.summary import METRICS, summary, total_confusion
@@ -82,9 +82,7 @@ def report_page(evaluation: Evaluation, report: SavedReport, pictures: SavedPred
 
 def _data_name(evaluation: Evaluation) -> str:
     """What the data are called: the scene, or the last part of the folder's path."""
-    scenes = evaluation.plan.scenes
-    parts = [part for part in evaluation.data.replace("\\", "/").split("/") if part not in ("", ".", "..")]
-    return scenes[0].name if len(scenes) == 1 or not parts else parts[-1]
+    return data_name(evaluation.data, [scene.name for scene in evaluation.plan.scenes])
 
 
 def _headlines(report: SavedReport) -> list[Headline]:

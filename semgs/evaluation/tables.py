@@ -26,7 +26,7 @@ class Grid:
         groups: headings over columns, each with how many it spans; the first column has none. Empty for no such line.
         head: of each column; the first one is that of the names.
         rows: equally long; the first cell is the name.
-        rule: the row before which a line is drawn, None for none.
+        rules: the rows before which a line is drawn.
         mark: what stands behind a marked cell.
         notes: below it, a sentence each.
     """
@@ -35,7 +35,7 @@ class Grid:
     groups: tuple[tuple[str, int], ...]
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
-    rule: int | None = None
+    rules: tuple[int, ...] = ()
     mark: str = "†"
     notes: tuple[str, ...] = ()
 
@@ -68,7 +68,7 @@ def _block(grid: Grid, heading: str, columns: list[int]) -> str:
     rule = "─" * (sum(widths) + 2 * (len(widths) - 1))
     lines = [rule, line(head), rule]
     for number, row in enumerate(rows):
-        lines += [rule] if number == grid.rule else []
+        lines += [rule] if number in grid.rules else []
         lines.append(line(row))
     return "\n".join([*lines, rule])
 
@@ -118,14 +118,14 @@ def _latex(grid: Grid) -> str:
         lines.append(" & ".join(["", *cells]).strip() + r" \\")
     lines += [" & ".join(map(_escaped, grid.head)) + r" \\", r"\midrule"]
     for number, row in enumerate(grid.rows):
-        lines += [r"\midrule"] if number == grid.rule else []
+        lines += [r"\midrule"] if number in grid.rules else []
         lines.append(" & ".join(map(shown, row)) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table*}"])
 
 
 _LATEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "−": "$-$", "†": r"$^\dagger$", "δ": r"$\delta$",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "−": "$-$", "†": r"$^\dagger$", "‡": r"$^\ddagger$", "δ": r"$\delta$",
     "<": "$<$", ">": "$>$", "↑": r"$\uparrow$", "↓": r"$\downarrow$", "±": r"$\pm$",
 }  # fmt: skip
 

@@ -15,8 +15,9 @@ from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
 from semgs.training.settings import Switches, TrainingSettings, changed, told
 from semgs.training.state import averaged_weights
+from semgs.training.survey import RECORD, scenes_of
 from semgs.weights.file import save
-from semgs.weights.load import drawn
+from semgs.weights.load import SCENES, drawn
 from semgs.weights.start import start, with_settings
 
 NETWORK = "network.json"
@@ -120,7 +121,7 @@ def finished(run: Path) -> bool:
 def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
     """Write the averaged weights of a run's newest checkpoint, or its best, as a file of weights, in bfloat16.
 
-    Its header says of which training they are: settings, step and seed.
+    Its header says of which training they are: settings, step, seed and, where scenes are from files, their names.
 
     Raises:
         InputError: the run has no intact checkpoint yet.
@@ -134,10 +135,12 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
     step = int(checkpoint.numbers["step"])
     live = all(source.is_rooms for source in settings.sources)
     data = "generated rooms" if live else ", ".join(Path(source.path).name for source in settings.sources)
+    scenes = scenes_of(run / RECORD)
     save(
         path,
         model,
         {
+            **({SCENES: json.dumps(scenes)} if scenes else {}),
             "description": f"{settings.model}, {step} of {settings.steps} steps of a training in {data}",
             "training": json.dumps(settings.as_json()),
             "data": f"rooms of seed {settings.seed}, drawn live" if live else ", ".join(settings.data),

@@ -55,7 +55,7 @@ ROOMS = "rooms"
 
 INVERSE_ROOT_FREQUENCY = "inverse_root_frequency"
 
-PLACES = ("data", "validation", "init", "assets")
+PLACES = ("data", "scenes", "validation", "init", "assets")
 """Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
 
 
@@ -142,6 +142,8 @@ class TrainingSettings:
     data: tuple[str, ...] = (ROOMS,)
     """Where scenes come from: rooms, drawn live from the seed, and folders (a scene, or a folder of scenes); each with =WEIGHT to
     say how many of the samples, as in: rooms=2 scans=1."""
+    scenes: str = ""
+    """Of the folders, take the scenes of a list: one that comes with semgs (scannet-1000-without-sray), or a text file with a name a line."""
     batch: int = 2
     """Scenes per step, over all processes."""
     size: Annotated[tuple[int, int], HEIGHT_BY_WIDTH] = (240, 320)

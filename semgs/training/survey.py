@@ -17,6 +17,7 @@ import numpy as np
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.scene import Scene
+from semgs.data.scene_lists import calls, check_unseen, read_list
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.data.views import Views
 from semgs.files.atomic import write_json
@@ -24,6 +25,7 @@ from semgs.files.errors import InputError
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
 from semgs.training.settings import INVERSE_ROOT_FREQUENCY, ROOMS, Source, TrainingSettings
+from semgs.weights.load import trained_scenes
 
 RECORD = "data.json"
 
@@ -67,15 +69,15 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
         rooms: gives small rooms to count classes in, if they are asked for.
 
     Raises:
-        InputError: there are no scenes, too many bad ones, none with labels, labels of other classes, or other scenes than those that
-            the run began with.
+        InputError: there are no scenes, too many bad ones, none with labels, labels of other classes, rooms of the validation among
+            them, or other scenes than those that the run began with.
     """
     classes = settings.classes or SCANNET20
     if settings.sampling == "balanced" and all(source.is_rooms for source in settings.sources):
         raise InputError(
             ROOMS, "scenes in folders, to balance the sampling of", "rooms alone, which are drawn as they come"
         )
-    opened = [_opened(source, settings.contexts[1], settings) for source in settings.sources if not source.is_rooms]
+    opened = [_opened(source, paths, settings.contexts[1], settings) for source, paths in training_paths(settings)]
     good = [scene for folder in opened for scene in folder.scenes]
     bad = tuple(one for folder in opened for one in folder.bad)
     check_bad(bad, len(good) + len(bad))
@@ -84,11 +86,12 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
             path, why = folder.bad[0]
             raise InputError(folder.source.path, "scenes that can be used", f"none; of {path}: {why}")
     _check_labels(settings, good, classes)
-    _check_validation(settings, classes)
     pixels = _remembered(out / RECORD, good)
+    before = _started_on(settings) if pixels is None else ()
+    _check_validation(settings, classes, [*before, *(scene.name for scene in good)])
     if pixels is None:
         pixels = _pixels(settings, good, rooms, classes)
-        _remember(out / RECORD, good, pixels)
+        _remember(out / RECORD, good, pixels, before)
     shares = _shares(settings, opened, pixels, classes)
     weights = settings.class_weights
     if (isinstance(weights, str) or settings.sampling == "balanced") and not shares.any():
@@ -103,6 +106,41 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
         class_weights=inverse_root_frequency(shares) if isinstance(weights, str) else weights,
         notes=tuple(_notes(settings, good, classes)),
     )
+
+
+def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path, ...]]]:
+    """Where the scenes of each source that is not the rooms are: all of them, or those of the list that is asked for.
+
+    Raises:
+        InputError: a source has no scene, or none of the list; or a scene of the list is in no source.
+    """
+    sources = [source for source in settings.sources if not source.is_rooms]
+    found = [scene_paths(source.path) for source in sources]
+    if settings.scenes:
+        known: dict[str, Path] = {}
+        for source, paths in zip(sources, found, strict=True):
+            known = calls(Path(source.path), paths) | known
+        chosen = set(read_list(settings.scenes).choose(known, ", ".join(settings.data)))
+        found = [tuple(path for path in paths if path in chosen) for paths in found]
+        for source, paths in zip(sources, found, strict=True):
+            if not paths:
+                raise InputError(source.path, f"scenes of {settings.scenes}", "none of them")
+    return list(zip(sources, found, strict=True))
+
+
+def scenes_of(record: Path) -> tuple[str, ...]:
+    """The names of all scenes that a run has seen, those of the weights that it began with included; none where there is no record.
+
+    Raises:
+        InputError: the record is damaged.
+    """
+    if not record.is_file():
+        return ()
+    try:
+        content = json.loads(record.read_text(encoding="utf-8"))
+        return tuple(dict.fromkeys([*content.get("before", ()), *(one["name"] for one in content["scenes"])]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(record, "what the data of the run are", str(error)) from error
 
 
 def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
@@ -140,11 +178,11 @@ class _Opened:
     bad: tuple[tuple[str, str], ...]
 
 
-def _opened(source: Source, contexts: int, settings: TrainingSettings) -> _Opened:
-    """The scenes of a source, and those that cannot be used or are too short for so many contexts."""
+def _opened(source: Source, paths: Sequence[Path], contexts: int, settings: TrainingSettings) -> _Opened:
+    """The scenes of a source at these paths, and those that cannot be used or are too short for so many contexts."""
     scenes, bad = [], []
     needed = contexts + settings.targets
-    for path in scene_paths(source.path):
+    for path in paths:
         try:
             scene = open_scene(path)
             if len(scene) < needed:
@@ -200,17 +238,24 @@ def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: 
         )  # fmt: skip
 
 
-def _check_validation(settings: TrainingSettings, classes: ClassTable) -> None:
+def _started_on(settings: TrainingSettings) -> tuple[str, ...]:
+    """The scenes that the weights to start from have seen, as far as they say."""
+    return () if settings.init == "random" else trained_scenes(settings.init)
+
+
+def _check_validation(settings: TrainingSettings, classes: ClassTable, trained: Sequence[str]) -> None:
     """Refuse scenes of validation that cannot be used; as strict as with those of the training.
 
     Raises:
-        InputError: too many of them are bad, or their labels are of another table.
+        InputError: too many of them are bad, their labels are of another table, or they show rooms of the scenes that are trained on.
     """
     source = Source.parsed(settings.validation)
     if not source.is_rooms and settings.validation_scenes:
-        opened = _opened(source, settings.contexts[0], settings)
+        opened = _opened(source, scene_paths(source.path), settings.contexts[0], settings)
         check_bad(opened.bad, len(opened.scenes) + len(opened.bad))
         _check_tables(settings, opened.scenes, classes)
+        names = [scene.name for scene in opened.scenes]
+        check_unseen(source.path, trained, names, "validate on other rooms, or train without these")
 
 
 def _notes(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> list[str]:
@@ -296,14 +341,14 @@ def _folders(
     return tuple(folders)
 
 
-def _remember(record: Path, scenes: Sequence[Scene], pixels: Sequence[Pixels | None]) -> None:
-    """Write what the data are."""
+def _remember(record: Path, scenes: Sequence[Scene], pixels: Sequence[Pixels | None], before: Sequence[str]) -> None:
+    """Write what the data are, and which scenes the weights to start from have seen."""
     counts = [None if one is None else one.tolist() for one in pixels]
     listed = [
         {"name": scene.name, "frames": len(scene), "pixels": held}
         for scene, held in zip(scenes, counts[:-1], strict=True)
     ]
-    write_json(record, {"scenes": listed, "rooms": {"pixels": counts[-1]}})
+    write_json(record, {"scenes": listed, "rooms": {"pixels": counts[-1]}, "before": list(before)})
 
 
 def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | None:

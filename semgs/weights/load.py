@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from importlib import resources
 from pathlib import Path
 
@@ -13,6 +14,9 @@ from semgs.model import presets
 from semgs.model.semgs import SemGS
 from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
+
+SCENES = "scenes"
+"""Where the header of weights has the names of the scenes that they were trained on."""
 
 
 def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20) -> SemGS:
@@ -78,6 +82,25 @@ def table_of(path: str | Path) -> ClassTable:
         InputError: its header is broken.
     """
     return (read_header(path).classes if is_ours(path) else None) or SCANNET20
+
+
+def trained_scenes(weights: str | Path) -> tuple[str, ...]:
+    """The names of the scenes that weights were trained on, as far as they say: rooms drawn live and MVSplat's videos are not among them.
+
+    Raises:
+        ValueError: no weights of that name ship.
+        InputError: there is no such file, or its header is broken.
+    """
+    _, path = find(weights)
+    if not is_ours(path):
+        return ()
+    try:
+        names = json.loads(read_header(path).metadata.get(SCENES, "[]"))
+    except ValueError as error:
+        raise InputError(path, "names of scenes as JSON", str(error), key=SCENES) from error
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(path, "a list of names", f"{names!r:.60}", key=SCENES)
+    return tuple(names)
 
 
 def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:

@@ -77,6 +77,25 @@ def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, la
     assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
 
 
+def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_path, labelled, trained, capsys):
+    for number in (0, 1):
+        (tmp_path / f"data{number}").mkdir()
+        (tmp_path / f"data{number}" / f"scene0007_0{number}").symlink_to(labelled)
+    (tmp_path / "list.txt").write_text("scene0007_01\n")
+    line = [
+        *LINE.split(),
+        "--data",
+        str(tmp_path / "data0"),
+        "--test",
+        str(tmp_path / "data1"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main([*line, "--test-scenes", str(tmp_path / "list.txt"), "--protocol", "peers"]) == 2
+    assert "found 1 that were: scene0007_01 (as scene0007_00)" in capsys.readouterr().err
+    assert trained == []
+
+
 @pytest.mark.parametrize(
     ("line", "told"),
     [

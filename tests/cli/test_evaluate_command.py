@@ -110,6 +110,77 @@ def test_what_was_saved_can_be_scored_again_on_pinned_frames(done: tuple[Path, s
     assert not (tmp_path / "again/predictions").exists()
 
 
+@pytest.mark.parametrize("form", ["text", "markdown", "latex"])
+def test_compare_puts_the_papers_rows_above_ours_and_never_in_bold(done: tuple[Path, str], form: str):
+    report = done[0] / "out/report.json"
+    code, told, errors = run("compare", report, report, "--published", "scannet", "--format", form)
+    assert (code, errors) == (0, "")
+    mark = r"$^\ddagger$" if form == "latex" else "‡"
+    (line,) = [line for line in told.splitlines() if "SemGS" in line and "0.754" in line]
+    assert f"SemGS {mark}" in line
+    assert "textbf" not in line
+    assert "**" not in line
+    assert told.index("GSNeRF") < told.index("noise")
+    for part in ("published, not run here", "neither its ten test scenes", "FPS of the rows run here"):
+        assert part in told, part
+    code, told, _ = run("compare", report, "--published", "ablation")
+    assert code == 0
+    assert "Table 3" in told  # of four views, which this report has not: no number of it is shown
+    assert "0.765" not in told
+
+
+def test_compare_puts_reports_of_different_data_below_each_other(done: tuple[Path, str], room: Path, tmp_path: Path):
+    report = done[0] / "out"
+    shutil.copytree(report, tmp_path / "other")
+    moved = numbers(report)
+    moved["data"]["path"] = "somewhere/house"
+    moved["data"]["scenes"] *= 2
+    moved["results"][0]["per_frame"][0]["target"] = "images/009.png"
+    (tmp_path / "other/report.json").write_text(json.dumps(moved))
+    code, told, errors = run("compare", report, tmp_path / "other", "--layout", "data")
+    assert (code, errors) == (0, "")
+    lines = [line.split("  ")[0].strip() for line in told.splitlines()]
+    assert "noise on room (1 scene), 2 views" in lines
+    assert "noise on house (1 scene), 3 views" in lines
+    assert told.count("nearest context copied") >= 4
+    assert "not comparable with each other" in told
+
+
+def test_scenes_of_a_list_are_evaluated_with_the_near_and_far_that_are_given(done: tuple[Path, str], tmp_path: Path):
+    folder, _ = done
+    (tmp_path / "list.txt").write_text("room\n")
+    shutil.copytree(folder / "scenes/room", tmp_path / "scenes/room")
+    shutil.copytree(folder / "scenes/room", tmp_path / "scenes/other")
+    code, _, errors = run(
+        "evaluate", folder / "random.safetensors", "--data", tmp_path / "scenes", "--scenes", tmp_path / "list.txt",
+        "--views", "2", "--size", "48x64", "--depth-range", "0.1", "10", "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert (code, errors) == (0, "")
+    first, report = numbers(folder / "out"), numbers(tmp_path / "out")
+    assert [scene["name"] for scene in report["data"]["scenes"]] == ["room"]
+    assert report["protocol"] == "neighbours, near 0.1 and far 10"
+    assert report["results"][0]["truth_sha256"] == first["results"][0]["truth_sha256"]
+    assert report["results"][0]["psnr"] != first["results"][0]["psnr"]
+
+
+def test_rooms_that_the_weights_were_trained_in_are_refused_or_told_of(done: tuple[Path, str], tmp_path: Path):
+    folder, _ = done
+    shutil.copytree(folder / "scenes/room", tmp_path / "scenes/scene0007_01")
+    save(tmp_path / "seen.safetensors", load("small", "random"), {"scenes": '["scene0007_00"]'})
+    command = (
+        "evaluate", tmp_path / "seen.safetensors", "--data", tmp_path / "scenes", "--views", "2", "--size", "48x64",
+        "--out", tmp_path / "out",
+    )  # fmt: skip
+    code, _, errors = run(*command)
+    assert code == 2
+    assert errors.count("\n") == 1
+    assert "found 1 that were: scene0007_01 (as scene0007_00)" in errors
+    assert not (tmp_path / "out").exists()
+    code, told, _ = run(*command, "--allow-seen")
+    assert code == 0
+    assert "The weights were trained in rooms that are scored here: scene0007_01." in told
+
+
 def test_predictions_that_are_the_truth_score_exactly_one_and_pixels_without_one_do_not_count(
     done: tuple[Path, str], tmp_path: Path
 ):
@@ -199,6 +270,11 @@ def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
     assert "found transforms.json" in line
 
 
+def test_near_and_far_that_cannot_be(refused: Refused):
+    assert "--depth-range is 2 1; expected near and far" in refused("small", "--depth-range", "2", "1")
+    assert "expected a text file of scenes, or one of" in refused("small", "--scenes", "scannet-sray")
+
+
 def test_more_views_than_the_scene_has(refused: Refused):
     assert "expected at least 4 frames to draw a target from, found 3" in refused("small", "--views", "2", "4")
     assert "--views is 1" in refused("small", "--views", "1")
@@ -284,6 +360,7 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
         ((report, tmp_path / "moved.json"), "contexts images/002.png, images/000.png of room/images/001.png"),
         ((report, "--layout", "difference"), "needs two reports"),
         ((report, "--layout", "sideways"), "sideways"),
+        ((report, "--layout", "data", "--published", "scannet"), "--published is for --layout paper alone"),
     ):
         code, out, errors = run("compare", *arguments)
         assert (code, out) == (2, "")

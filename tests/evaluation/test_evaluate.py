@@ -286,7 +286,7 @@ def test_tables_of_several_reports(plan: Plan, tmp_path: Path):
         "oracle (poor)", "oracle (good)", "nearest context copied", "warped with true depth", "most frequent class",
     ]  # fmt: skip
     assert paper.groups == (("2 input views", 4), ("3 input views", 4))
-    assert paper.rule == 2
+    assert paper.rules == (2,)
     value = reports[1].results[3].numbers["miou_per_image"]
     assert paper.rows[1][5].text == f"{value:.3f}"
     assert [cell.best for cell in paper.rows[1][1:4]] == [True] * 3

@@ -10,7 +10,7 @@ GRID = Grid(
         (Cell("a|b"), Cell("0.5"), Cell("0.25", best=True, marked=True), Cell("–")),
         (Cell("copy & paste"), Cell("0.75"), Cell("1"), Cell("12.125")),
     ),
-    rule=1,
+    rules=(1,),
     notes=("† worse.",),
 )
 

@@ -19,8 +19,7 @@ from pathlib import Path
 from semgs.data.asked import Asked
 from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
 from semgs.data.layouts.numbers import matrix
-from semgs.data.layouts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
-from semgs.data.layouts.scannet import ScanNetFrame
+from semgs.data.layouts.recordings import PICTURES, RecordedFrame, Shot, numbered, recorded, sequence_name
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
@@ -87,7 +86,7 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
         (calibration or KINECT_COLOUR).lens,
         name=sequence_name(path),
         unit="metric",
-        frame=partial(ScanNetFrame, depth_unit=unit, depth_lens=depth_lens),
+        frame=partial(RecordedFrame, depth_unit=unit, depth_lens=depth_lens),
         notes=notes,
     )
 

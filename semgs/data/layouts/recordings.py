@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float32, UInt8
 
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
 from semgs.data.layouts.poses import checked_poses
-from semgs.data.lens import Lens
+from semgs.data.lens import Lens, carried_over
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
-from semgs.files.pictures import is_turned, read_header
+from semgs.files.pictures import decode_map, is_turned, read_header
+from semgs.files.stored import Stored
 
 PICTURES = (".png", ".jpg", ".jpeg")
 """Endings of pictures, in lower case."""
@@ -42,6 +44,56 @@ class Shot:
     posed_by: tuple[Path, str]
     depth: Path | None = None
     label: Path | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordedFrame(Frame):
+    """A frame as sensors record it: depth may be of a camera of its own, and the class map holds ids of the data set.
+
+    Attributes:
+        depth_lens: the pinhole that depth maps are of, at the colour camera's place; None where it is the colour camera.
+        colour_lens: the colour camera where `lens` is what peers take it for; None where `lens` is it.
+        labels_of_ids: the label of every id that 16 bits hold; None where there are no labels.
+    """
+
+    depth_lens: Lens | None = None
+    colour_lens: Lens | None = None
+    labels_of_ids: UInt8[np.ndarray, 65536] | None = field(default=None, repr=False)
+
+    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
+        """The z-depth that the colour camera's rays meet [m], 0 where unknown; as `Frame.read_depths`.
+
+        Raises:
+            InputError: as `Frame.read_depths`.
+        """
+        if self.depth_path is None:
+            return None
+        depths = self.depth_map(self.depth_path)
+        if self.depth_lens is None:
+            return self.fitted(self.depth_path, depths)
+        return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)
+
+    def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
+        """The class that each pixel's id means, 255 = none; as `Frame.read_labels`.
+
+        Raises:
+            InputError: as `Frame.read_labels`.
+        """
+        if self.label_path is None or self.labels_of_ids is None:
+            return None
+        return self.fitted(self.label_path, self.labels_of_ids[read_ids(self.label_path)])
+
+
+def read_ids(path: Stored) -> np.ndarray:
+    """The ids that a label map holds, uint8 or uint16 [h w].
+
+    Raises:
+        InputError: it cannot be read, or is no map.
+    """
+    try:
+        return decode_map(path.read_bytes(), path)
+    except OSError as error:
+        raise InputError(path, "a label map", error.strerror or str(error)) from error
 
 
 def recorded(

@@ -19,9 +19,8 @@ from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
 from semgs.data.layouts.calibrations import asked_calibration
 from semgs.data.layouts.fields import parsed
-from semgs.data.layouts.recordings import Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.recordings import RecordedFrame, Shot, numbered, recorded, sequence_name
 from semgs.data.layouts.replica_classes import IDS, NYU40
-from semgs.data.layouts.scannet import ScanNetFrame
 from semgs.data.layouts.scannet_labels import labels_of_ids
 from semgs.data.layouts.trajectories import read_trajectory
 from semgs.data.lens import HALF, Lens
@@ -83,7 +82,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         given.lens if given else partial(_lens, row=PEERS_ROW if ROW_229 in as_peers else 0.5),
         name=sequence_name(path),
         unit="metric",
-        frame=partial(ScanNetFrame, depth_unit=MILLIMETRE, labels_of_ids=by_id),
+        frame=partial(RecordedFrame, depth_unit=MILLIMETRE, labels_of_ids=by_id),
         classes=SCANNET20,
         notes=[
             *(

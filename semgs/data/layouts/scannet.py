@@ -11,25 +11,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32, UInt8
 
-from semgs.data.classes import SCANNET20, ClassTable
-from semgs.data.frames import Frame
+from semgs.data.classes import SCANNET20
 from semgs.data.layouts.poses import checked_poses
+from semgs.data.layouts.recordings import RecordedFrame, read_ids
 from semgs.data.layouts.scannet_files import Pgm, read_fields, read_numbers
 from semgs.data.layouts.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
 from semgs.data.layouts.sens import read_recording
-from semgs.data.lens import Lens, carried_over
+from semgs.data.lens import Lens
 from semgs.data.nyu40 import NAMES
 from semgs.data.peers import GSNERF_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
 from semgs.files.archives import members
 from semgs.files.errors import InputError
-from semgs.files.pictures import decode_map, read_header
+from semgs.files.pictures import read_header
 from semgs.files.stored import Stored
 
 LAYOUT = "ScanNet"
@@ -100,56 +99,6 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
     if dialect is None:
         raise InputError(path, LOOKED_FOR, "neither")
     return _extracted(path, dialect, as_peers)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ScanNetFrame(Frame):
-    """A frame whose depth is of a camera of its own, and whose class map holds ids.
-
-    Attributes:
-        depth_lens: the pinhole that depth maps are of, at the colour camera's place; None where it is the colour camera.
-        colour_lens: the colour camera where `lens` is what peers take it for; None where `lens` is it.
-        labels_of_ids: the label of every id that 16 bits hold; None where there are no labels.
-    """
-
-    depth_lens: Lens | None = None
-    colour_lens: Lens | None = None
-    labels_of_ids: UInt8[np.ndarray, 65536] | None = field(default=None, repr=False)
-
-    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
-        """The z-depth that the colour camera's rays meet [m], 0 where unknown; as `Frame.read_depths`.
-
-        Raises:
-            InputError: as `Frame.read_depths`.
-        """
-        if self.depth_path is None:
-            return None
-        depths = self.depth_map(self.depth_path)
-        if self.depth_lens is None:
-            return self.fitted(self.depth_path, depths)
-        return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)
-
-    def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
-        """The class that each pixel's id means, 255 = none; as `Frame.read_labels`.
-
-        Raises:
-            InputError: as `Frame.read_labels`.
-        """
-        if self.label_path is None or self.labels_of_ids is None:
-            return None
-        return self.fitted(self.label_path, self.labels_of_ids[_ids(self.label_path)])
-
-
-def _ids(path: Stored) -> np.ndarray:
-    """The ids that a label map holds, uint8 or uint16 [h w].
-
-    Raises:
-        InputError: it cannot be read, or is no map.
-    """
-    try:
-        return decode_map(path.read_bytes(), path)
-    except OSError as error:
-        raise InputError(path, "a label map", error.strerror or str(error)) from error
 
 
 @dataclass(frozen=True)
@@ -266,7 +215,7 @@ def _scene(
             path, "at least two frames with a picture and a finite pose", f"{len(posed)} of {len(pictures)}"
         )
     frames = tuple(
-        ScanNetFrame(
+        RecordedFrame(
             name=names[number],
             picture_path=pictures[number],
             lens=_seen_by_peers(lens, reference) if ROWS_972 in as_peers else lens,
@@ -320,7 +269,7 @@ def _labels(folder: Path, as_peers: Collection[str]) -> _Labels:
     if not maps:
         return _Labels({}, None, (f"There are no labels ({FILTERED}/ or SCAN{ZIP}): colour and depth alone are read.",))
     first = maps[min(maps)]
-    if _ids(first).dtype == np.uint8:
+    if read_ids(first).dtype == np.uint8:
         if where == FILTERED:
             raise InputError(
                 first,

@@ -1,0 +1,232 @@
+"""`semgs figure`: weights, predictions of others and scenes in, one of the paper's comparison figures out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.arguments import parse_size
+from semgs.cli.device import check_device, chosen_device
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.evaluate import NETWORKS, check_protocol, labelled_scenes, plan_of
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.scene_options import SceneOptions
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder, own_folder
+from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from semgs.evaluation.figure import Compared, Part
+    from semgs.evaluation.predictions import Method
+
+WITHOUT, WITH = "without smoothness", "with smoothness"
+"""The columns of the figure about the smoothness of regions."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Draw one of the paper's comparison figures: rows are frames; columns are the inputs, each method, ours and the truth.
+
+    - qualitative: methods on one or more data sets, below each other
+    - generalisation: the same on data that none was trained on, side by side; where nothing is labelled, the photo is last
+    - smoothness: weights trained without the smoothness of regions beside those trained with it, as the last two rows of
+      semgs ablate are
+
+    The frames are evenly spread over the targets of the protocol, so that nobody has chosen them; --targets names others.
+    The output folder holds figure.png, figure.pdf and figure.json, which has the scores of what is shown. It appears only when
+    it is complete.
+
+    Examples
+    - semgs figure qualitative --weights scannet.safetensors --data data/scannet --protocol peers --out fig/scannet
+    - semgs figure qualitative --weights a.safetensors b.safetensors --data data/scannet data/scannetpp --out fig/both
+      --predictions S-Ray=theirs/sray GSNeRF=theirs/gsnerf
+    - semgs figure generalisation --weights scannet.safetensors --data data/replica data/robot --out fig/elsewhere
+    - semgs figure smoothness --weights camera.safetensors full.safetensors --data data/scannet --views 4 --out fig/smoothness
+    """
+
+    kind: Annotated[Literal["qualitative", "generalisation", "smoothness"], tyro.conf.Positional]
+    """Which figure."""
+    weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="W [W ...]")]
+    """"small" for those inside the package, or a file: one for all data or one for each; for smoothness those without, then with."""
+    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")]
+    """A scene or a folder of scenes; several are parts of the figure."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    predictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=DIR ...", help_behavior_hint="")] = ()
+    """Label maps of others, as semgs evaluate takes them; a column each."""
+    scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LIST ...", help_behavior_hint="")] = ()
+    """Of each DIR, take the scenes of a list; docs/data.md."""
+    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    """neighbours, peers, or pinned FILE."""
+    views: int = 2
+    """Input views."""
+    rows: int = 4
+    """Frames of each DIR."""
+    targets: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SCENE/FRAME ...", help_behavior_hint="")] = ()
+    """Frames by name instead, as the files of predictions are called: scene0160_00/22."""
+    names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="")] = ()
+    """What each DIR is called in the figure; by default as its folder is."""
+    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    """Height x width to compare at; by default 240x320, or 320x240 for portrait scenes."""
+    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    """Where the network computes; auto takes a CUDA GPU where there is one."""
+    overwrite: bool = False
+    """Replace the output folder if an earlier run wrote it, once the new one is complete."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+
+    def run(self) -> None:
+        """Draw the figure and write the folder.
+
+        Raises:
+            InputError: data, weights, predictions or the output folder cannot be used.
+            UsageError: an option asks for what cannot be.
+        """
+        self._check()
+        with show_stage("Starting"):
+            from semgs.evaluation.figure import comparison_block, comparison_legend, comparison_numbers
+            from semgs.figures.comparison import comparison
+            from semgs.files.atomic import write_bytes, write_json
+
+            parts = [self._part(index) for index in range(len(self.data))]
+        tables = list(dict.fromkeys(part.classes for part in parts))
+        if len(tables) > 1:
+            raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)
+        blocks, numbers = [], []
+        shown: list[Compared] = []
+        with show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
+            for part in parts:
+                frames = part.compare(partial(_after, len(shown), done))
+                titled = len(parts) > 1 or bool(self.names)
+                blocks.append(comparison_block(part.title if titled else "", frames, part.columns))
+                numbers.append(
+                    {
+                        "data": part.title,
+                        "protocol": part.plan.protocol,
+                        "frames": comparison_numbers(frames, part.columns),
+                    }
+                )
+                shown += frames
+        with own_folder(self.out, self.overwrite) as folder:
+            files = comparison(
+                blocks, comparison_legend(shown), beside=self.kind == "generalisation", forms=("png", "pdf")
+            )
+            for form, content in files.items():
+                write_bytes(folder / f"figure.{form}", content)
+            write_json(folder / "figure.json", {"figure": self.kind, "views": self.views, "parts": numbers})
+        print(f"{self.out / 'figure.png'}: {len(shown)} frames; {self.out / 'figure.json'} has their scores")
+
+    def _check(self) -> None:
+        """Refuse what can be refused before torch is imported."""
+        for folder in self.data:
+            existing_folder(folder)
+        if not self.data or not self.weights:
+            raise UsageError("expected --data DIR and --weights W; see semgs figure --help")
+        for one in self.weights:
+            if one not in NETWORKS and not Path(one).is_file():
+                found = "a folder" if Path(one).is_dir() else "nothing there"
+                raise InputError(one, "a file of weights, or small for those inside the package", found)
+        if self.kind == "smoothness" and (len(self.weights) != 2 or self.predictions):
+            raise UsageError("smoothness compares two weights, trained without and with it, and no --predictions")
+        if self.kind != "smoothness" and len(self.weights) not in (1, len(self.data)):
+            raise UsageError(
+                f"{len(self.weights)} weights for {len(self.data)} data; expected one for all or one for each"
+            )
+        for option, given in (("--scenes", self.scenes), ("--names", self.names)):
+            if given and len(given) != len(self.data):
+                raise UsageError(f"{option} names {len(given)}; expected one for each of the {len(self.data)} data")
+        for text in self.predictions:
+            name, _, theirs = text.partition("=")
+            if not name or not theirs:
+                raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
+            if not Path(theirs).is_dir():
+                raise InputError(theirs, "a folder of predictions", "nothing there")
+        check_protocol(self.protocol)
+        if self.views < 2 or self.rows < 1:
+            raise UsageError(f"--views is {self.views} and --rows {self.rows}; expected 2 or more and 1 or more")
+        parse_size(self.size)
+        check_device(self.device)
+        self.reading.check()
+        check_folder(self.out, self.overwrite)
+
+    def _weights(self, index: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The weights that are shown of one of the data, and what their columns are called.
+
+        Raises:
+            InputError: weights say that they were trained in the other way.
+        """
+        if self.kind == "smoothness":
+            _check_smoothness(self.weights)
+            return self.weights, (WITHOUT, WITH)
+        return (self.weights[index if len(self.weights) > 1 else 0],), ("ours",)
+
+    def _part(self, index: int) -> Part:
+        """What is drawn of one of the data.
+
+        Raises:
+            InputError: scenes, weights or predictions cannot be used, or the weights were trained in these rooms.
+            UsageError: a target is none.
+        """
+        from semgs.cli.evaluation_results import network_method
+        from semgs.data.scene_lists import check_unseen
+        from semgs.evaluation.figure import Part, chosen_tasks
+        from semgs.evaluation.report import data_name
+        from semgs.evaluation.saved import SavedPredictions
+        from semgs.weights.load import find, table_of, trained_scenes
+
+        scenes, classes = labelled_scenes(self.data[index], self.reading, self.scenes[index] if self.scenes else "")
+        plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
+        wanted = [
+            name
+            for name in self.targets
+            if len(self.data) == 1 or any(name.startswith(f"{one.name}/") for one in scenes)
+        ]
+        with what_the_user_gave():
+            plan = replace(plan, tasks=chosen_tasks(plan, self.rows, wanted))
+        weights, names = self._weights(index)
+        methods: list[Method] = []
+        for text in self.predictions:
+            name, _, folder = text.partition("=")
+            saved = SavedPredictions(folder, name)
+            saved.check(plan)
+            methods.append(saved)
+        with what_the_user_gave():
+            for one, name in zip(weights, names, strict=True):
+                tested = [task.scene.name for task in plan.tasks]
+                check_unseen(one, trained_scenes(one), tested, "show other rooms (--scenes, --targets)")
+                classes = classes or table_of(find(one)[1])
+                methods.append(network_method(one, classes, chosen_device(self.device), name)[0])
+        assert classes is not None
+        title = self.names[index] if self.names else data_name(str(self.data[index]), [scene.name for scene in scenes])
+        return Part(title, plan, tuple(methods), classes)
+
+
+def _after(before: int, done: Callable[[int], object], count: int) -> None:
+    """Tell a count that goes on from an earlier one."""
+    done(before + count)
+
+
+def _check_smoothness(weights: Sequence[str]) -> None:
+    """Refuse weights that say that they were trained the other way.
+
+    Raises:
+        InputError: the first say that they were trained with the smoothness of regions, or the second without.
+    """
+    from semgs.weights.file import is_ours, read_header
+    from semgs.weights.load import find
+
+    for one, wanted in zip(weights, (False, True), strict=True):
+        with what_the_user_gave():
+            _, path = find(one)
+        training = json.loads(read_header(path).metadata.get("training", "{}")) if is_ours(path) else {}
+        weight = training.get("losses", {}).get("smoothness")
+        if weight is not None and (weight > 0) != wanted:
+            raise InputError(
+                path, f"weights trained {'with' if wanted else 'without'} the smoothness of regions", f"a weight of {weight:g} of it",
+                key="training.losses.smoothness", advice="name those without first, then those with",
+            )  # fmt: skip
