@@ -225,9 +225,9 @@ class SemGS(nn.Module):
         wide = classes.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
         return wide[..., : views.size[0], : views.size[1]].reshape(*views.images.shape[:-3], -1, *views.size)
 
-    def semantic_parameters(self) -> set[str]:
-        """Names of the parameters that `classify` depends on."""
-        parts = ("semantic_",) if self.semantic_cnn is not None else ("semantic_", "cnn.")
+    def semantic_parameters(self, shared: bool = True) -> set[str]:
+        """Names of the parameters that `classify` depends on; without `shared`, those of them that nothing else depends on."""
+        parts = ("semantic_", "cnn.") if shared and self.semantic_cnn is None else ("semantic_",)
         return {name for name, _ in self.named_parameters() if name.startswith(parts)}
 
     def _encode(

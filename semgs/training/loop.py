@@ -112,7 +112,9 @@ def train(
     where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
     tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
     if settings.supervision == "labels":
-        for name in {name for name, _ in model.named_parameters()} - model.semantic_parameters():
+        for name in {name for name, _ in model.named_parameters()} - model.semantic_parameters(
+            not settings.hold_shared
+        ):
             model.get_parameter(name).requires_grad_(False)
     state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
     resume(state, out, console)

@@ -171,8 +171,10 @@ class TrainingSettings:
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
     supervision: Literal["rendered", "labels"] = "rendered"
     """What the loss looks at: rendered views, as in the paper; or labels, the classes of the input views' own pixels before anything is
-    splatted. That trains the semantic branch and the layers it shares alone, in a fifth of the time: a first stage, whose weights
-    --init of a second one takes."""
+    splatted. That trains the semantic branch and the layers it shares alone, in a fifth of the time."""
+    hold_shared: bool = False
+    """With supervision by labels: keep the layers that both branches share as they are, so that depth and colour of the weights to
+    start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back."""
     sampling: Literal["even", "balanced"] = "even"
     """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
     augmentation: Augmentation = field(default_factory=Augmentation)
@@ -228,6 +230,7 @@ class TrainingSettings:
                 self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo.SEED),
                 f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",
             ),
+            "hold_shared": (not self.hold_shared or self.supervision == "labels", "no, but with supervision by labels"),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),

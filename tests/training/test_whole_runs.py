@@ -83,12 +83,16 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
 
 
-def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(tmp_path: Path, monkeypatch):
+@pytest.mark.parametrize("held", [False, True])
+def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: bool
+):
     monkeypatch.setattr("semgs.training.objective.render", None)
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
-        SETTINGS, supervision="labels", init="small", data=(str(own),), validation=str(own), depth_weight=0.0
-    )
+        SETTINGS, supervision="labels", init="small", data=(str(own),), validation=str(own), depth_weight=0.0,
+        hold_shared=held,
+    )  # fmt: skip
     train(settings, tmp_path / "run", workers=0)
     model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small")
     moved = {
@@ -98,7 +102,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     }
     assert moved
     assert moved <= model.semantic_parameters()
-    assert any(name.startswith("cnn.") for name in moved)
+    assert any(name.startswith("cnn.") for name in moved) == (not held)
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     steps = [line for line in lines if "total" in line]
     assert all(line["psnr"] is None and line["total"] == line["semantic"] > 0 for line in steps)
