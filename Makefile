@@ -48,7 +48,7 @@ demo: setup
 	$(BIN)/semgs demo
 
 test: setup
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 -m 'not long and not gpu'
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'
 
 $(TRACER): $(STAMP)
 	$(PIP) --no-build-isolation -e '.[rooms]'

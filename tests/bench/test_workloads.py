@@ -71,7 +71,15 @@ def test_mvsplats_encoder_counts_what_its_own_code_does() -> None:
     assert sum(found.values()) == pytest.approx(13.16e9, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", ["render_n2", "render_n2_colour", "render_n2_backward", "train_small_n2"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "render_n2",
+        "render_n2_colour",
+        pytest.param("render_n2_backward", marks=pytest.mark.long),
+        pytest.param("train_small_n2", marks=pytest.mark.long),
+    ],
+)
 def test_the_other_rows_run(name: str) -> None:
     watch = Stopwatch()
     work = prepare(tiny(name))

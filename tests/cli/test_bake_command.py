@@ -32,6 +32,7 @@ def environment_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_it_bakes_tells_what_there_is_and_rooms_take_it(
     tmp_path: Path, environment_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

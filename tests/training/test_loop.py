@@ -135,7 +135,7 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, net
 def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(sitting, tmp_path, monkeypatch):
     scores = iter([0.2, 0.5, 0.4, 0.3])
     monkeypatch.setattr(
-        "semgs.training.loop.validate", lambda model, batches: Validation(20.0, next(scores), 0.5, None)
+        "semgs.training.loop.validate", lambda model, batches, supervision: Validation(20.0, next(scores), 0.5, None)
     )
     sitting(tmp_path / "run", save_minutes=0.0, every=3)
     folder = tmp_path / "run" / "checkpoints"
