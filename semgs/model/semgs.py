@@ -36,6 +36,7 @@ from semgs.model.heads import (
     start_at,
     upsampled,
 )
+from semgs.model.pyramid import SemanticPyramid
 from semgs.model.swin import MultiViewSwin
 
 SHRINK = 4
@@ -60,6 +61,8 @@ class SemGS(nn.Module):
         cnn_widths: channels of the shallow CNN.
         candidates: L.
         colour_blocks, semantic_blocks: transformer blocks of each branch.
+        semantic_pyramid: widths of the coarser maps, at 1/8 of the picture and so on, of the pyramid that refines the
+            semantic branch's features, which sees the picture too; none takes the paper's two residual blocks.
         windows: along each side of the token map; 1 is full attention (ablation *Sw-Trans*).
         expansion: of the transformers' feed-forward networks.
         reduction: 2 lets the transformers work at 1/8 of the picture.
@@ -103,6 +106,7 @@ class SemGS(nn.Module):
         candidates: int = 128,
         colour_blocks: int = 6,
         semantic_blocks: int = 3,
+        semantic_pyramid: tuple[int, ...] = (),
         windows: int = 2,
         expansion: int = 4,
         reduction: int = 1,
@@ -138,6 +142,7 @@ class SemGS(nn.Module):
             key: value for key, value in locals().items() if key not in ("self", "__class__", "classes", "conventions")
         }
         self.settings["cnn_widths"] = list(cnn_widths)
+        self.settings["semantic_pyramid"] = list(semantic_pyramid)
         self.settings["conventions"] = asdict(conventions)
         self.name = name
         self.origin = "untrained"
@@ -170,9 +175,13 @@ class SemGS(nn.Module):
             self.colour_head = Head(refine_width + seen, colour_hidden, 9 + 3 * harmonics, last_kernel)
         if classes is not None:
             self.semantic_cnn = None if shared_layers else FeatureCNN(cnn_widths, channels)
-            self.semantic_refinement = nn.Sequential(
-                ResidualBlock(channels, channels), ResidualBlock(channels, channels)
-            )
+            self.semantic_refinement: SemanticPyramid | nn.Sequential
+            if semantic_pyramid:
+                self.semantic_refinement = SemanticPyramid(channels, tuple(semantic_pyramid), SHRINK)
+            else:
+                self.semantic_refinement = nn.Sequential(
+                    ResidualBlock(channels, channels), ResidualBlock(channels, channels)
+                )
             self.semantic_transformer = MultiViewSwin(channels, semantic_blocks, windows, expansion, reduction)
             if not paper_heads:
                 self.semantic_upsampler = Upsampler(
@@ -401,7 +410,11 @@ class SemGS(nn.Module):
         """Features of the semantic branch, None for a colour-only network."""
         if self.classes is None:
             return None
-        refined = self.semantic_refinement(shallow if self.semantic_cnn is None else self.semantic_cnn(pictures))
+        features = shallow if self.semantic_cnn is None else self.semantic_cnn(pictures)
+        if isinstance(self.semantic_refinement, SemanticPyramid):
+            refined = self.semantic_refinement(features, pictures)
+        else:
+            refined = self.semantic_refinement(features)
         features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
         return Semantic(refined, features)
 
