@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import os
+import select
 import signal
 import sys
 import threading
@@ -19,6 +21,7 @@ from semgs.files.errors import InputError
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
+NOBODY_READS = 128 + 13  # SIGPIPE, which some systems do not know
 
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -66,19 +69,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process.
 
     Returns:
-        0; 2 after input that cannot be used, an extra that is not installed or a full disk; 130 and 143 after an interrupt and a request to end.
-        Faults of ours raise.
+        0; 2 after input that cannot be used, an extra that is not installed or a full disk; 130 and 143 after an interrupt and a request to end;
+        141 where nobody reads on, as before `| head`. Faults of ours raise.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with _ended_like_interrupted():
-            return _run(given)
+            code = _run(given)
+            sys.stdout.flush()
+            return code
     except (InputError, UsageError) as error:
         return _refuse(str(error))
     except ImportError as error:
         if "pip install" not in str(error):
             raise
         return _refuse(str(error))  # of an extra that the input needs
+    except BrokenPipeError:
+        if not _closed(sys.stdout.fileno()):
+            raise
+        # What is left in the buffer goes nowhere when Python ends, instead of failing once more.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return NOBODY_READS
     except OSError as error:
         if error.errno not in _DISK_FULL:
             raise
@@ -89,6 +100,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0
+
+
+def _closed(output: int) -> bool:
+    """Whether the pipe that is written to has no reader left."""
+    poll = select.poll()
+    poll.register(output, select.POLLERR)
+    return bool(poll.poll(0))
 
 
 def _run(arguments: list[str]) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -433,6 +434,20 @@ class SemGS(nn.Module):
         if self.paper_heads:
             return upsampled(semantic.features[at], self.factor, self.conventions.pixel_centres)
         return self.semantic_upsampler(torch.cat((semantic.features[at], semantic.refined[at]), dim=1))
+
+
+def arguments(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What `SemGS` takes beside its class table, from `SemGS.settings` or the same read from a file.
+
+    Raises:
+        KeyError, TypeError: these are no such settings.
+    """
+    given = {"semantic_pyramid": (), **settings}  # older files have none
+    widths = {key: tuple(given[key]) for key in ("cnn_widths", "semantic_pyramid")}
+    conventions = given["conventions"]
+    if not isinstance(conventions, Conventions):
+        conventions = Conventions(**conventions)
+    return given | widths | {"conventions": conventions}
 
 
 @dataclass(frozen=True)

@@ -145,6 +145,8 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     mask = s["windows"] ** 2 * window**2 * views if s["windows"] > 1 else 0
     attention = tokens * channels * max(4 * s["expansion"] + 14, 3 * (views - 1) + 13) + mask
     features = texels * channels
+    # The pyramid's finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
+    pyramid = texels * (channels + 3 * SHRINK**2 + UNET_MAPS * channels) if s.get("semantic_pyramid") else 0
     branches = 4 if classes else 2  # the shallow and the transformed features of each branch
     known = features * (branches + model.cosine_cost)
 
@@ -181,7 +183,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     return {
         "cnn": pictures + cnn,
         "transformer_colour": pictures + features + attention,
-        "transformer_semantic": pictures + 3 * features + (attention if classes else 0),
+        "transformer_semantic": pictures + 3 * features + (max(attention, pyramid) if classes else 0),
         "cost_volume": pictures + cost,
         "depth": pictures + depth,
         "heads": pictures + heads,

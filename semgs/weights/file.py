@@ -14,8 +14,7 @@ from safetensors.torch import save as to_bytes
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
-from semgs.model.conventions import Conventions
-from semgs.model.semgs import SemGS
+from semgs.model.semgs import SemGS, arguments
 
 FORMAT = "1"
 """Version of the header."""
@@ -85,11 +84,9 @@ def read_header(path: str | Path) -> Header:
     if fields.pop("semgs", None) != FORMAT:
         raise InputError(path, f"weights of format {FORMAT}, written by semgs", "another header", key="metadata")
     try:
-        settings = json.loads(fields.pop("settings"))
+        settings = arguments(json.loads(fields.pop("settings")))
         classes = json.loads(fields.pop("classes"))
         table = None if classes is None else ClassTable.from_json(classes)
-        settings["conventions"] = Conventions(**settings["conventions"])
-        settings["cnn_widths"] = tuple(settings["cnn_widths"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)

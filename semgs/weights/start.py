@@ -10,9 +10,8 @@ import torch
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
-from semgs.model.conventions import Conventions
 from semgs.model.presets import NAMES
-from semgs.model.semgs import SemGS
+from semgs.model.semgs import SemGS, arguments
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
 from semgs.weights.load import drawn, find, from_mvsplat, load, shipped
 
@@ -80,13 +79,9 @@ def with_settings(settings: Mapping[str, Any], classes: ClassTable | None, seed:
     Raises:
         TypeError, ValueError: these are no such settings.
     """
-    given = dict(settings)
-    if isinstance(given["conventions"], dict):
-        given["conventions"] = Conventions(**given["conventions"])
-    given["cnn_widths"] = tuple(given["cnn_widths"])
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        model = SemGS(classes=classes, **given)
+        model = SemGS(classes=classes, **arguments(settings))
     model.origin = f"untrained: drawn at random with seed {seed}"
     return model
 

@@ -255,3 +255,12 @@ def test_a_process_with_a_broken_scene_ends_with_one_line_and_no_traceback(broke
     assert done.stderr.startswith("semgs: error: ")
     assert done.stderr.count("\n") == 1
     assert [path.name for path in folder.parent.iterdir()] == ["scene"]
+
+
+def test_a_reader_that_has_gone_ends_a_command_without_a_traceback() -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    program = "import sys; from semgs.cli.main import main; sys.exit(main(['--help']))"
+    done = subprocess.run([sys.executable, "-c", program], stdout=writes, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (141, "")

@@ -10,9 +10,8 @@ from semgs.data.classes import SCANNET20
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model import presets
-from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS
+from semgs.model.semgs import SemGS, arguments
 
 SIZE = (32, 48)
 
@@ -86,9 +85,8 @@ def test_cameras_of_four_views_and_leading_axes_are_free(small):
 
 
 def test_settings_rebuild_the_network(small):
-    plain = json.loads(json.dumps(small.settings))
-    settings = plain | {"conventions": Conventions(**plain["conventions"]), "cnn_widths": tuple(plain["cnn_widths"])}
-    again = SemGS(classes=SCANNET20, **settings)
+    again = SemGS(classes=SCANNET20, **arguments(json.loads(json.dumps(small.settings))))
+    assert again.settings == small.settings
     assert {k: v.shape for k, v in again.state_dict().items()} == {k: v.shape for k, v in small.state_dict().items()}
 
 

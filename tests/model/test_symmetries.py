@@ -19,9 +19,8 @@ from semgs.geometry.gaussians import Appearance
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.model import presets
 from semgs.model.camera_attention import token_transforms
-from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS
+from semgs.model.semgs import SemGS, arguments
 from semgs.model.swin import Windows
 
 SIZE = (32, 48)
@@ -31,9 +30,7 @@ LIMITS = {torch.float64: 1e-8, torch.float32: 1e-4}
 
 
 def small_with_the_papers_heads() -> SemGS:
-    settings = presets.small().settings
-    conventions, widths = Conventions(**settings["conventions"]), tuple(settings["cnn_widths"])
-    return SemGS(**settings | {"paper_heads": True, "conventions": conventions, "cnn_widths": widths})
+    return SemGS(**arguments(presets.small().settings) | {"paper_heads": True})
 
 
 NETWORKS = {"small": presets.small, "base": presets.base, "small, paper_heads": small_with_the_papers_heads}

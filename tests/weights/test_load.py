@@ -9,7 +9,7 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model import presets
 from semgs.model.conventions import Conventions
-from semgs.model.semgs import SemGS
+from semgs.model.semgs import SemGS, arguments
 from semgs.weights.file import is_ours, read_header, save
 from semgs.weights.load import find, shipped, table_of
 
@@ -35,9 +35,8 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
 
 
 def test_weights_of_an_ablation_bring_its_switches_back(tmp_path):
-    plain = presets.small().settings
-    settings = plain | {
-        "conventions": Conventions(candidates="linear"), "cnn_widths": tuple(plain["cnn_widths"]), "paper_heads": True,
+    settings = arguments(presets.small().settings) | {
+        "conventions": Conventions(candidates="linear"), "paper_heads": True,
         "windows": 1, "shared_layers": False, "camera_aware_semantic": False,
     }  # fmt: skip
     model = SemGS(**settings)

@@ -1,0 +1,52 @@
+"""The pyramid of the semantic branch."""
+
+import pytest
+import torch
+from golden import fill_golden
+
+from semgs.model.presets import small
+from semgs.model.pyramid import SemanticPyramid
+
+SHRINK = 4
+
+
+def pyramid() -> SemanticPyramid:
+    return fill_golden(SemanticPyramid(16, (24, 32), SHRINK)).double()
+
+
+def given(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
+    torch.manual_seed(0)
+    features = torch.randn(2, 16, height, width, dtype=torch.float64)
+    return features, torch.rand(2, 3, SHRINK * height, SHRINK * width, dtype=torch.float64)
+
+
+@pytest.mark.parametrize("size", [(8, 12), (15, 20), (5, 3)], ids=lambda size: f"{size[0]}x{size[1]}")
+def test_features_keep_their_size_also_where_it_cannot_be_halved(size):
+    features, pictures = given(*size)
+    assert pyramid()(features, pictures).shape == features.shape
+
+
+def test_a_texel_sees_features_and_picture_far_beyond_two_residual_blocks():
+    features, pictures = given(32, 32)
+    features.requires_grad_(True)
+    pictures.requires_grad_(True)
+    pyramid()(features, pictures)[0, :, 16, 16].sum().backward()
+    reach = torch.nonzero(features.grad[0].abs().sum(0))
+    seen = torch.nonzero(pictures.grad[0].abs().sum(0))
+    assert (16 - reach.min(0).values > 8).all()  # two residual blocks of two convolutions reach 4
+    assert (SHRINK * 16 - seen.min(0).values > SHRINK * 8).all()
+    assert not features.grad[1].any()
+
+
+def test_pictures_are_pixels_not_colours_relative_to_their_mean():
+    features, pictures = given(8, 8)
+    model = pyramid()
+    with torch.no_grad():
+        assert (model(features, pictures) - model(features, pictures + 0.3)).abs().amax() > 1e-3
+
+
+def test_small_refines_its_semantic_features_so():
+    model = small()
+    assert isinstance(model.semantic_refinement, SemanticPyramid)
+    assert [block.skip_connection.__class__.__name__ for block in model.semantic_refinement.blocks] == ["Identity"] * 3
+    assert model.settings["semantic_pyramid"] == [96, 192, 256]
