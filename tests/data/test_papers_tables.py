@@ -10,6 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import robot
+from miniatures import miniature
+from replicas import write_replica
 from scannet_writer import Scan, scan, write_raw
 from scannetpp_writer import write_scan
 
@@ -87,7 +90,7 @@ def test_a_download_becomes_weights_a_table_beside_the_papers_and_a_figure(
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Downloads of ScanNet (four scans, two for the test) and ScanNet++ (twelve, ten of them held out), and a semgs to call."""
+    """Downloads of ScanNet (four scans, two for the test), ScanNet++ (twelve, ten of them held out) and Replica, a robot's bag, and a semgs to call."""
     monkeypatch.setenv("SEMGS_CACHE", str(tmp_path / "cache"))
     for number in range(4):
         name = f"scene{160 + number:04d}_00"
@@ -102,6 +105,8 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     names = [f"0a76e064{number:02d}\n" for number in range(12)]
     (tmp_path / "scannetpp/splits/nvs_sem_train.txt").write_text("".join(names[:11]).rstrip())
     (tmp_path / "scannetpp/splits/nvs_sem_val.txt").write_text(names[11])
+    write_replica(tmp_path / "replica/office_0/Sequence_1", miniature())
+    robot(miniature()).write(tmp_path / "robot")
     (tmp_path / "train.txt").write_text("scene0161_00\nscene0162_00\n")
     (tmp_path / "test.txt").write_text("scene0160_00\nscene0163_00\n")
     semgs = tmp_path / "semgs"
@@ -143,9 +148,11 @@ def test_the_scripts_of_all_tables_and_the_three_figures_run_on_miniatures(world
     third = script("table3_ablation", world / "scannet", work, **ablation)
     rows = [line.split("  ")[0] for line in third.splitlines()]
     assert {"none", "+ Sh-Layer", "+ Sw-Trans", "+ C-Inj", "+ Sm-Loss", "+ Sm-Loss ‡"} <= set(rows)
-    # Zero-shot: ScanNet++ is what the weights of Table 1 never saw.
-    ours = script("table_zero_shot", work, world / "scannetpp" / "data" / "0a76e06400", VIEWS="2")
-    assert "ours on 0a76e06400 (1 scene), 2 views" in ours
+    # Zero-shot: what the weights of Table 1 never saw; the robot's recording has no labels.
+    elsewhere = (world / "scannetpp/data/0a76e06400", world / "replica", world / "robot")
+    ours = script("table_zero_shot", work, *elsewhere, VIEWS="2")
+    for data in elsewhere:
+        assert f"ours on {data.name} (1 scene), 2 views" in ours
     figures = {
         "qualitative": (work / "runs/scannet/weights.safetensors", work / "runs/scannetpp/weights.safetensors"),
         "generalisation": (work / "runs/scannet/weights.safetensors",),
@@ -153,15 +160,16 @@ def test_the_scripts_of_all_tables_and_the_three_figures_run_on_miniatures(world
     }
     (world / "held.txt").write_text(sorted(tested)[0] + "\n")
     for kind, weights in figures.items():
-        scans = (
-            [world / "scannet/scans"] if kind == "smoothness" else [world / "scannet/scans", world / "scannetpp/data"]
-        )
-        lists = [world / "test.txt", world / "held.txt"][: len(scans)]
+        if kind == "generalisation":
+            told_of = ["--data", world / "replica", world / "robot"]
+        else:
+            lists = [world / "test.txt", world / "held.txt"][: len(weights) if kind == "qualitative" else 1]
+            scans = [world / "scannet/scans", world / "scannetpp/data"][: len(lists)]
+            told_of = ["--data", *scans, "--scenes", *lists]
         command(
-            "figure", kind, "--weights", *weights, "--data", *scans, "--scenes", *lists, "--protocol", "peers",
-            *size.split(), "--out", work / kind,
-        )  # fmt: skip
+            "figure", kind, "--weights", *weights, *told_of, "--protocol", "peers", *size.split(), "--out", work / kind
+        )
         parts = json.loads((work / kind / "figure.json").read_text())["parts"]
-        assert len(parts) == len(scans)
+        assert len(parts) == (1 if kind == "smoothness" else 2)
         columns = {name for part in parts for frame in part["frames"] for name in frame["methods"]}
         assert columns == ({"without smoothness", "with smoothness"} if kind == "smoothness" else {"ours"})

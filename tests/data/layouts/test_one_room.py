@@ -11,8 +11,8 @@ import pytest
 import torch
 from bags import COLOUR, DEPTH, Bag, add_tree, times
 from miniatures import SIZE, Miniature, miniature, text, write_picture
+from replicas import write_replica
 from test_frame_files import write_frames
-from test_replica import write_replica
 from test_tum import write_tum
 
 from semgs import load
