@@ -1,0 +1,91 @@
+"""Calibration: whether what is said with 80 % is right in 80 % of cases, and one temperature that brings it nearer to that.
+
+A temperature T takes the distribution p to softmax(log p / T) (Guo et al. 2017, on log S of a rendered pixel or on a Gaussian's own
+distribution). It never changes the order of the classes, so arg max and every class metric stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from scipy.optimize import minimize_scalar
+from torch import Tensor
+from torchmetrics.functional.classification import multiclass_calibration_error
+
+BINS = 15
+"""Of confidence, equally wide, as in Guo et al."""
+
+COLDEST, HOTTEST = 0.05, 20.0
+"""Range in which a temperature is looked for."""
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Pixels whose largest probability lies in a range.
+
+    Attributes:
+        share: of all pixels.
+        confidence: mean of their largest probability, 0 where there are none.
+        accuracy: share of them that are right, 0 where there are none.
+    """
+
+    share: float
+    confidence: float
+    accuracy: float
+
+
+def tempered(distributions: Float[Tensor, "*batch class"], temperature: float) -> Float[Tensor, "*batch class"]:
+    """softmax(log p / T) of distributions over their last axis; a T of 1 changes nothing but rounding.
+
+    Raises:
+        ValueError: the temperature is not positive.
+    """
+    if not temperature > 0:
+        raise ValueError(f"a temperature of {temperature}; expected one above 0")
+    return (_logarithms(distributions) / temperature).softmax(-1)
+
+
+def fitted_temperature(distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"]) -> float:
+    """The temperature at which labelled distributions have the smallest negative log-likelihood, between 0.05 and 20.
+
+    The likelihood is convex in 1 / T, so a bounded search in it finds the one minimum.
+
+    Raises:
+        ValueError: there is nothing to fit to.
+    """
+    if not len(labels):
+        raise ValueError("a temperature is fitted to labelled pixels, and there are none")
+    logarithms = _logarithms(distributions.double())
+
+    def mean_cost(inverse: float) -> float:
+        return float(torch.nn.functional.cross_entropy(logarithms * inverse, labels.long()))
+
+    found = minimize_scalar(mean_cost, bounds=(1 / HOTTEST, 1 / COLDEST), method="bounded", options={"xatol": 1e-4})
+    return 1 / float(found.x)
+
+
+def expected_calibration_error(
+    distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"], bins: int = BINS
+) -> float:
+    """Mean over pixels of |confidence - accuracy| of their bin (ECE), by torchmetrics."""
+    return float(multiclass_calibration_error(distributions, labels.long(), distributions.shape[-1], bins, "l1"))
+
+
+def reliability(
+    distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"], bins: int = BINS
+) -> tuple[Bin, ...]:
+    """What a reliability plot shows: pixels by their largest probability, each bin (low, high], with how many were right."""
+    confidence, said = distributions.double().max(-1)
+    right = (said == labels).double()
+    of = torch.bucketize(confidence, torch.linspace(0, 1, bins + 1, dtype=torch.float64)[1:-1])
+    counts = torch.bincount(of, minlength=bins).double()
+    sums = [torch.bincount(of, weights=values, minlength=bins) / counts.clamp(min=1) for values in (confidence, right)]
+    return tuple(Bin(*row) for row in torch.stack((counts / max(len(labels), 1), *sums), 1).tolist())
+
+
+def _logarithms(distributions: Float[Tensor, "*batch class"]) -> Float[Tensor, "*batch class"]:
+    """log p, never below float32; the smallest normal number stands in for a zero."""
+    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
+    return exact.clamp(min=torch.finfo(exact.dtype).tiny).log()
