@@ -27,6 +27,8 @@ CELL = 1.6
 MARGIN = 0.06
 TITLE, HEADING, LABEL, LEGEND = 8.0, 7.0, 5.0, 6.0
 """Sizes of what is written [points]."""
+POINTS, CHARACTER = 72.0, 0.62
+"""Points an inch, and the width of a character as a share of its size, at most on average."""
 LEGEND_LINE = 0.16
 """Height of a line of the legend [inch]."""
 ENTRY = 0.85
@@ -170,7 +172,8 @@ class _Grid:
             text(middle, top + 0.6 * self._title, self._block.title, TITLE, ha="center", va="center", weight="bold")
         y = top + self._top
         for row, tall in zip(self._block.rows, self._heights, strict=True):
-            text(left + 0.05, y + tall / 2, row.label, LABEL, ha="center", va="center", rotation=90, color="0.35")
+            words = _shortened(row.label, tall)
+            text(left + 0.05, y + tall / 2, words, LABEL, ha="center", va="center", rotation=90, color="0.35")
             x = left + self._left
             for picture, wide in zip(row.pictures, self._widths, strict=True):
                 if picture is not None:
@@ -181,6 +184,12 @@ class _Grid:
         for heading, wide in zip(self._block.headings, self._widths, strict=True):
             text(x + wide / 2, top + self._top - 0.03, heading, HEADING, ha="center", va="bottom")
             x += wide + GAP
+
+
+def _shortened(label: str, room: float) -> str:
+    """As much of the end of a label as fits beside a picture that is so high [inch]."""
+    fitting = max(int(room * POINTS / (CHARACTER * LABEL)), 2)
+    return label if len(label) <= fitting else "…" + label[1 - fitting :]
 
 
 def _place(figure: Figure, picture: np.ndarray, box: tuple[float, float, float, float], scale: float) -> None:

@@ -93,3 +93,14 @@ def test_what_cannot_be_drawn_is_refused():
         comparison([])
     with pytest.raises(ValueError, match="expected one size"):
         mosaic([picture(RED), picture(RED, (10, 10))])
+
+
+def test_a_long_label_stays_beside_its_own_row():
+    labels = ("recording/" + 9 * "0123456789" + "w", "recording/" + 9 * "0123456789")
+    rows = tuple(PictureRow(label, (picture(RED),)) for label in labels)
+    sheet = opened(comparison([Block("", ("x",), rows)])["png"])
+    gap = np.nonzero((sheet == np.array(RED)).all(-1).any(1))[0]
+    (between,) = np.nonzero(np.diff(gap) > 1)[0]
+    beside = np.nonzero((sheet == np.array(RED)).all(-1).any(0))[0][0]
+    assert (sheet[gap[between] + 1 : gap[between + 1], :beside] == 255).all()
+    assert (sheet[:, :beside] < 200).any()
