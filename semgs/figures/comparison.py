@@ -27,7 +27,7 @@ CELL = 1.6
 MARGIN = 0.06
 TITLE, HEADING, LABEL, LEGEND = 8.0, 7.0, 5.0, 6.0
 """Sizes of what is written [points]."""
-POINTS, CHARACTER = 72.0, 0.62
+POINTS, CHARACTER = 72.0, 0.68
 """Points an inch, and the width of a character as a share of its size, at most on average."""
 LEGEND_LINE = 0.16
 """Height of a line of the legend [inch]."""
