@@ -57,6 +57,8 @@ COMMANDS = {
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
     "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
     "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate or bench wrote."),
+    "weights": Command("semgs.cli.weights", "Weights", "List weights: what ships, or files; scores, licence, terms."),
+    "weights verify": Command("semgs.cli.weights", "Verify", "Compare weights with the hashes of those that ship."),
     "figure": Command("semgs.cli.figure", "Figure", "Draw the paper's comparison figures of your weights and scenes."),
     "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
 }

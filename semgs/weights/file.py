@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,19 @@ def read_header(path: str | Path) -> Header:
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
+
+
+def count_numbers(path: str | Path) -> int:
+    """How many numbers the tensors of a safetensors file have together; its tensors are not read.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            return sum(prod(file.get_slice(name).get_shape()) for name in file.keys())  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise InputError(path, "a safetensors file of weights", f"{error}") from None
 
 
 def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
 from pathlib import Path
 
 import torch
@@ -14,6 +13,7 @@ from semgs.model import presets
 from semgs.model.semgs import SemGS
 from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
+from semgs.weights.index import shipped_folder
 
 SCENES = "scenes"
 """Where the header of weights has the names of the scenes that they were trained on."""
@@ -114,7 +114,7 @@ def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
 
 def shipped(name: str) -> Path | None:
     """The file of weights inside the package, None if there is none."""
-    path = Path(str(resources.files("semgs.weights"))) / "shipped" / f"{name}.safetensors"
+    path = shipped_folder() / f"{name}.safetensors"
     return path if path.is_file() else None
 
 
