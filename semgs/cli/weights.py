@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -80,12 +81,13 @@ class Verify:
             print(f"{text}: sha256 {match.sha256[:SHOWN]}{of} matches, {match.bytes:,} bytes")
 
 
-def _files_grid(files: dict[str, Path]) -> Grid:
+def _files_grid(files: Mapping[str, Path]) -> Grid:
     """What each file is, and below it the terms of its data."""
     from semgs.evaluation.tables import Cell, Grid
     from semgs.files.hashes import sha256
     from semgs.weights.file import count_numbers, read_header
     from semgs.weights.index import SHOWN
+    from semgs.weights.load import data_terms
 
     rows, notes = [], []
     for name, path in files.items():
@@ -96,11 +98,12 @@ def _files_grid(files: dict[str, Path]) -> Grid:
         )  # fmt: skip
         rows.append(tuple(map(Cell, told)))
         notes.append(f"{name}: {metadata.get('description', 'no description')}")
+        notes += [f"{name}: trained on {one.text}" for one in data_terms(path)]
     head = ("weights", "sha256", "size", "licence", "parameters")
     return Grid("Weights", (), head, tuple(rows), notes=tuple(notes))
 
 
-def _scores_grid(files: dict[str, Path]) -> list[Grid]:
+def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     """What they reached, with intervals; no table where no header tells."""
     from semgs.evaluation.tables import Cell, Grid
     from semgs.evaluation.texts import TITLES, with_interval

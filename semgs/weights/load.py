@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 
 from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.terms import Terms, terms_from
 from semgs.files.errors import InputError
 from semgs.model import presets
 from semgs.model.semgs import SemGS
@@ -18,9 +21,17 @@ from semgs.weights.index import shipped_folder
 SCENES = "scenes"
 """Where the header of weights has the names of the scenes that they were trained on."""
 
+DATA_TERMS = "data_terms"
+"""Where it has the terms of those data."""
+
+MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://github.com/donydchen/mvsplat", own=True)
+"""Of its checkpoint, which has no header."""
+
 
 def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20) -> SemGS:
     """A network with its weights; `origin` of the result says in one sentence where they come from.
+
+    Where they were trained on data with terms of their own (ScanNet's, say), a warning repeats these.
 
     Args:
         name: "small", "base" or "mvsplat".
@@ -103,6 +114,34 @@ def trained_scenes(weights: str | Path) -> tuple[str, ...]:
     return tuple(names)
 
 
+def data_terms(weights: str | Path) -> tuple[Terms, ...]:
+    """The terms of the data that weights were trained on, as far as they say.
+
+    Raises:
+        ValueError: no weights of that name ship.
+        InputError: there is no such file, or its header is broken.
+    """
+    _, path = find(weights)
+    if not is_ours(path):
+        return (MVSPLAT,)
+    metadata = read_header(path).metadata
+    if DATA_TERMS not in metadata:
+        return (Terms(f"data that {path.name} does not name: terms not stated"),)
+    return _terms_in(metadata, path)
+
+
+def _terms_in(metadata: Mapping[str, str], path: Path) -> tuple[Terms, ...]:
+    """The terms that a header states, none where it states none.
+
+    Raises:
+        InputError: they cannot be read.
+    """
+    try:
+        return terms_from(metadata.get(DATA_TERMS, "[]"))
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(path, "terms of data as JSON", f"{type(error).__name__}: {error}", key=DATA_TERMS) from error
+
+
 def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
     """An untrained network of that name; the caller's random state is left as it was."""
     with torch.random.fork_rng(devices=[]):
@@ -136,6 +175,8 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
     except (TypeError, ValueError) as error:
         raise InputError(path, f'settings of "{name}"', f"{error}", key="settings") from None
     fill(model, read_tensors(path), path)
+    if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
+        warnings.warn(f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}", stacklevel=3)
     model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
     return model
 
