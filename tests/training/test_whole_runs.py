@@ -18,6 +18,7 @@ from scenes_on_disk import write_labelled, write_table
 
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import SCANNET20
+from semgs.data.terms import ROOMS
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
