@@ -13,7 +13,7 @@ from semgs.evaluation.tables import Cell, Grid
 from semgs.evaluation.texts import TITLES, shown_number
 from semgs.files.errors import InputError
 
-Layout = Literal["paper", "difference", "data"]
+Layout = Literal["paper", "difference", "data", "card"]
 
 PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
 """The columns of the paper's tables: by the code of the peers, whom it follows, all but the last are means over images."""
@@ -46,11 +46,19 @@ def check_comparable(reports: Sequence[SavedReport]) -> None:
     """Refuse reports whose numbers are not of the same targets.
 
     Raises:
-        InputError: two differ in class table, or, for a number of views that both have, in targets, contexts, size or truth.
+        InputError: two differ in class table, or, for a number of views that both have, in targets, contexts, size or truth;
+            or one was reduced to its totals, so that this cannot be known.
     """
     first: dict[int, SavedReport] = {}
     for report in reports:
         for views, result in report.results.items():
+            if not result.frames:
+                raise InputError(
+                    report.path,
+                    "a whole report",
+                    "one reduced to its totals",
+                    advice="--layout data and card can show it",
+                )
             other = first.setdefault(views, report)
             difference = _difference(other, report, other.results[views], result)
             if difference:

@@ -13,8 +13,8 @@ SemGS
 Apache-2.0, see LICENSE.
 
 Rooms that the weights of SemGS are trained in show models and textures by others. Those under licences that ask for attribution (CC-BY) are
-named here: the file in the folder of assets, the repository that it is from at a commit, and its path there. The others are CC0, Apache-2.0, MIT or
-BSD-3-Clause; `semgs rooms --assets` writes the list of all (ATTRIBUTION.md) beside the rooms that it draws.
+named here: the file in the folder of assets, the repository that it is from at a commit, and its path there. The others are CC0, in
+the public domain, ours, Apache-2.0, MIT or BSD-3-Clause; `semgs rooms --assets` writes the list of all (ATTRIBUTION.md) beside the rooms that it draws.
 """
 
 
