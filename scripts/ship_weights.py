@@ -2,8 +2,8 @@
 
     python scripts/ship_weights.py runs/small/best.safetensors small --description "..." [--data-terms TEXT ...]
 
-The scores of docs/scores that are of this very file go into its header. The tensors stay as they are, to the bit. Without
-`--data-terms` the file's own terms stay.
+The scores of docs/scores, which must be of this very file (or of the one that its header's scores are of), go into its
+header. The tensors stay as they are, to the bit. Without `--data-terms` the file's own terms stay.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from semgs.files.hashes import sha256
 from semgs.weights.file import restate
 from semgs.weights.index import shipped_folder, write_index
 from semgs.weights.load import DATA_TERMS
-from semgs.weights.scores import KEY, Score, scores_text
+from semgs.weights.scores import KEY, Score, read_scores, scores_text
 
 SCORES = Path(__file__).resolve().parent.parent / "docs" / "scores"
 
@@ -31,10 +31,11 @@ def scores(weights: Path) -> list[Score]:
     Raises:
         InputError: one of them is of other weights.
     """
-    found = []
+    known = {sha256(weights), *(one.sha256 for one in read_scores(weights))}
+    found: list[Score] = []
     for path in sorted(SCORES.glob("*.json")):
         report = read_report(path)
-        if report.sha256 != sha256(weights):
+        if report.sha256 not in known:
             raise InputError(
                 path, f"a report of {weights}", f"one of {report.sha256}", advice="evaluate again, or delete it"
             )

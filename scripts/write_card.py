@@ -13,18 +13,11 @@ import argparse
 import json
 from pathlib import Path
 
-from semgs.evaluation.card import card_grids, reduced, with_tables
+from semgs.evaluation.card import reduced, tables, with_tables
 from semgs.evaluation.report import read_report
-from semgs.evaluation.tables import printed
 from semgs.files.atomic import write_json, write_text
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-
-
-def tables() -> str:
-    """The tables of all reports in docs/scores, in Markdown."""
-    grids = card_grids([read_report(path) for path in sorted((DOCS / "scores").glob("*.json"))])
-    return "\n\n".join(printed(grid, "markdown") for grid in grids)
 
 
 if __name__ == "__main__":
@@ -36,4 +29,4 @@ if __name__ == "__main__":
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         write_json(DOCS / "scores" / f"{title.replace(' ', '_')}.json", reduced(content, title))
     card = DOCS / "model_card.md"
-    write_text(card, with_tables(card.read_text(encoding="utf-8"), tables()))
+    write_text(card, with_tables(card.read_text(encoding="utf-8"), tables(DOCS / "scores")))

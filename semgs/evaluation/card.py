@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from semgs.evaluation.compare import MARKED, ROWS
-from semgs.evaluation.report import SavedReport, SavedResult
-from semgs.evaluation.tables import Cell, Grid
+from semgs.evaluation.report import SavedReport, SavedResult, read_report
+from semgs.evaluation.tables import Cell, Grid, printed
 from semgs.evaluation.texts import TITLES, shown_number, with_interval
 from semgs.weights.scores import Figure, Score
 
@@ -37,6 +38,16 @@ def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
     }
 
 
+def tables(folder: Path) -> str:
+    """The tables of all reports in a folder, in Markdown.
+
+    Raises:
+        InputError: a report cannot be read.
+    """
+    grids = card_grids([read_report(path) for path in sorted(folder.glob("*.json"))])
+    return "\n\n".join(printed(grid, "markdown") for grid in grids)
+
+
 def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
     """The scores of reports of any data with their intervals, each above the nearest context copied; then the classes."""
     pairs = [(report, result) for report in reports for result in report.results.values()]
@@ -46,14 +57,15 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
         rows.append(_row(name, result.numbers, result.numbers["below_copy"]))
         rows.append(_row(f"  {ROWS['copy']}", result.trivial.get("copy", {}), ()))
     protocols = " and ".join(dict.fromkeys(report.protocol for report in reports))
+    marked = any(cell.marked for row in rows for cell in row)
     scores = Grid(
         title=f"Scores, protocol {protocols}",
         groups=(),
         head=("data (scenes), input views", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         notes=(
-            "In brackets: 95 % intervals over scenes.",
-            *([MARKED] if any(c.marked for r in rows for c in r) else []),
+            "In brackets: 95 % intervals over scenes. The nearest context is copied with its true classes and depth.",
+            *([MARKED] if marked else []),
         ),
     )
     labelled = [(report, result) for report, result in pairs if result.numbers["per_class"]]

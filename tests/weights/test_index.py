@@ -6,11 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
+import torch
+from safetensors.torch import load_file
 
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.model.presets import small
-from semgs.weights.file import count_numbers, save
+from semgs.weights.file import count_numbers, read_header, restate, save
 from semgs.weights.index import FILE_NAME, check, matching, read_index, shipped_folder, write_index
 from semgs.weights.scores import KEY, Figure, Score, read_scores, scores_text
 
@@ -81,3 +83,15 @@ def test_scores_of_another_form_are_refused(tmp_path: Path, scores: str):
 
 def test_the_hash_of_the_index_is_that_of_the_file(folder: Path):
     assert [one.sha256 for one in read_index(folder)] == [sha256(one.path) for one in read_index(folder)]
+
+
+def test_restating_changes_the_header_alone(tmp_path: Path):
+    path, model = tmp_path / "a.safetensors", small()
+    save(path, model, {"seed": "3", "licence": "none"})
+    restate(path, tmp_path / "b.safetensors", {"licence": "Apache-2.0"})
+    assert read_header(tmp_path / "b.safetensors").metadata == {"seed": "3", "licence": "Apache-2.0"}
+    first, second = load_file(path), load_file(tmp_path / "b.safetensors")
+    assert {name: one.dtype for name, one in first.items()} == {name: one.dtype for name, one in second.items()}
+    assert all(torch.equal(one, second[name]) for name, one in first.items())
+    with pytest.raises(ValueError, match="'settings'"):
+        restate(path, path, {"settings": "{}"})
