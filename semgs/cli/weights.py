@@ -14,7 +14,7 @@ from semgs.cli.errors import what_the_user_gave
 if TYPE_CHECKING:
     from semgs.evaluation.tables import Grid
 
-METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
+METRICS = ("miou", "accuracy", "psnr")
 """The scores that a terminal is wide enough for."""
 
 
@@ -29,7 +29,7 @@ class Weights:
     """
 
     weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[WEIGHTS ...]", help_behavior_hint="")] = ()  # fmt: skip
-    """Names or files; without any, all that ship."""
+    """Names, files, or hf://OWNER/NAME on the hub; without any, all that ship."""
 
     def run(self) -> None:
         """Print the tables.

@@ -16,6 +16,7 @@ from semgs.model import presets
 from semgs.model.semgs import SemGS
 from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
+from semgs.weights.hub import SCHEME, fetched, is_hub_id
 from semgs.weights.index import shipped_folder
 
 SCENES = "scenes"
@@ -28,25 +29,33 @@ MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://git
 """Of its checkpoint, which has no header."""
 
 
-def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20) -> SemGS:
+def load(
+    name: str | Path, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20
+) -> SemGS:
     """A network with its weights; `origin` of the result says in one sentence where they come from.
 
     Where they were trained on data with terms of their own (ScanNet's, say), a warning repeats these.
 
     Args:
-        name: "small", "base" or "mvsplat".
+        name: "small", "base" or "mvsplat"; or, without `weights`, a file or hub id, which says itself of which it is.
         weights: None takes those that ship with the package; "random" draws them; a path loads a file of ours, or
             MVSplat's checkpoint (`.ckpt` or safetensors) for "mvsplat", and for "base", whose semantic branch is then
-            drawn at random.
+            drawn at random; a hub id ("hf://owner/name", `semgs.weights.hub`) fetches a file first.
         seed: of what is drawn.
         classes: the table that the weights must have been trained on.
 
     Raises:
         ValueError: there is no network of that name, or no weights ship for it.
-        InputError: the file cannot be read, or does not fit: the tensor or table is named.
+        InputError: the file cannot be read or fetched, or does not fit: the tensor or table is named.
+        ImportError: a hub id is given and huggingface_hub is not installed.
     """
+    if weights is None and (is_hub_id(name) or Path(name).is_file()):
+        name, weights = find(name)
+    name = str(name)
     if name not in presets.NAMES:
-        raise ValueError(f"unknown model {name!r}; known: {', '.join(presets.NAMES)}")
+        raise ValueError(
+            f"unknown model {name!r}; known: {', '.join(presets.NAMES)}, a file of weights, {SCHEME}OWNER/NAME"
+        )
     if weights is None:
         weights = shipped(name)
         if weights is None:
@@ -55,7 +64,7 @@ def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes
         model = drawn(name, seed, classes)
         model.origin = f"untrained: drawn at random with seed {seed}"
         return model
-    path = Path(weights)
+    path = _local(weights)
     if not path.is_file():
         raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
     if is_ours(path):
@@ -64,15 +73,16 @@ def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes
 
 
 def find(weights: str | Path) -> tuple[str, Path]:
-    """The network's name and the file of weights that a user called by name ("small") or by path.
+    """The network's name and the file of weights that a user called by name ("small"), by path or by hub id.
 
     A file that is not of ours is taken for MVSplat's checkpoint.
 
     Raises:
         ValueError: no weights of that name ship with the package.
-        InputError: there is no such file, or its header is broken.
+        InputError: there is no such file, it cannot be fetched, or its header is broken.
+        ImportError: a hub id is given and huggingface_hub is not installed.
     """
-    path = Path(weights)
+    path = _local(weights)
     if str(weights) in presets.NAMES:
         inside = shipped(str(weights))
         if inside is None:
@@ -155,6 +165,11 @@ def shipped(name: str) -> Path | None:
     """The file of weights inside the package, None if there is none."""
     path = shipped_folder() / f"{name}.safetensors"
     return path if path.is_file() else None
+
+
+def _local(weights: str | Path) -> Path:
+    """The path of weights, fetched where they are on the hub."""
+    return fetched(str(weights)) if is_hub_id(weights) else Path(weights)
 
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
