@@ -98,7 +98,7 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
         )  # fmt: skip
         rows.append(tuple(map(Cell, told)))
         notes.append(f"{name}: {metadata.get('description', 'no description')}")
-        notes += [f"{name}: trained on {one.text}" for one in data_terms(path)]
+        notes += [f"{name}, data: {one.text}" for one in data_terms(path)]
     head = ("weights", "sha256", "size", "licence", "parameters")
     return Grid("Weights", (), head, tuple(rows), notes=tuple(notes))
 

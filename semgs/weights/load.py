@@ -136,7 +136,7 @@ def data_terms(weights: str | Path) -> tuple[Terms, ...]:
         return (MVSPLAT,)
     metadata = read_header(path).metadata
     if DATA_TERMS not in metadata:
-        return (Terms(f"data that {path.name} does not name: terms not stated"),)
+        return (Terms(f"what {path.name} was trained on: terms not stated"),)
     return _terms_in(metadata, path)
 
 

@@ -261,6 +261,8 @@ def test_a_reader_that_has_gone_ends_a_command_without_a_traceback() -> None:
     reads, writes = os.pipe()
     os.close(reads)
     program = "import sys; from semgs.cli.main import main; sys.exit(main(['--help']))"
-    done = subprocess.run([sys.executable, "-c", program], stdout=writes, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], stdout=writes, stderr=subprocess.PIPE, text=True, check=False
+    )
     os.close(writes)
     assert (done.returncode, done.stderr) == (141, "")

@@ -49,7 +49,7 @@ def test_what_is_not_known_is_said(tmp_path: Path):
     surveyed(replace(SETTINGS, init=str(tmp_path / "old.safetensors")), tmp_path)
     assert data_terms_of(tmp_path / RECORD) == (
         ROOMS,
-        Terms("data that old.safetensors does not name: terms not stated"),
+        Terms("what old.safetensors was trained on: terms not stated"),
     )
     record = json.loads((tmp_path / RECORD).read_text())
     del record["terms"]
