@@ -18,6 +18,10 @@ ATTRIBUTION = "ATTRIBUTION.md"
 """The file beside rooms with assets that says whose work is in them."""
 
 
+class TermsWarning(UserWarning):
+    """Weights were trained on data with terms of their own, which it repeats."""
+
+
 @dataclass(frozen=True)
 class Terms:
     """The terms of some data.

@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 
 from semgs.data.classes import SCANNET20, ClassTable
-from semgs.data.terms import Terms, terms_from
+from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
 from semgs.model import presets
 from semgs.model.semgs import SemGS
@@ -34,7 +34,7 @@ def load(
 ) -> SemGS:
     """A network with its weights; `origin` of the result says in one sentence where they come from.
 
-    Where they were trained on data with terms of their own (ScanNet's, say), a warning repeats these.
+    Where they were trained on data with terms of their own (ScanNet's, say), a `TermsWarning` repeats these.
 
     Args:
         name: "small", "base" or "mvsplat"; or, without `weights`, a file or hub id, which says itself of which it is.
@@ -191,7 +191,8 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
         raise InputError(path, f'settings of "{name}"', f"{error}", key="settings") from None
     fill(model, read_tensors(path), path)
     if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
-        warnings.warn(f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}", stacklevel=3)
+        told = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
+        warnings.warn(told, TermsWarning, stacklevel=3)
     model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
     return model
 

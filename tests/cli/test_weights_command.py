@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import pytest
 
 from semgs.cli.main import main
+from semgs.data.terms import TermsWarning
 from semgs.weights.file import save
 from semgs.weights.index import SHOWN, read_index
 from semgs.weights.load import load, shipped
@@ -47,3 +49,18 @@ def test_verify_refuses_an_altered_file_on_one_line(tmp_path: Path, capsys: pyte
     assert told.out == ""
     assert len(told.err.splitlines()) == 1
     assert "it is altered" in told.err
+
+
+def test_warnings_of_ours_are_one_line_of_the_terminal_and_others_stay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    formatted: list[str] = []
+
+    def run(options: object) -> None:
+        formatted.extend(
+            warnings.formatwarning(kind("said"), kind, "file.py", 7, "line") for kind in (TermsWarning, UserWarning)
+        )
+
+    monkeypatch.setattr("semgs.cli.reconstruct.Reconstruct.run", run)
+    usual = warnings.formatwarning
+    assert main(["reconstruct", str(tmp_path), "--out", "none"]) == 0
+    assert formatted == ["semgs: said\n", usual(UserWarning("said"), UserWarning, "file.py", 7, "line")]
+    assert warnings.formatwarning is usual

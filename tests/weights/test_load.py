@@ -6,7 +6,7 @@ from safetensors.torch import load_file, save_file
 
 from semgs import load
 from semgs.data.classes import SCANNET20, ClassTable
-from semgs.data.terms import FURNISHED, ROOMS, SCANNET, terms_text
+from semgs.data.terms import FURNISHED, ROOMS, SCANNET, TermsWarning, terms_text
 from semgs.files.errors import InputError
 from semgs.model import presets
 from semgs.model.conventions import Conventions
@@ -153,7 +153,7 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
 def test_terms_of_ones_own_are_repeated_in_a_line_and_others_are_not(small, tmp_path):
     path = tmp_path / "scanned.safetensors"
     save(path, small, {DATA_TERMS: terms_text([ROOMS, SCANNET])})
-    with pytest.warns(UserWarning, match=r"scanned.safetensors .* own: ScanNet: .*TOS.pdf$") as told:
+    with pytest.warns(TermsWarning, match=r"scanned.safetensors .* own: ScanNet: .*TOS.pdf$") as told:
         load("small", path)
     assert len(told) == 1
     assert data_terms(path) == (ROOMS, SCANNET)
