@@ -30,9 +30,10 @@ class Compare:
 
     reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...")]
     """The reports, or the folders that they are in; differences are to the first."""
-    layout: Literal["paper", "difference", "data"] = "paper"
+    layout: Literal["paper", "difference", "data", "card"] = "paper"
     """paper has the columns of the paper's tables; difference subtracts the first report from each other one, with
-    paired 95 % bootstrap intervals; data puts reports of different data below each other."""
+    paired 95 % bootstrap intervals; data puts reports of different data below each other; card, for the page about weights, adds
+    intervals and a table of classes."""
     published: Literal["scannet", "scannetpp", "ablation"] | None = None
     """With paper: the rows of the paper's table above ours, marked as published, and what cannot be known of them below."""
     format: Literal["text", "markdown", "latex"] = "text"
@@ -57,19 +58,22 @@ class Compare:
         if is_bench(self.reports[0]):
             print(self._benches())
             return
+        from semgs.evaluation.card import card_grids
         from semgs.evaluation.compare import check_comparable, data_grid, difference_grids, paper_grid
         from semgs.evaluation.published import PUBLISHED
         from semgs.evaluation.report import read_report
         from semgs.evaluation.tables import printed
 
         reports = [read_report(path) for path in self.reports]
-        if self.layout != "data":
+        if self.layout not in ("data", "card"):
             check_comparable(reports)
         with what_the_user_gave():
             if self.layout == "difference":
                 grids = difference_grids(reports)
             elif self.layout == "data":
                 grids = [data_grid(reports)]
+            elif self.layout == "card":
+                grids = card_grids(reports)
             else:
                 grids = [paper_grid(reports, PUBLISHED[self.published] if self.published else None)]
         print("\n\n".join(printed(grid, self.format) for grid in grids))

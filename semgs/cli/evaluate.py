@@ -17,6 +17,7 @@ from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
 from semgs.files.paths import existing_folder
+from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.data.classes import ClassTable
@@ -65,7 +66,7 @@ class Evaluate:
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
     weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
-    """"small" for those inside the package, or a file of weights."""
+    """"small" for those inside the package, a file of weights, or hf://OWNER/NAME on the hub."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Of a folder, take the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file with a name a line; docs/data.md."""
     predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
@@ -123,7 +124,12 @@ class Evaluate:
         if bool(self.weights) == (self.predictions is not None):
             raise UsageError("expected WEIGHTS or --predictions DIR, and not both; see semgs evaluate --help")
         existing_folder(self.data)
-        if self.weights and self.weights not in NETWORKS and not Path(self.weights).is_file():
+        if (
+            self.weights
+            and self.weights not in NETWORKS
+            and not is_hub_id(self.weights)
+            and not Path(self.weights).is_file()
+        ):
             found = "a folder" if Path(self.weights).is_dir() else "nothing there"
             raise InputError(self.weights, "a file of weights, or small for those inside the package", found)
         if self.predictions is not None and not self.predictions.is_dir():

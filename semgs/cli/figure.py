@@ -20,6 +20,7 @@ from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
+from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.evaluation.figure import Compared, Part
@@ -128,7 +129,7 @@ class Figure:
         if not self.data or not self.weights:
             raise UsageError("expected --data DIR and --weights W; see semgs figure --help")
         for one in self.weights:
-            if one not in NETWORKS and not Path(one).is_file():
+            if one not in NETWORKS and not is_hub_id(one) and not Path(one).is_file():
                 found = "a folder" if Path(one).is_dir() else "nothing there"
                 raise InputError(one, "a file of weights, or small for those inside the package", found)
         if self.kind == "smoothness" and (len(self.weights) != 2 or self.predictions):

@@ -8,10 +8,12 @@ import select
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 from semgs import __version__
 from semgs.cli.arguments import parse
@@ -57,6 +59,8 @@ COMMANDS = {
     "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
     "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
     "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate or bench wrote."),
+    "weights": Command("semgs.cli.weights", "Weights", "List weights: what ships, or files; scores, licence, terms."),
+    "weights verify": Command("semgs.cli.weights", "Verify", "Compare weights with the hashes of those that ship."),
     "figure": Command("semgs.cli.figure", "Figure", "Draw the paper's comparison figures of your weights and scenes."),
     "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
 }
@@ -74,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with _ended_like_interrupted():
+        with _ended_like_interrupted(), _own_warnings_on_one_line():
             code = _run(given)
             sys.stdout.flush()
             return code
@@ -156,6 +160,22 @@ def _refuse(line: str) -> int:
     """Tell why, on one line."""
     print("semgs: error: " + " ".join(line.split()), file=sys.stderr)
     return BAD_INPUT
+
+
+@contextmanager
+def _own_warnings_on_one_line() -> Iterator[None]:
+    """Print warnings of our own categories without their place in the code, which is nothing to a user."""
+    usual = warnings.formatwarning
+
+    def shown(message: Warning | str, category: type[Warning], *place: Any) -> str:
+        own = category.__module__.startswith("semgs.")
+        return f"semgs: {message}\n" if own else usual(message, category, *place)
+
+    warnings.formatwarning = shown  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 @contextmanager

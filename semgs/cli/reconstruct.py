@@ -16,6 +16,7 @@ from semgs.cli.scene_options import SceneOptions
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.reconstruction.stages import Stages
+from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.data.choice import Choice
@@ -69,7 +70,8 @@ class Reconstruct:
     model: Literal["small", "base", "mvsplat"] = "small"
     """small runs on a laptop; base has the paper's sizes; mvsplat knows colour only."""
     weights: Annotated[str, tyro.conf.arg(metavar="PATH")] = "shipped"
-    """A file of weights, "shipped" for those inside the package, or "random"."""
+    """A file of weights, "shipped" for those inside the package, "random", or hf://OWNER/NAME[@REVISION] to fetch some from the
+    Hugging Face hub."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
     """Where the network computes; auto takes a CUDA GPU where there is one."""
     overwrite: bool = False
@@ -119,7 +121,8 @@ class Reconstruct:
             raise UsageError(f"--views is {self.views}; expected 2 or more frames that overlap")
         if len(self.context) == 1:
             raise UsageError("--context names one frame; expected two or more that overlap")
-        if self.weights not in ("shipped", "random") and not Path(self.weights).is_file():
+        named = self.weights in ("shipped", "random") or is_hub_id(self.weights)
+        if not named and not Path(self.weights).is_file():
             raise UsageError(f"--weights is {self.weights}; expected a file, found nothing there")
 
     def _notes(self) -> list[str]:

@@ -6,7 +6,7 @@ Each scene is one zip archive in which nothing is compressed again, so that `ope
     images/NAME.jpg    at one size
     depth/NAME.png     z-depth, 16 bits, millimetres
     labels/NAME.png    class per pixel, 8 bits, 255 = none
-    prepared.json      what it was made of: layout, frames, notes, pixels of each class
+    prepared.json      what it was made of: layout, frames, notes, pixels of each class, terms
 
 Pictures whose aspect is another one lose their margins on two sides, so that pixels stay square; where that is a hundredth or less they are
 stretched. Their cameras follow. The bytes depend on the source and the settings alone: not on the time, nor on who prepares how many at once.
@@ -20,7 +20,7 @@ import json
 import secrets
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +31,13 @@ from semgs import __version__
 from semgs.data.classes import IGNORE
 from semgs.data.frames import SATURATED, Frame
 from semgs.data.lens import Lens
+from semgs.data.prepared_record import RECORD
 from semgs.data.scene import Scene
+from semgs.data.terms import terms_of
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views, cropped, resized
-from semgs.files.archives import members
 from semgs.files.errors import InputError
 from semgs.files.pictures import png_bytes
 
-RECORD = "prepared.json"
 MILLIMETRE = 0.001
 STRETCH = 0.01
 """Pictures whose aspect is further off than this are cropped, not stretched."""
@@ -187,20 +187,6 @@ def prepared_view(
     return resized(view, (height, width))
 
 
-def read_record(archive: Path) -> dict[str, Any] | None:
-    """What `prepared.json` in an archive holds; None where the archive is not one of ours.
-
-    Raises:
-        InputError: it is no zip archive.
-    """
-    member = members(archive).get(RECORD)
-    try:
-        content = json.loads(member.read_bytes()) if member is not None else None
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) else None
-
-
 def fingerprint(scene: Scene) -> dict[str, Any]:
     """What tells a scene from another of the same name: which frames it has, what comes with them, and where they stand."""
     return {
@@ -287,6 +273,7 @@ def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, sett
         "pixels": {**named, "ignored": int(pixels[IGNORE])} if named else {},
         "notes": list(scene.notes),
         "source": fingerprint(scene),
+        "terms": asdict(terms_of(scene)),
     }
 
 

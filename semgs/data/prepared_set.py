@@ -23,7 +23,8 @@ from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.recordings import sequence_name
-from semgs.data.preparation import Preparation, estimated_bytes, fingerprint, prepare_scene, read_record
+from semgs.data.preparation import Preparation, estimated_bytes, fingerprint, prepare_scene
+from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.data.scenes import open_scenes, scene_paths

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import mean
 
-from semgs.evaluation.compare import TITLES
 from semgs.evaluation.intervals import paired_differences
 from semgs.evaluation.report import SavedReport
 from semgs.evaluation.tables import Cell, Grid
+from semgs.evaluation.texts import TITLES
 from semgs.training.settings import TrainingSettings
 
 METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")

@@ -10,17 +10,10 @@ from semgs.evaluation.published import MARK, PublishedTable
 from semgs.evaluation.report import COMPARED, SavedReport, SavedResult, below
 from semgs.evaluation.summary import LOWER_IS_BETTER
 from semgs.evaluation.tables import Cell, Grid
+from semgs.evaluation.texts import TITLES, shown_number
 from semgs.files.errors import InputError
 
-Layout = Literal["paper", "difference", "data"]
-
-TITLES = {
-    "miou": "mIoU", "miou_per_image": "mIoU/image", "accuracy": "acc.", "accuracy_per_image": "acc./image",
-    "class_accuracy": "class acc.", "class_accuracy_per_image": "class acc./image", "psnr": "PSNR", "ssim": "SSIM",
-    "lpips": "LPIPS", "depth_abs_rel": "depth error", "depth_delta_125": "depth δ<1.25", "unseen": "unseen",
-    "not_given": "not given", "fps_encoding_each": "FPS",
-}  # fmt: skip
-"""Headings of the metrics."""
+Layout = Literal["paper", "difference", "data", "card"]
 
 PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
 """The columns of the paper's tables: by the code of the peers, whom it follows, all but the last are means over images."""
@@ -53,11 +46,19 @@ def check_comparable(reports: Sequence[SavedReport]) -> None:
     """Refuse reports whose numbers are not of the same targets.
 
     Raises:
-        InputError: two differ in class table, or, for a number of views that both have, in targets, contexts, size or truth.
+        InputError: two differ in class table, or, for a number of views that both have, in targets, contexts, size or truth;
+            or one was reduced to its totals, so that this cannot be known.
     """
     first: dict[int, SavedReport] = {}
     for report in reports:
         for views, result in report.results.items():
+            if not result.frames:
+                raise InputError(
+                    report.path,
+                    "a whole report",
+                    "one reduced to its totals",
+                    advice="--layout data and card can show it",
+                )
             other = first.setdefault(views, report)
             difference = _difference(other, report, other.results[views], result)
             if difference:
@@ -218,15 +219,6 @@ def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
     if len(set(with_folder)) == len(names):
         return with_folder
     return [f"{name} #{number}" if names.count(name) > 1 else name for number, name in enumerate(names, 1)]
-
-
-def shown_number(metric: str, value: float | None) -> str:
-    """A metric as text."""
-    if value is None:
-        return "–"
-    if metric in ("unseen", "not_given"):
-        return f"{100 * value:.1f} %"
-    return f"{value:.2f}" if metric in ("psnr", "fps_encoding_each", "fps_encoding_shared") else f"{value:.3f}"
 
 
 def _measured_on(reports: Sequence[SavedReport]) -> str:

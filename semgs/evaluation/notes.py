@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 
 from semgs.data.scene import Scene
-from semgs.evaluation.compare import TITLES
 from semgs.evaluation.evaluate import Rows
 from semgs.evaluation.intervals import FEWEST_SCENES, units
 from semgs.evaluation.plan import Plan
 from semgs.evaluation.report import below
 from semgs.evaluation.summary import summary
+from semgs.evaluation.texts import TITLES
 
 STRETCH_TOLERANCE = 0.01
 """Pictures whose aspect changes by more than this are told of."""

@@ -215,6 +215,7 @@ class SavedReport:
         results: by number of views.
         data_name: what its data are called: the last part of their path, or the scene.
         hardware: what it was computed on; nothing in reports of older versions.
+        sha256: of the weights' file; None for predictions.
     """
 
     path: Path
@@ -225,6 +226,7 @@ class SavedReport:
     results: Mapping[int, SavedResult]
     data_name: str = "data"
     hardware: Mapping[str, str | int] = field(default_factory=dict)
+    sha256: str | None = None
 
 
 def read_report(path: str | Path) -> SavedReport:
@@ -280,6 +282,7 @@ def _saved(path: Path, content: dict[str, Any]) -> SavedReport:
         results=results,
         data_name=data_name(str(content["data"]["path"]), [str(one["name"]) for one in content["data"]["scenes"]]),
         hardware=dict(content.get("hardware", {})),
+        sha256=content["method"].get("sha256"),
     )
 
 

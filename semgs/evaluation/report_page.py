@@ -10,7 +10,7 @@ import numpy as np
 from semgs.data.classes import ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
 from semgs.evaluation.baselines import NAMES
-from semgs.evaluation.compare import BRIEF, MARKED, ROWS, TITLES, overview_grid, shown_number
+from semgs.evaluation.compare import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.evaluate import read_frame
 from semgs.evaluation.plan import Task
 from semgs.evaluation.predictions import Prediction
@@ -18,6 +18,7 @@ from semgs.evaluation.report import Evaluation, SavedReport, SavedResult, data_n
 from semgs.evaluation.saved import SavedPredictions
 from semgs.evaluation.scores import FrameScores
 from semgs.evaluation.summary import METRICS, summary, total_confusion
+from semgs.evaluation.texts import TITLES, shown_number
 from semgs.figures.classes import LegendEntry, class_picture, true_class_picture
 from semgs.figures.depth import (
     WORST_ERROR,

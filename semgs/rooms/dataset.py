@@ -14,6 +14,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from semgs import __version__
 from semgs.data.classes import SCANNET20
+from semgs.data.terms import ATTRIBUTION
 from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_bytes, write_json
 from semgs.files.errors import InputError
@@ -23,7 +24,7 @@ from semgs.rooms.scenes import ROOM, write_scene
 from semgs.rooms.stream import render_of
 from semgs.rooms.style import RENDERS, STYLES, Renders, Style
 
-SETTINGS, INDEX, ATTRIBUTION = "settings.json", "index.json", "ATTRIBUTION.md"
+SETTINGS, INDEX = "settings.json", "index.json"
 
 
 @dataclass(frozen=True)

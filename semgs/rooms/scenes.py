@@ -12,6 +12,7 @@ import torch
 from PIL import Image
 
 from semgs.data.classes import IGNORE
+from semgs.data.terms import ROOM
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes, write_json
 from semgs.files.folders import own_folder
@@ -25,8 +26,6 @@ from semgs.rooms.style import Render, Style
 
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
-ROOM = "room.json"
-"""The file of a scene's folder that tells which room it is and how many pixels each class has in it."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from semgs.data.classes import SCANNET20
+from semgs.data.terms import terms_text
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
@@ -15,9 +16,9 @@ from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
 from semgs.training.settings import Switches, TrainingSettings, changed, told
 from semgs.training.state import averaged_weights
-from semgs.training.survey import RECORD, scenes_of
+from semgs.training.survey import RECORD, data_terms_of, scenes_of
 from semgs.weights.file import save
-from semgs.weights.load import SCENES, drawn
+from semgs.weights.load import DATA_TERMS, SCENES, drawn
 from semgs.weights.start import start, with_settings
 
 NETWORK = "network.json"
@@ -121,7 +122,7 @@ def finished(run: Path) -> bool:
 def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
     """Write the averaged weights of a run's newest checkpoint, or its best, as a file of weights, in bfloat16.
 
-    Its header says of which training they are: settings, step, seed and, where scenes are from files, their names.
+    Its header says of which training they are: settings, step, seed, the terms of its data and, where scenes are from files, their names.
 
     Raises:
         InputError: the run has no intact checkpoint yet.
@@ -141,6 +142,7 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
         model,
         {
             **({SCENES: json.dumps(scenes)} if scenes else {}),
+            DATA_TERMS: terms_text(data_terms_of(run / RECORD)),
             "description": f"{settings.model}, {step} of {settings.steps} steps of a training in {data}",
             "training": json.dumps(settings.as_json()),
             "data": f"rooms of seed {settings.seed}, drawn live" if live else ", ".join(settings.data),

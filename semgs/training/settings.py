@@ -180,7 +180,8 @@ class TrainingSettings:
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Variations of the samples; all off unless asked for."""
     init: str = "random"
-    """Where to start: random, the name of weights that ship (small), or a file of weights; MVSplat's checkpoint does for base."""
+    """Where to start: random, the name of weights that ship (small), a file of weights, or hf://OWNER/NAME on the hub; MVSplat's
+    checkpoint does for base."""
     classes: Annotated[ClassTable | None, CLASS_FILE] = None
     """One's own table of classes (JSON); scenes of other tables are read by the names of their classes. Weights of another table
     keep all but their class head."""

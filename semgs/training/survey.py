@@ -19,18 +19,22 @@ from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import calls, check_unseen, read_list
 from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.terms import FURNISHED, Terms, terms_from, terms_of, terms_text
+from semgs.data.terms import ROOMS as ROOMS_TERMS
 from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
 from semgs.training.settings import INVERSE_ROOT_FREQUENCY, ROOMS, Source, TrainingSettings
-from semgs.weights.load import trained_scenes
+from semgs.weights.load import data_terms, trained_scenes
 
 RECORD = "data.json"
 
 TOLERATED = 0.05
 """The part of all scenes that may be bad."""
+
+UNSTATED = Terms("data of a run that an older version of semgs began: terms not stated")
 
 FRAMES_COUNTED = 4
 """Frames of each scene in which classes are counted."""
@@ -88,10 +92,11 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
     _check_labels(settings, good, classes)
     pixels = _remembered(out / RECORD, good)
     before = _started_on(settings) if pixels is None else ()
+    terms = _terms(settings, good) if pixels is None else ()
     _check_validation(settings, classes, [*before, *(scene.name for scene in good)])
     if pixels is None:
         pixels = _pixels(settings, good, rooms, classes)
-        _remember(out / RECORD, good, pixels, before)
+        _remember(out / RECORD, good, pixels, before, terms)
     shares = _shares(settings, opened, pixels, classes)
     weights = settings.class_weights
     if (isinstance(weights, str) or settings.sampling == "balanced") and not shares.any():
@@ -140,6 +145,21 @@ def scenes_of(record: Path) -> tuple[str, ...]:
         content = json.loads(record.read_text(encoding="utf-8"))
         return tuple(dict.fromkeys([*content.get("before", ()), *(one["name"] for one in content["scenes"])]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(record, "what the data of the run are", str(error)) from error
+
+
+def data_terms_of(record: Path) -> tuple[Terms, ...]:
+    """The terms of all data that a run has seen, those of the weights that it began with included.
+
+    Raises:
+        InputError: the record is damaged.
+    """
+    try:
+        content = json.loads(record.read_text(encoding="utf-8"))
+        return terms_from(content["terms"]) if "terms" in content else (UNSTATED,)
+    except FileNotFoundError:
+        return (UNSTATED,)
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(record, "what the data of the run are", str(error)) from error
 
 
@@ -243,6 +263,13 @@ def _started_on(settings: TrainingSettings) -> tuple[str, ...]:
     return () if settings.init == "random" else trained_scenes(settings.init)
 
 
+def _terms(settings: TrainingSettings, scenes: Sequence[Scene]) -> tuple[Terms, ...]:
+    """The terms of rooms and scenes, and of what the weights to start from were trained on."""
+    drawn = [FURNISHED if settings.assets else ROOMS_TERMS] if any(one.is_rooms for one in settings.sources) else []
+    before = () if settings.init == "random" else data_terms(settings.init)
+    return tuple(dict.fromkeys([*drawn, *(terms_of(scene) for scene in scenes), *before]))
+
+
 def _check_validation(settings: TrainingSettings, classes: ClassTable, trained: Sequence[str]) -> None:
     """Refuse scenes of validation that cannot be used; as strict as with those of the training.
 
@@ -341,14 +368,22 @@ def _folders(
     return tuple(folders)
 
 
-def _remember(record: Path, scenes: Sequence[Scene], pixels: Sequence[Pixels | None], before: Sequence[str]) -> None:
-    """Write what the data are, and which scenes the weights to start from have seen."""
+def _remember(
+    record: Path,
+    scenes: Sequence[Scene],
+    pixels: Sequence[Pixels | None],
+    before: Sequence[str],
+    terms: Sequence[Terms],
+) -> None:
+    """Write what the data are, which scenes the weights to start from have seen, and the terms of both."""
     counts = [None if one is None else one.tolist() for one in pixels]
     listed = [
         {"name": scene.name, "frames": len(scene), "pixels": held}
         for scene, held in zip(scenes, counts[:-1], strict=True)
     ]
-    write_json(record, {"scenes": listed, "rooms": {"pixels": counts[-1]}, "before": list(before)})
+    write_json(
+        record, {"scenes": listed, "rooms": {"pixels": counts[-1]}, "before": list(before), "terms": terms_text(terms)}
+    )
 
 
 def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | None:

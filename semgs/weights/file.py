@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +63,27 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
     write_bytes(Path(path), to_bytes(tensors, header | metadata))
 
 
+def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str]) -> None:
+    """Write weights again with other provenance, atomically: the same tensors to the bit, in the types that they are stored in.
+
+    Args:
+        source: a file of ours.
+        target: the file to write; it may be the same.
+        metadata: takes the place of what the header says under these keys; the others stay.
+
+    Raises:
+        InputError: the source is no weights file of ours.
+        ValueError: a key of the metadata is one of the format's own.
+    """
+    read_header(source)
+    if taken := {"semgs", "settings", "classes"} & metadata.keys():
+        raise ValueError(f"metadata has the key {sorted(taken)[0]!r}, which the format itself uses")
+    with safe_open(source, "pt") as file:
+        header = file.metadata() | dict(metadata)
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    write_bytes(Path(target), to_bytes(tensors, header))
+
+
 def is_ours(path: str | Path) -> bool:
     """Whether a file is safetensors with our header."""
     try:
@@ -90,6 +113,19 @@ def read_header(path: str | Path) -> Header:
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
+
+
+def count_numbers(path: str | Path) -> int:
+    """How many numbers the tensors of a safetensors file have together; its tensors are not read.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            return sum(prod(file.get_slice(name).get_shape()) for name in file.keys())  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise InputError(path, "a safetensors file of weights", f"{error}") from None
 
 
 def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:

@@ -3,39 +3,59 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 
 from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
 from semgs.model import presets
 from semgs.model.semgs import SemGS
 from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
+from semgs.weights.hub import SCHEME, fetched, is_hub_id
+from semgs.weights.index import shipped_folder
 
 SCENES = "scenes"
 """Where the header of weights has the names of the scenes that they were trained on."""
 
+DATA_TERMS = "data_terms"
+"""Where it has the terms of those data."""
 
-def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20) -> SemGS:
+MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://github.com/donydchen/mvsplat", own=True)
+"""Of its checkpoint, which has no header."""
+
+
+def load(
+    name: str | Path, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20
+) -> SemGS:
     """A network with its weights; `origin` of the result says in one sentence where they come from.
 
+    Where they were trained on data with terms of their own (ScanNet's, say), a `TermsWarning` repeats these.
+
     Args:
-        name: "small", "base" or "mvsplat".
+        name: "small", "base" or "mvsplat"; or, without `weights`, a file or hub id, which says itself of which it is.
         weights: None takes those that ship with the package; "random" draws them; a path loads a file of ours, or
             MVSplat's checkpoint (`.ckpt` or safetensors) for "mvsplat", and for "base", whose semantic branch is then
-            drawn at random.
+            drawn at random; a hub id ("hf://owner/name", `semgs.weights.hub`) fetches a file first.
         seed: of what is drawn.
         classes: the table that the weights must have been trained on.
 
     Raises:
         ValueError: there is no network of that name, or no weights ship for it.
-        InputError: the file cannot be read, or does not fit: the tensor or table is named.
+        InputError: the file cannot be read or fetched, or does not fit: the tensor or table is named.
+        ImportError: a hub id is given and huggingface_hub is not installed.
     """
+    if weights is None and (is_hub_id(name) or Path(name).is_file()):
+        name, weights = find(name)
+    name = str(name)
     if name not in presets.NAMES:
-        raise ValueError(f"unknown model {name!r}; known: {', '.join(presets.NAMES)}")
+        raise ValueError(
+            f"unknown model {name!r}; known: {', '.join(presets.NAMES)}, a file of weights, {SCHEME}OWNER/NAME"
+        )
     if weights is None:
         weights = shipped(name)
         if weights is None:
@@ -44,7 +64,7 @@ def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes
         model = drawn(name, seed, classes)
         model.origin = f"untrained: drawn at random with seed {seed}"
         return model
-    path = Path(weights)
+    path = _local(weights)
     if not path.is_file():
         raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
     if is_ours(path):
@@ -53,15 +73,16 @@ def load(name: str, weights: str | Path | None = None, *, seed: int = 0, classes
 
 
 def find(weights: str | Path) -> tuple[str, Path]:
-    """The network's name and the file of weights that a user called by name ("small") or by path.
+    """The network's name and the file of weights that a user called by name ("small"), by path or by hub id.
 
     A file that is not of ours is taken for MVSplat's checkpoint.
 
     Raises:
         ValueError: no weights of that name ship with the package.
-        InputError: there is no such file, or its header is broken.
+        InputError: there is no such file, it cannot be fetched, or its header is broken.
+        ImportError: a hub id is given and huggingface_hub is not installed.
     """
-    path = Path(weights)
+    path = _local(weights)
     if str(weights) in presets.NAMES:
         inside = shipped(str(weights))
         if inside is None:
@@ -103,6 +124,34 @@ def trained_scenes(weights: str | Path) -> tuple[str, ...]:
     return tuple(names)
 
 
+def data_terms(weights: str | Path) -> tuple[Terms, ...]:
+    """The terms of the data that weights were trained on, as far as they say.
+
+    Raises:
+        ValueError: no weights of that name ship.
+        InputError: there is no such file, or its header is broken.
+    """
+    _, path = find(weights)
+    if not is_ours(path):
+        return (MVSPLAT,)
+    metadata = read_header(path).metadata
+    if DATA_TERMS not in metadata:
+        return (Terms(f"what {path.name} was trained on: terms not stated"),)
+    return _terms_in(metadata, path)
+
+
+def _terms_in(metadata: Mapping[str, str], path: Path) -> tuple[Terms, ...]:
+    """The terms that a header states, none where it states none.
+
+    Raises:
+        InputError: they cannot be read.
+    """
+    try:
+        return terms_from(metadata.get(DATA_TERMS, "[]"))
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(path, "terms of data as JSON", f"{type(error).__name__}: {error}", key=DATA_TERMS) from error
+
+
 def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
     """An untrained network of that name; the caller's random state is left as it was."""
     with torch.random.fork_rng(devices=[]):
@@ -114,8 +163,13 @@ def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
 
 def shipped(name: str) -> Path | None:
     """The file of weights inside the package, None if there is none."""
-    path = Path(str(resources.files("semgs.weights"))) / "shipped" / f"{name}.safetensors"
+    path = shipped_folder() / f"{name}.safetensors"
     return path if path.is_file() else None
+
+
+def _local(weights: str | Path) -> Path:
+    """The path of weights, fetched where they are on the hub."""
+    return fetched(str(weights)) if is_hub_id(weights) else Path(weights)
 
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
@@ -136,6 +190,9 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
     except (TypeError, ValueError) as error:
         raise InputError(path, f'settings of "{name}"', f"{error}", key="settings") from None
     fill(model, read_tensors(path), path)
+    if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
+        told = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
+        warnings.warn(told, TermsWarning, stacklevel=3)
     model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
     return model
 

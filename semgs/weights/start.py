@@ -32,7 +32,7 @@ def start(
 
     Args:
         name: "small" or "base".
-        init: "random", the name of weights that ship, or a file: ours, or MVSplat's checkpoint for "base".
+        init: "random", the name of weights that ship, a hub id, or a file: ours, or MVSplat's checkpoint for "base".
         seed: of what is drawn.
         classes: the table to train on.
         own_classes: weights of another table are taken without their class head, which is drawn; else they are refused.

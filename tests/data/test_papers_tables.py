@@ -17,6 +17,7 @@ from scannet_writer import Scan, scan, write_raw
 from scannetpp_writer import write_scan
 
 from semgs.cli.main import main
+from semgs.data.terms import TermsWarning
 from semgs.weights.load import trained_scenes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +60,8 @@ def test_a_download_becomes_weights_a_table_beside_the_papers_and_a_figure(
     weights = tmp_path / "run/weights.safetensors"
     assert trained_scenes(weights) == ("scene0001_00",)
     told = ("--data", scans, "--scenes", tmp_path / "test.txt", "--protocol", "peers", "--size", "48x64")
-    command("evaluate", weights, *told, "--views", 2, "--out", tmp_path / "eval")
+    with pytest.warns(TermsWarning, match="ScanNet Terms of Use"):
+        command("evaluate", weights, *told, "--views", 2, "--out", tmp_path / "eval")
     report = json.loads((tmp_path / "eval/report.json").read_text())
     (frames,) = report["frames"]["scenes"]
     assert frames["scene"] == "scene0160_00"
@@ -71,7 +73,10 @@ def test_a_download_becomes_weights_a_table_beside_the_papers_and_a_figure(
     table = capsys.readouterr().out
     assert table.index("SemGS $^\\ddagger$ & 0.754") < table.index("small & ")
     theirs = f"S-Ray={tmp_path / 'eval/predictions'}"
-    command("figure", "qualitative", "--weights", weights, *told, "--predictions", theirs, "--out", tmp_path / "figure")
+    with pytest.warns(TermsWarning, match="ScanNet Terms of Use"):
+        command(
+            "figure", "qualitative", "--weights", weights, *told, "--predictions", theirs, "--out", tmp_path / "figure"
+        )
     (part,) = json.loads((tmp_path / "figure/figure.json").read_text())["parts"]
     methods = part["frames"][0]["methods"]
     assert methods["S-Ray"] == methods["ours"], "ours, drawn again"

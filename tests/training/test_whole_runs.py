@@ -18,6 +18,7 @@ from scenes_on_disk import write_labelled, write_table
 
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import SCANNET20
+from semgs.data.terms import ROOMS
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
@@ -29,7 +30,7 @@ from semgs.training.loop import train
 from semgs.training.run import hold_assets
 from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
 from semgs.weights.file import read_header
-from semgs.weights.load import load
+from semgs.weights.load import data_terms, load
 from semgs.weights.start import CLASS_HEAD
 
 SETTINGS = TrainingSettings(
@@ -75,6 +76,7 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     metadata = read_header(path).metadata
     assert (metadata["seed"], metadata["step"]) == ("4", "2")
     assert metadata["description"] == "small, 2 of 2 steps of a training in generated rooms"
+    assert data_terms(path) == (ROOMS,)
     assert path.stat().st_size < 8 * 2**20
     # The same run in two sittings, with the real network, rooms and splatting, ends with the same bits.
     cut = [train(SETTINGS, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]

@@ -6,12 +6,13 @@ from safetensors.torch import load_file, save_file
 
 from semgs import load
 from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.terms import FURNISHED, ROOMS, SCANNET, TermsWarning, terms_text
 from semgs.files.errors import InputError
 from semgs.model import presets
 from semgs.model.conventions import Conventions
 from semgs.model.semgs import SemGS, arguments
 from semgs.weights.file import is_ours, read_header, save
-from semgs.weights.load import find, shipped, table_of
+from semgs.weights.load import DATA_TERMS, data_terms, find, shipped, table_of
 
 
 @pytest.fixture(scope="module")
@@ -147,3 +148,17 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
     save(path, model, {})
     with pytest.raises(InputError, match=r"cnn\.conv2\.bias: expected finite numbers"):
         load("small", weights=path)
+
+
+def test_terms_of_ones_own_are_repeated_in_a_line_and_others_are_not(small, tmp_path):
+    path = tmp_path / "scanned.safetensors"
+    save(path, small, {DATA_TERMS: terms_text([ROOMS, SCANNET])})
+    with pytest.warns(TermsWarning, match=r"scanned.safetensors .* own: ScanNet: .*TOS.pdf$") as told:
+        load("small", path)
+    assert len(told) == 1
+    assert data_terms(path) == (ROOMS, SCANNET)
+    save(path, small, {DATA_TERMS: terms_text([ROOMS, FURNISHED])})
+    load("small", path)  # warnings are errors in tests
+    save(path, small, {DATA_TERMS: '["ScanNet"]'})
+    with pytest.raises(InputError, match="data_terms: expected terms of data as JSON"):
+        load("small", path)

@@ -39,6 +39,8 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header, read_uint8
 
+LAYOUT = "ScanNet++"
+"""Of `Scene.layout`, with the device behind it."""
 LOOKED_FOR = "a ScanNet++ scan (dslr/ or iphone/ with colmap/ or nerfstudio/)"
 APPLICABLE = (TOOLBOX_UNDISTORTION,)
 
@@ -211,7 +213,7 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
     return Scene(
         path=folder,
         name=scan.absolute().name,
-        layout=f"ScanNet++ {device.folder}",
+        layout=f"{LAYOUT} {device.folder}",
         unit="metric",
         frames=tuple(frames),
         classes=SCANNET20 if mesh is not None and mesh.annotations is not None else None,

@@ -1,0 +1,128 @@
+"""`semgs weights`: what ships or what files of weights say of themselves; `verify` compares bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from semgs.cli.errors import what_the_user_gave
+
+if TYPE_CHECKING:
+    from semgs.evaluation.tables import Grid
+
+METRICS = ("miou", "accuracy", "psnr")
+"""The scores that a terminal is wide enough for."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """List weights: name, hash, size, licence and parameters; the terms of what they were trained on; scores, as their header has them.
+
+    Examples
+    - semgs weights
+    - semgs weights runs/mine/weights.safetensors
+    - semgs weights verify
+    """
+
+    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[WEIGHTS ...]", help_behavior_hint="")] = ()  # fmt: skip
+    """Names, files, or hf://OWNER/NAME on the hub; without any, all that ship."""
+
+    def run(self) -> None:
+        """Print the tables.
+
+        Raises:
+            InputError: a file is no weights of semgs.
+            UsageError: no weights of a name ship.
+        """
+        from semgs.evaluation.tables import printed
+        from semgs.weights.index import read_index
+        from semgs.weights.load import find
+
+        with what_the_user_gave():
+            files = {name: find(name)[1] for name in self.weights} or {one.name: one.path for one in read_index()}
+        grids = [_files_grid(files), *_scores_grid(files)]
+        print("\n\n".join(printed(grid, "text") for grid in grids))
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Compare the SHA-256 of weights with those that ship with this version of semgs.
+
+    A file is compared with all of them: one that was downloaded from a release, say. The first that does not match ends it with
+    exit code 2.
+
+    Examples
+    - semgs weights verify
+    - semgs weights verify small
+    - semgs weights verify downloads/small.safetensors
+    """
+
+    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[NAME or FILE ...]", help_behavior_hint="")] = ()  # fmt: skip
+    """What to compare; without any, all that ship."""
+
+    def run(self) -> None:
+        """Say which matches.
+
+        Raises:
+            InputError: one is missing, altered, or none of those that ship.
+        """
+        from semgs.weights.index import SHOWN, check, matching, read_index
+
+        index = {one.name: one for one in read_index()}
+        for text in self.weights or index:
+            if text in index:
+                check(index[text])
+            match = index.get(text) or matching(Path(text), tuple(index.values()))
+            of = "" if match.name == text else f" of {match.name}"
+            print(f"{text}: sha256 {match.sha256[:SHOWN]}{of} matches, {match.bytes:,} bytes")
+
+
+def _files_grid(files: Mapping[str, Path]) -> Grid:
+    """What each file is, and below it the terms of its data."""
+    from semgs.evaluation.tables import Cell, Grid
+    from semgs.files.hashes import sha256
+    from semgs.weights.file import count_numbers, read_header
+    from semgs.weights.index import SHOWN
+    from semgs.weights.load import data_terms
+
+    rows, notes = [], []
+    for name, path in files.items():
+        metadata = read_header(path).metadata
+        told = (
+            name, sha256(path)[:SHOWN], f"{path.stat().st_size / 1e6:.1f} MB", metadata.get("licence", "not stated"),
+            f"{count_numbers(path):,}",
+        )  # fmt: skip
+        rows.append(tuple(map(Cell, told)))
+        notes.append(f"{name}: {metadata.get('description', 'no description')}")
+        notes += [f"{name}, data: {one.text}" for one in data_terms(path)]
+    head = ("weights", "sha256", "size", "licence", "parameters")
+    return Grid("Weights", (), head, tuple(rows), notes=tuple(notes))
+
+
+def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
+    """What they reached, with intervals; no table where no header tells."""
+    from semgs.evaluation.tables import Cell, Grid
+    from semgs.evaluation.texts import TITLES, with_interval
+    from semgs.weights.scores import Figure, read_scores
+
+    def cell(metric: str, figure: Figure | None) -> Cell:
+        return Cell("–" if figure is None else with_interval(metric, figure.value, figure.low, figure.high))
+
+    found = [(name, score) for name, path in files.items() for score in read_scores(path)]
+    if not found:
+        return []
+    shown = [metric for metric in METRICS if any(metric in score.figures for _, score in found)]
+    rows = tuple(
+        (
+            Cell(f"{name}, {score.data}, {score.views} views"),
+            Cell(str(score.targets)),
+            *(cell(metric, score.figures.get(metric)) for metric in shown),
+        )
+        for name, score in found
+    )
+    note = "In brackets 95 % intervals. Every kind of number: docs/evaluate.md."
+    return [Grid("Scores", (), ("weights and data", "targets", *(TITLES[one] for one in shown)), rows, notes=(note,))]

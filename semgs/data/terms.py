@@ -1,0 +1,105 @@
+"""Terms: under which licences or agreements scenes are, as far as their files tell. Weights carry those of what they were trained on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from semgs.data.layouts import replica, scannet, scannetpp
+from semgs.data.prepared_record import read_record
+from semgs.data.scene import Scene
+
+ROOM = "room.json"
+"""The file of a room's folder that tells which room of semgs it is and how many pixels each class has in it."""
+ATTRIBUTION = "ATTRIBUTION.md"
+"""The file beside rooms with assets that says whose work is in them."""
+
+
+class TermsWarning(UserWarning):
+    """Weights were trained on data with terms of their own, which it repeats."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The terms of some data.
+
+    Attributes:
+        text: which data, and under what, in some words.
+        own: whether whoever uses weights that were trained on them should be told.
+    """
+
+    text: str
+    own: bool = False
+
+
+ROOMS = Terms("CC0-1.0 rooms drawn by semgs")
+FURNISHED = Terms("CC0-1.0 rooms drawn by semgs with third-party models and textures, see NOTICE")
+SCANNET = Terms(
+    "ScanNet: ScanNet Terms of Use, for non-commercial research and education, "
+    "https://kaldir.vc.in.tum.de/scannet/ScanNet_TOS.pdf",
+    own=True,
+)
+SCANNETPP = Terms(
+    "ScanNet++: ScanNet++ Terms of Use, for non-commercial research and education, "
+    "https://kaldir.vc.in.tum.de/scannetpp/static/scannetpp-terms-of-use.pdf",
+    own=True,
+)
+REPLICA = Terms(
+    "Replica: Replica Dataset Research Terms, for non-commercial research and education, "
+    "https://github.com/facebookresearch/Replica-Dataset/blob/main/LICENSE",
+    own=True,
+)
+
+
+def terms_of(scene: Scene) -> Terms:
+    """The terms of a scene: by its layout or, where it was prepared, by that of its source; rooms are known by their files.
+
+    Raises:
+        InputError: an archive is damaged.
+    """
+    layout = scene.layout
+    if scene.path.suffix.lower() == ".zip" and (record := read_record(scene.path)):
+        if "terms" in record:
+            return Terms(**record["terms"])
+        layout = str(record.get("source", {}).get("layout", layout))
+    if known := _of_layout(layout):
+        return known
+    folder = scene.path if scene.path.is_dir() else scene.path.parent
+    if (folder / ROOM).is_file():
+        return FURNISHED if (folder.parent / ATTRIBUTION).is_file() or _has_assets(folder / ROOM) else ROOMS
+    return Terms(f"scenes of layout {layout}: terms not known to semgs")
+
+
+def terms_text(terms: Iterable[Terms]) -> str:
+    """Terms as a header keeps them: each once, in the order in which they came."""
+    return json.dumps([asdict(one) for one in dict.fromkeys(terms)])
+
+
+def terms_from(text: str) -> tuple[Terms, ...]:
+    """What `terms_text` wrote.
+
+    Raises:
+        ValueError, TypeError, KeyError: it is something else.
+    """
+    return tuple(Terms(str(one["text"]), bool(one["own"])) for one in json.loads(text))
+
+
+def _of_layout(layout: str) -> Terms | None:
+    """The terms of the data sets that have a layout of their own."""
+    if layout == scannet.LAYOUT:
+        return SCANNET
+    if layout.startswith(scannetpp.LAYOUT):
+        return SCANNETPP
+    return REPLICA if layout == replica.LAYOUT else None
+
+
+def _has_assets(room: Path) -> bool:
+    """Whether a room's file lists assets."""
+    try:
+        content: Any = json.loads(room.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(content, dict) and bool(content.get("assets"))

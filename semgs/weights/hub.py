@@ -1,0 +1,106 @@
+"""Weights on the Hugging Face hub: named as `hf://OWNER/NAME[@REVISION][@sha256:HASH]`, fetched only when asked for, compared with a hash.
+
+The form is the hub's own (`huggingface_hub`, "hf://" URIs), so that no path can be taken for one. Nothing but one safetensors file is
+fetched, into the cache of that library. No torch.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
+
+SCHEME = "hf://"
+FORM = f"{SCHEME}OWNER/NAME, with @REVISION or @sha256:HASH behind it where wanted"
+ADVICE = "fetch the file by other means and name its path"
+
+
+@dataclass(frozen=True)
+class HubId:
+    """Weights on the hub.
+
+    Attributes:
+        repository: "owner/name".
+        revision: a branch, a tag or a commit; None is the main branch.
+        sha256: that the file must have; None is what the repository states.
+    """
+
+    repository: str
+    revision: str | None = None
+    sha256: str | None = None
+
+    @classmethod
+    def parsed(cls, text: str) -> HubId:
+        """Of its text.
+
+        Raises:
+            InputError: it is written otherwise.
+        """
+        word = r"\w[\w.-]*"
+        match = re.fullmatch(rf"{SCHEME}({word}/{word})(?:@(?!sha256:)([\w./-]+))?(?:@sha256:([0-9a-f]{{64}}))?", text)
+        if match is None:
+            raise InputError(text, FORM, "something else")
+        return cls(match[1], match[2], match[3])
+
+
+def is_hub_id(weights: str | Path) -> bool:
+    """Whether weights are named as some on the hub; a path never is."""
+    return isinstance(weights, str) and weights.startswith(SCHEME)
+
+
+def fetched(text: str) -> Path:
+    """The file of weights of a hub id, from the hub or its library's cache, with the bytes that the repository states.
+
+    Args:
+        text: the id.
+
+    Raises:
+        InputError: it is no id; the hub cannot be reached or does not have it; the repository has not exactly one safetensors file or states
+            no hash of it; or the bytes have another one.
+        ImportError: huggingface_hub is not installed; names the extra that brings it.
+    """
+    asked = HubId.parsed(text)
+    try:
+        from huggingface_hub import HfApi, hf_hub_download
+    except ImportError as error:
+        raise ImportError(
+            'weights on the hub need huggingface_hub: pip install "semgs[hub]"', name="huggingface_hub"
+        ) from error
+    try:
+        repository = HfApi().model_info(asked.repository, revision=asked.revision, files_metadata=True)
+    except Exception as error:  # the library hands on those of its HTTP client, which is another one in each generation
+        raise InputError(text, "a repository on the hub", _reason(error), advice=ADVICE) from None
+    files = [one for one in repository.siblings or [] if one.rfilename.endswith(".safetensors")]
+    if len(files) != 1:
+        names = ", ".join(one.rfilename for one in files) or "none"
+        raise InputError(text, "a repository with one safetensors file", names, advice=ADVICE)
+    (file,) = files
+    stated = file.lfs.sha256 if file.lfs else None
+    expected = asked.sha256 or stated
+    if expected is None:
+        raise InputError(
+            text,
+            "a file whose sha256 the repository states",
+            "one outside LFS",
+            file.rfilename,
+            "give it: @sha256:HASH",
+        )
+    if stated not in (None, expected):
+        raise InputError(text, f"sha256 {expected}", f"{stated}, as the repository states", file.rfilename)
+    try:
+        # The commit, not the branch: what was just looked at, even if the branch has moved since.
+        path = Path(hf_hub_download(asked.repository, file.rfilename, revision=repository.sha))
+    except Exception as error:
+        raise InputError(text, f"{file.rfilename} from the hub", _reason(error), advice=ADVICE) from None
+    found = sha256(path)
+    if found != expected:
+        raise InputError(path, f"sha256 {expected}, as of {text}", found, advice="delete it and fetch it again")
+    return path
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong, in the first line of an error."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

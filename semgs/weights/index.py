@@ -1,0 +1,106 @@
+"""The index of the weights that ship: which file each name has, and what its bytes are.
+
+shipped/index.json    {"small": {"file": "small.safetensors", "sha256": "...", "bytes": 2048452}, ...}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
+
+FILE_NAME = "index.json"
+SHOWN = 12
+"""How much of a hash a person is shown."""
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """Weights that ship.
+
+    Attributes:
+        name: that they load by.
+        path: of their file.
+        sha256: that its bytes must have.
+        bytes: how many they are.
+    """
+
+    name: str
+    path: Path
+    sha256: str
+    bytes: int
+
+
+def shipped_folder() -> Path:
+    """The folder of weights inside the package."""
+    return Path(str(resources.files("semgs.weights"))) / "shipped"
+
+
+def read_index(folder: Path | None = None) -> tuple[Shipped, ...]:
+    """What ships, by name; of the package unless another folder is given.
+
+    Raises:
+        InputError: the index is missing or not of that form.
+    """
+    folder = shipped_folder() if folder is None else folder
+    path = folder / FILE_NAME
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return tuple(
+            Shipped(name, folder / Path(str(one["file"])).name, str(one["sha256"]), int(one["bytes"]))
+            for name, one in sorted(content.items())
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            path, "the index of the weights that ship", f"{type(error).__name__}: {error}", advice="install semgs again"
+        ) from None
+
+
+def write_index(folder: Path | None = None) -> None:
+    """Write the index of a folder of weights, as they are now; every file is called by its name without ending."""
+    folder = shipped_folder() if folder is None else folder
+    files = sorted(folder.glob("*.safetensors"))
+    content = {file.stem: {"file": file.name, "sha256": sha256(file), "bytes": file.stat().st_size} for file in files}
+    write_json(folder / FILE_NAME, content)
+
+
+def check(shipped: Shipped) -> None:
+    """Compare the bytes of weights that ship with the index.
+
+    Raises:
+        InputError: the file is missing or altered.
+    """
+    if not shipped.path.is_file():
+        raise InputError(shipped.path, f'the weights "{shipped.name}"', "no such file", advice="install semgs again")
+    found = sha256(shipped.path)
+    if found != shipped.sha256:
+        raise InputError(
+            shipped.path, f"sha256 {shipped.sha256[:SHOWN]} and {shipped.bytes:,} bytes",
+            f"{found[:SHOWN]} and {shipped.path.stat().st_size:,}", advice="it was altered; install semgs again",
+        )  # fmt: skip
+
+
+def matching(file: Path, index: Sequence[Shipped]) -> Shipped:
+    """The weights of the index that a file has the bytes of, wherever it came from.
+
+    Raises:
+        InputError: it cannot be read, or has the bytes of none.
+    """
+    if not file.is_file():
+        names = " or ".join(one.name for one in index)
+        raise InputError(file, f"a file of weights, or {names}", "a folder" if file.is_dir() else "nothing")
+    found = sha256(file)
+    for one in index:
+        if found == one.sha256:
+            return one
+    known = ", ".join(f"{one.name} {one.sha256[:SHOWN]}" for one in index)
+    raise InputError(
+        file, f"the sha256 of weights that ship ({known})", found[:SHOWN],
+        advice="it is altered, or of another version of semgs",
+    )  # fmt: skip
