@@ -11,11 +11,12 @@ if TYPE_CHECKING:
     from semgs.export.scene import load_scene
     from semgs.geometry.cameras import Cameras
     from semgs.geometry.gaussians import Gaussians
+    from semgs.objectives.calibration import tempered
     from semgs.rendering.render import render
     from semgs.weights.load import load
 
 __version__ = "0.1.0"
-__all__ = ["Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render"]
+__all__ = ["Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render", "tempered"]
 
 _HOMES = {
     "Cameras": "semgs.geometry.cameras",
@@ -25,6 +26,7 @@ _HOMES = {
     "load_scene": "semgs.export.scene",
     "open_scene": "semgs.data.scenes",
     "render": "semgs.rendering.render",
+    "tempered": "semgs.objectives.calibration",
 }
 
 

@@ -61,6 +61,9 @@ COMMANDS = {
     "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate or bench wrote."),
     "weights": Command("semgs.cli.weights", "Weights", "List weights: what ships, or files; scores, licence, terms."),
     "weights verify": Command("semgs.cli.weights", "Verify", "Compare weights with the hashes of those that ship."),
+    "weights calibrate": Command(
+        "semgs.cli.calibrate", "Calibrate", "Fit how sure weights may be, on labelled scenes."
+    ),
     "figure": Command("semgs.cli.figure", "Figure", "Draw the paper's comparison figures of your weights and scenes."),
     "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
 }

@@ -21,12 +21,10 @@ from semgs.objectives.calibration import (
     tempered,
 )
 from semgs.rendering.render import render
+from semgs.weights.temperatures import KINDS
 
 PIXELS = 2048
 """Labelled pixels that are taken of each view, at random: neighbours say the same."""
-
-KINDS = ("rendered", "gaussians")
-"""What has a temperature of its own: pixels after splatting, and single Gaussians."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,6 +96,8 @@ class SemGS(nn.Module):
         classes: the class table, None for a colour-only network.
         settings: the arguments above as plain JSON, without `classes`.
         origin: one sentence on where the weights come from.
+        temperatures: for `semgs.tempered`, of "rendered" pixels and of single "gaussians", where the weights have some; the network itself
+            never applies them.
     """
 
     def __init__(
@@ -147,6 +149,7 @@ class SemGS(nn.Module):
         self.settings["conventions"] = asdict(conventions)
         self.name = name
         self.origin = "untrained"
+        self.temperatures: dict[str, float] = {}
         self.classes = classes
         self.conventions = conventions
         self.candidates = candidates

@@ -1,0 +1,132 @@
+"""`semgs weights calibrate`: weights and labelled scenes in, the same weights with temperatures in their header out."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from semgs.cli.arguments import parse_size
+from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.evaluate import check_protocol, labelled_scenes, plan_of
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.scene_options import SceneOptions
+from semgs.files.errors import InputError
+from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from semgs.evaluation.calibration import Calibration
+    from semgs.evaluation.tables import Grid
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Fit how sure weights may be, on scenes that they were not trained on, and keep it in their header.
+
+    Two temperatures are fitted: one for pixels after splatting, one for single Gaussians. They make no class more likely than another,
+    so that class maps and all scores stay as they are; semgs.tempered(distributions, temperature) applies one.
+
+    Without --out nothing is fitted: the temperatures that WEIGHTS has are measured on these scenes. Printed is the expected calibration
+    error before and after.
+
+    Examples
+    - semgs weights calibrate runs/mine/weights.safetensors --data rooms/other --out mine.safetensors --plot reliability.png
+    - semgs weights calibrate small --data scans
+    """
+
+    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="WEIGHTS")]
+    """"small" for those inside the package, a file of weights, or hf://OWNER/NAME on the hub."""
+    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """A labelled scene, or a folder of scenes."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """File to write: the same tensors, the temperatures in the header."""
+    plot: Annotated[Path | None, tyro.conf.arg(metavar="PNG", help_behavior_hint="")] = None
+    """Reliability plot to write."""
+    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    """Which frames, as for semgs evaluate: neighbours, peers, or pinned FILE."""
+    views: int = 2
+    """How many frames go in."""
+    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    """Height x width; by default 240x320, 320x240 for portrait scenes."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+
+    def run(self) -> None:
+        """Fit or measure, write, and print a table.
+
+        Raises:
+            InputError: weights, scenes or files cannot be used.
+            UsageError: an option asks for what cannot be.
+        """
+        self._check()
+        with show_stage("Starting"):
+            from semgs.evaluation.calibration import calibration, statements
+            from semgs.evaluation.tables import printed
+            from semgs.files.atomic import write_bytes
+            from semgs.weights.file import restate
+            from semgs.weights.load import find, load
+            from semgs.weights.temperatures import KEY, KINDS, read_temperatures, temperatures_text
+
+            scenes, classes = labelled_scenes(self.data, self.reading)
+            if classes is None:
+                raise InputError(self.data, "labelled scenes", "none with labels")
+            with what_the_user_gave():
+                network, path = find(self.weights)
+            held = read_temperatures(path)
+            if self.out is None and held is None:
+                raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
+            model = load(network, path, classes=classes).eval()
+        plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
+        with show_progress("Reconstructing", len(plan.tasks)) as done:
+            said = statements(plan, model, done=done)
+        known = held if self.out is None else None
+        found = {kind: calibration(said[kind], known[kind] if known else None) for kind in KINDS}
+        if self.plot is not None:
+            write_bytes(self.plot, _plot(found))
+        if self.out is not None:
+            restate(path, self.out, {KEY: temperatures_text({kind: one.temperature for kind, one in found.items()})})
+        print(printed(_grid(found, f"{len(plan.tasks)} targets of {self.data}"), "text"))
+
+    def _check(self) -> None:
+        """Refuse what can be refused before torch is imported."""
+        existing_folder(self.data)
+        check_protocol(self.protocol)
+        parse_size(self.size)
+        self.reading.check()
+        if self.views < 2:
+            raise UsageError(f"--views is {self.views}; expected 2 or more")
+        for file in (self.out, self.plot):
+            if file is not None and file.exists():
+                raise InputError(file, "a file that is not there yet", "one that is", advice="choose another name")
+
+
+def _grid(found: Mapping[str, Calibration], data: str) -> Grid:
+    """Temperature and errors of each kind."""
+    from semgs.evaluation.tables import Cell, Grid
+
+    rows = tuple(
+        tuple(map(Cell, (kind, f"{one.temperature:.3f}", f"{one.error_before:.3f}", f"{one.error_after:.3f}")))
+        for kind, one in found.items()
+    )
+    return Grid(f"Calibration, {data}", (), ("", "temperature", "ECE before", "ECE after"), rows)
+
+
+def _plot(found: Mapping[str, Calibration]) -> bytes:
+    """The reliability plot of each kind."""
+    from semgs.figures.reliability import ReliabilityPlot, reliability_png
+
+    return reliability_png(
+        [
+            ReliabilityPlot(
+                kind,
+                (
+                    ("as it is", tuple(map(astuple, one.bins_before))),
+                    (f"temperature {one.temperature:.2f}", tuple(map(astuple, one.bins_after))),
+                ),
+            )
+            for kind, one in found.items()
+        ]
+    )

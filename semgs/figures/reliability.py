@@ -1,0 +1,60 @@
+"""Reliability plots: how often what is said with a confidence is right."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+SIDE = 2.6
+"""Of a plot [inch]."""
+COLOURS = ("#c44e52", "#4c72b0")
+VISIBLE = 1e-3
+"""Share of the pixels from which on a bin has a point."""
+SIZE = 7.0
+"""Of what is written [points]."""
+
+
+@dataclass(frozen=True)
+class ReliabilityPlot:
+    """One plot.
+
+    Attributes:
+        title: above it.
+        curves: name and bins of each, in the order of the colours; of a bin the share of all pixels, their mean confidence, and
+            how many of them are right, each 0..1.
+    """
+
+    title: str
+    curves: tuple[tuple[str, tuple[tuple[float, float, float], ...]], ...]
+
+
+def reliability_png(plots: Sequence[ReliabilityPlot]) -> bytes:
+    """The plots side by side as PNG: accuracy over confidence, and below each the share of pixels; the diagonal is perfect.
+
+    A bin that holds less than a thousandth of the pixels says little, and its point is left out.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(SIDE * len(plots), 1.3 * SIDE), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, len(plots), squeeze=False, sharex=True, height_ratios=(3, 1))
+    for (above, below), plot in zip(axes.T, plots, strict=True):
+        above.plot((0, 1), (0, 1), color="0.7", linewidth=0.8)
+        for (name, bins), colour in zip(plot.curves, COLOURS, strict=False):
+            told = [(confidence, accuracy) for share, confidence, accuracy in bins if share >= VISIBLE]
+            above.plot(*zip(*told, strict=True), color=colour, marker="o", markersize=2.5, linewidth=1, label=name)
+            edges = [index / len(bins) for index in range(len(bins) + 1)]
+            below.stairs([share for share, _, _ in bins], edges, color=colour)
+        above.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
+        above.set_title(plot.title, fontsize=SIZE + 1)
+        above.set_ylabel("share that is right", fontsize=SIZE)
+        below.set_ylabel("share of pixels", fontsize=SIZE)
+        below.set_xlabel("confidence", fontsize=SIZE)
+        above.legend(fontsize=SIZE, frameon=False, loc="upper left")
+        for one in (above, below):
+            one.tick_params(labelsize=SIZE)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=160, metadata={"Software": None})
+    return buffer.getvalue()

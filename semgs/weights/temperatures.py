@@ -1,0 +1,41 @@
+"""Temperatures: what a file of weights says of how sure to be (`semgs.objectives.calibration` tells what a temperature is)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from semgs.files.errors import InputError
+from semgs.weights.file import read_header
+
+KEY = "temperatures"
+"""Where a header has them, as JSON."""
+
+KINDS = ("rendered", "gaussians")
+"""What has a temperature of its own: pixels after splatting, and single Gaussians."""
+
+
+def temperatures_text(temperatures: Mapping[str, float]) -> str:
+    """Temperatures as a header keeps them."""
+    return json.dumps({kind: round(temperatures[kind], 4) for kind in KINDS})
+
+
+def read_temperatures(path: str | Path) -> dict[str, float] | None:
+    """The temperatures that the header of a file of weights has; None where it says nothing.
+
+    Raises:
+        InputError: the file is none of ours, or they are not one positive number each.
+    """
+    text = read_header(path).metadata.get(KEY)
+    if text is None:
+        return None
+    try:
+        found = {kind: float(json.loads(text)[kind]) for kind in KINDS}
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(path, "temperatures as JSON", f"{type(error).__name__}: {error}", key=KEY) from None
+    for kind, value in found.items():
+        if not 0 < value < math.inf:
+            raise InputError(path, "a temperature above 0", f"{value}", key=f"{KEY}.{kind}")
+    return found

@@ -1,0 +1,51 @@
+"""`semgs weights calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from miniatures import miniature
+from replicas import write_replica
+
+from semgs.cli.main import main
+from semgs.weights.file import read_tensors
+from semgs.weights.load import shipped
+from semgs.weights.temperatures import read_temperatures
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_replica(tmp_path_factory.mktemp("replica") / "office_0/Sequence_1", miniature().first(4))
+
+
+def test_temperatures_are_fitted_kept_beside_the_same_tensors_and_measured(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out, plot = tmp_path / "fitted.safetensors", tmp_path / "plot.png"
+    line = ["--data", str(scene), "--size", "48x64"]
+    assert main(["weights", "calibrate", "small", *line, "--out", str(out), "--plot", str(plot)]) == 0
+    fitted = capsys.readouterr().out
+    temperatures = read_temperatures(out)
+    assert temperatures is not None
+    assert f"{temperatures['rendered']:.3f}" in fitted
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    before, after = read_tensors(shipped("small")), read_tensors(out)
+    assert all((before[name] == after[name]).all() for name in before)
+    assert main(["weights", "calibrate", str(out), *line]) == 0
+    assert capsys.readouterr().out == fitted
+
+
+def test_bad_input_is_one_line(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    there = tmp_path / "there.safetensors"
+    there.write_bytes(b"mine")
+    lines = {
+        "choose another name": ["small", "--data", str(scene), "--out", str(there)],
+        "expected 2 or more": ["small", "--data", str(scene), "--views", "1", "--out", str(tmp_path / "new")],
+    }
+    for told, line in lines.items():
+        assert main(["weights", "calibrate", *line]) == 2
+        error = capsys.readouterr().err
+        assert told in error
+        assert len(error.splitlines()) == 1
+    assert there.read_bytes() == b"mine"

@@ -1,0 +1,36 @@
+"""Temperatures in the header of a file of weights."""
+
+from pathlib import Path
+
+import pytest
+
+from semgs.files.errors import InputError
+from semgs.weights.file import save
+from semgs.weights.load import load
+from semgs.weights.temperatures import KEY, read_temperatures, temperatures_text
+
+
+def written(folder: Path, text: str | None) -> Path:
+    path = folder / "own.safetensors"
+    save(path, load("small", "random"), {} if text is None else {KEY: text})
+    return path
+
+
+def test_what_is_written_is_read_and_the_network_carries_it(tmp_path: Path):
+    path = written(tmp_path, temperatures_text({"rendered": 1.5, "gaussians": 2.25}))
+    assert read_temperatures(path) == {"rendered": 1.5, "gaussians": 2.25}
+    assert load("small", path).temperatures == {"rendered": 1.5, "gaussians": 2.25}
+
+
+def test_weights_may_have_none(tmp_path: Path):
+    path = written(tmp_path, None)
+    assert read_temperatures(path) is None
+    assert load("small", path).temperatures == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"rendered": 1}', '{"rendered": 1, "gaussians": 0}', '{"rendered": "x", "gaussians": 1}']
+)
+def test_a_header_that_makes_no_sense_is_named(tmp_path: Path, text: str):
+    with pytest.raises(InputError, match=KEY):
+        read_temperatures(written(tmp_path, text))
