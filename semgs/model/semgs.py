@@ -218,30 +218,37 @@ class SemGS(nn.Module):
         encoding = self._encode(flat.images, flat.cameras, flat.depth_range, views.size, chunks, stage)
         return encoding.map(lambda tensor: tensor.reshape(*leading, *tensor.shape[1:]))
 
-    def classify(self, views: Views) -> Float[Tensor, "*batch v class h w"]:
+    def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:
         """The distribution over classes of every pixel of N >= 2 views, as their own Gaussians have it: the semantic branch alone.
 
         Nothing is placed in space nor splatted; where Gaussians stand for several pixels, those have the same distribution.
 
+        Args:
+            views: of one scene, or of a batch of scenes.
+            alone: pass the transformer over, so that no view learns from another; one will do, and cameras do not matter.
+
         Raises:
             ValueError: there is one view only, or the network has no semantic branch.
         """
-        if len(views) < 2:
+        if len(views) < 2 and not alone:
             raise ValueError(f"the network was given {len(views)} view; expected two or more that overlap")
         flat = _flattened(views, self.cnn.conv1.weight)
         pictures = flat.images.flatten(0, 1)
-        semantic = self._semantic(pictures, self.cnn(pictures), flat.cameras, flat.depth_range)
-        if semantic is None:
+        if self.classes is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
+        refined = self._semantic_refined(pictures, self.cnn(pictures))
+        semantic = Semantic(refined, refined if alone else self._semantic_seen(refined, flat.cameras, flat.depth_range))
         raw = self._semantic_raw(self._shrunk(pictures), semantic, slice(None))
         classes = class_distributions(raw.to(torch.promote_types(raw.dtype, torch.float32)))
         wide = classes.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
         return wide[..., : views.size[0], : views.size[1]].reshape(*views.images.shape[:-3], -1, *views.size)
 
-    def semantic_parameters(self, shared: bool = True) -> set[str]:
+    def semantic_parameters(self, shared: bool = True, alone: bool = False) -> set[str]:
         """Names of the parameters that `classify` depends on; without `shared`, those of them that nothing else depends on."""
         parts = ("semantic_", "cnn.") if shared and self.semantic_cnn is None else ("semantic_",)
-        return {name for name, _ in self.named_parameters() if name.startswith(parts)}
+        passed_over = ("semantic_transformer.",) if alone else ()
+        names = (name for name, _ in self.named_parameters())
+        return {name for name in names if name.startswith(parts) and not name.startswith(passed_over)}
 
     def _encode(
         self,
@@ -414,13 +421,23 @@ class SemGS(nn.Module):
         """Features of the semantic branch, None for a colour-only network."""
         if self.classes is None:
             return None
+        refined = self._semantic_refined(pictures, shallow)
+        return Semantic(refined, self._semantic_seen(refined, cameras, depth_range))
+
+    def _semantic_refined(
+        self, pictures: Float[Tensor, "n 3 h w"], shallow: Float[Tensor, "n c h4 w4"]
+    ) -> Float[Tensor, "n c h4 w4"]:
+        """Features of the semantic branch before its transformer, of each view by itself."""
         features = shallow if self.semantic_cnn is None else self.semantic_cnn(pictures)
         if isinstance(self.semantic_refinement, SemanticPyramid):
-            refined = self.semantic_refinement(features, pictures)
-        else:
-            refined = self.semantic_refinement(features)
-        features = self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
-        return Semantic(refined, features)
+            return self.semantic_refinement(features, pictures)
+        return self.semantic_refinement(features)
+
+    def _semantic_seen(
+        self, refined: Float[Tensor, "n c h4 w4"], cameras: Cameras, depth_range: Float[Tensor, "b v 2"]
+    ) -> Float[Tensor, "n c h4 w4"]:
+        """The same after the transformer, which looks at all views of a scene."""
+        return self._transformed(refined, self.semantic_transformer, "semantic", cameras, depth_range)
 
     def _shrunk(self, pictures: Float[Tensor, "n 3 h w"]) -> Float[Tensor, "n 3 h2 w2"]:
         """The pictures at the Gaussians' scale."""

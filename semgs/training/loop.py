@@ -111,11 +111,10 @@ def train(
     model = network(out, settings)
     where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
     tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
-    if settings.supervision == "labels":
-        for name in {name for name, _ in model.named_parameters()} - model.semantic_parameters(
-            not settings.hold_shared
-        ):
-            model.get_parameter(name).requires_grad_(False)
+    if settings.supervision != "rendered":
+        learning = model.semantic_parameters(not settings.hold_shared, settings.supervision == "pictures")
+        for name, parameter in model.named_parameters():
+            parameter.requires_grad_(name in learning)
     state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
     resume(state, out, console)
     share = Share(fabric.global_rank, fabric.world_size, accumulate)

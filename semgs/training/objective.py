@@ -33,6 +33,8 @@ class Objective(nn.Module):
 
     def forward(self, batch: Batch, settings: TrainingSettings) -> dict[str, Tensor]:
         """Each of `TERMS` as a number, `total` with its gradient; all are NaN where the Gaussians cannot be drawn."""
+        if settings.supervision == "pictures":
+            return self._of_labels(_joined(batch.target, batch.context), settings, alone=True)
         if settings.supervision == "labels":
             return self._of_labels(batch.context, settings)
         encoding = self.network(batch.context)
@@ -56,15 +58,17 @@ class Objective(nn.Module):
             name: term.detach() for name, term in found.items()
         }
 
-    def _of_labels(self, views: Views, settings: TrainingSettings) -> dict[str, Tensor]:
+    def _of_labels(self, views: Views, settings: TrainingSettings, alone: bool = False) -> dict[str, Tensor]:
         """The terms where only the classes of the views' own pixels count; nothing is rendered, so there is no PSNR.
+
+        With `alone` no view learns from another.
 
         Raises:
             ValueError: the views have no labels.
         """
-        distributions = self.network.classify(views)
+        distributions = self.network.classify(views, alone)
         if views.labels is None:
-            raise ValueError("the scenes have no labels; supervision by labels needs them")
+            raise ValueError(f"the scenes have no labels; supervision by {settings.supervision} needs them")
         assert not isinstance(settings.class_weights, str)
         labels = views.labels.to(distributions.device).flatten(end_dim=-3)
         total = cross_entropy(distributions.flatten(end_dim=-4), labels, settings.class_weights).mean()

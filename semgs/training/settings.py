@@ -169,11 +169,12 @@ class TrainingSettings:
     the data and favours the rare, such that a mean pixel has factor 1."""
     depth_weight: float = 0.0
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
-    supervision: Literal["rendered", "labels"] = "rendered"
+    supervision: Literal["rendered", "labels", "pictures"] = "rendered"
     """What the loss looks at: rendered views, as in the paper; or labels, the classes of the input views' own pixels before anything is
-    splatted. That trains the semantic branch and the layers it shares alone, in a fifth of the time."""
+    splatted, which trains the semantic branch and the layers it shares alone, in a fifth of the time; or pictures, the same of all views of a
+    sample, each by itself, without the transformer between views: a first stage that learns what things look like."""
     hold_shared: bool = False
-    """With supervision by labels: keep the layers that both branches share as they are, so that depth and colour of the weights to
+    """With supervision by labels or pictures: keep the layers that both branches share as they are, so that depth and colour of the weights to
     start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back."""
     sampling: Literal["even", "balanced"] = "even"
     """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
@@ -231,7 +232,10 @@ class TrainingSettings:
                 self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo.SEED),
                 f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",
             ),
-            "hold_shared": (not self.hold_shared or self.supervision == "labels", "no, but with supervision by labels"),
+            "hold_shared": (
+                not self.hold_shared or self.supervision != "rendered",
+                "no, but with supervision by labels or pictures",
+            ),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),

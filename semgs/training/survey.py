@@ -247,7 +247,7 @@ def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: 
         InputError: as `_check_tables`, or there are no labels at all although classes are to be learned.
     """
     _check_tables(settings, scenes, classes)
-    by_labels = settings.supervision == "labels"
+    by_labels = settings.supervision != "rendered"
     wanted = by_labels or settings.losses.semantic or settings.losses.smoothness
     labelled = any(scene.classes is not None for scene in scenes)
     if wanted and not labelled and not any(source.is_rooms for source in settings.sources):

@@ -37,14 +37,14 @@ class Validation:
 
 @torch.no_grad()
 def validate(model: Any, batches: Sequence[Batch], supervision: str = "rendered") -> Validation:
-    """Encode and render each batch and compare its target views; with supervision by labels, the classes of the input views alone."""
+    """Encode and render each batch and compare its target views; with supervision by labels or pictures, the classes of the input views alone."""
     decibels: list[torch.Tensor] = []
     confusion = None
     rows: list[np.ndarray] = []
     for batch in batches:
-        if supervision == "labels":
+        if supervision != "rendered":
             target = batch.context
-            semantics = model.classify(target)
+            semantics = model.classify(target, supervision == "pictures")
             row = class_strip(semantics, target)
         else:
             rendering, target = render_targets(model(batch.context), batch)

@@ -188,12 +188,25 @@ def test_classify_gives_each_pixel_the_distribution_of_its_gaussian(model):
     assert torch.equal(found[..., :: model.stride, :], found[..., model.stride - 1 :: model.stride, :])
 
 
+def test_classified_alone_a_view_knows_nothing_of_others_nor_of_cameras(model):
+    views = posed_views(2, SIZE, dtype=torch.float64)
+    with torch.inference_mode():
+        together, alone = model.classify(views), model.classify(views, alone=True)
+        first = model.classify(views.select([0]), alone=True)
+        elsewhere = model.classify(moved(views), alone=True)
+    assert difference(alone, together) > 1e-3
+    assert torch.allclose(first, alone[:1], rtol=1e-9, atol=1e-12)
+    assert torch.equal(elsewhere, alone)
+
+
+@pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize("shared", [True, False])
-def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool):
+def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool, alone: bool):
     model = fill_golden(SemGS(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
                               cost_width=16, upsampled_channels=16, harmonics=4, shared_layers=shared))  # fmt: skip
-    model.classify(posed_views(2, (16, 32)))[:, 0].sum().backward()
-    assert {name for name, one in model.named_parameters() if one.grad is not None} == model.semantic_parameters()
+    model.classify(posed_views(2, (16, 32)), alone)[:, 0].sum().backward()
+    learning = {name for name, one in model.named_parameters() if one.grad is not None}
+    assert learning == model.semantic_parameters(alone=alone)
 
 
 def test_a_network_of_colours_alone_does_not_classify():

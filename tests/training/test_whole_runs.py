@@ -77,7 +77,7 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert (metadata["seed"], metadata["step"]) == ("4", "2")
     assert metadata["description"] == "small, 2 of 2 steps of a training in generated rooms"
     assert data_terms(path) == (ROOMS,)
-    assert path.stat().st_size < 8 * 2**20
+    assert path.stat().st_size < 12e6
     # The same run in two sittings, with the real network, rooms and splatting, ends with the same bits.
     cut = [train(SETTINGS, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]
     assert cut == [1, 2]
@@ -85,14 +85,14 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
 
 
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize(("supervision", "held"), [("labels", False), ("labels", True), ("pictures", True)])
 def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, supervision: str, held: bool
 ):
     monkeypatch.setattr("semgs.training.objective.render", None)
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
-        SETTINGS, supervision="labels", init="small", data=(str(own),), validation=str(own), depth_weight=0.0,
+        SETTINGS, supervision=supervision, init="small", data=(str(own),), validation=str(own), depth_weight=0.0,
         hold_shared=held,
     )  # fmt: skip
     train(settings, tmp_path / "run", workers=0)
@@ -105,6 +105,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     assert moved
     assert moved <= model.semantic_parameters()
     assert any(name.startswith("cnn.") for name in moved) == (not held)
+    assert any(name.startswith("semantic_transformer.") for name in moved) == (supervision == "labels")
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     steps = [line for line in lines if "total" in line]
     assert all(line["psnr"] is None and line["total"] == line["semantic"] > 0 for line in steps)
