@@ -124,6 +124,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.long
 @pytest.mark.timeout(3000)
+@pytest.mark.filterwarnings("ignore::semgs.data.terms.TermsWarning")
 def test_the_scripts_of_all_tables_and_the_three_figures_run_on_miniatures(world: Path) -> None:
     size = "--size 48x64"
     told = {
