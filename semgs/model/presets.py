@@ -23,7 +23,6 @@ def small(classes: ClassTable = SCANNET20) -> SemGS:
         candidates=64,
         colour_blocks=3,
         semantic_blocks=2,
-        semantic_pyramid=(96, 192, 256),
         expansion=2,
         reduction=2,
         cost_width=32,

@@ -1,7 +1,8 @@
 """A pyramid of features for the semantic branch: down to coarse maps that see much of the picture, and back up.
 
 What a thing is shows in its surroundings and in its colours as they are. The shallow layers see neither: they were made to match points
-between views, a few pixels wide and normalised in each picture. `small` refines them by this pyramid; `base` has the paper's two residual blocks.
+between views, a few pixels wide and normalised in each picture. This takes the place of the paper's two residual blocks where a
+network asks for it (`semantic_pyramid`).
 """
 
 from __future__ import annotations

@@ -153,7 +153,7 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
     return path
 
 
-def _switched(switches: Switches) -> dict[str, bool | int]:
+def _switched(switches: Switches) -> dict[str, bool | int | tuple[int, ...]]:
     """The switches that are not as they are by default."""
     usual = Switches()
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from fractions import Fraction
 from pathlib import PurePath
@@ -125,6 +126,8 @@ class Switches:
     """Multiply the output of attention by G; off is the paper's text."""
     paper_heads: bool = False
     """The paper's text for the heads instead of MVSplat's."""
+    semantic_pyramid: tuple[int, ...] = ()
+    """Refine the semantic features by a pyramid of coarser maps of these widths, such as 96 192 256 (not in the paper)."""
 
 
 @dataclass(frozen=True)
@@ -280,17 +283,20 @@ class TrainingSettings:
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
             raise ValueError(f"the settings hold {', '.join(unknown)}, which this version of semgs does not know")
-        values: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()
-        }
+        values = _with_tuples(saved)
         if not isinstance(values.get("assets", ()), tuple):  # as older versions kept it
             values["assets"] = (values["assets"],) if values["assets"] else ()
         for name, kind in (("losses", LossWeights), ("augmentation", Augmentation), ("network", Switches)):
             if name in values:
-                values[name] = kind(**values[name])
+                values[name] = kind(**_with_tuples(values[name]))
         if values.get("classes") is not None:
             values["classes"] = ClassTable.from_json(values["classes"])
         return cls(**values)
+
+
+def _with_tuples(saved: Mapping[str, Any]) -> dict[str, Any]:
+    """What JSON kept, its lists as the tuples that they were."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
 
 
 def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:

@@ -26,7 +26,7 @@ def start(
     seed: int = 0,
     classes: ClassTable = SCANNET20,
     own_classes: bool = False,
-    switches: Mapping[str, bool | int] | None = None,
+    switches: Mapping[str, bool | int | tuple[int, ...]] | None = None,
 ) -> SemGS:
     """The network that a training starts with; `origin` of the result says what was kept of which weights.
 

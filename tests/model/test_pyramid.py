@@ -3,9 +3,13 @@
 import pytest
 import torch
 from golden import fill_golden
+from posed import posed_views
 
 from semgs.model.presets import small
 from semgs.model.pyramid import SemanticPyramid
+from semgs.model.semgs import SemGS, arguments
+from semgs.weights.file import save
+from semgs.weights.load import load
 
 SHRINK = 4
 
@@ -45,8 +49,14 @@ def test_pictures_are_pixels_not_colours_relative_to_their_mean():
         assert (model(features, pictures) - model(features, pictures + 0.3)).abs().amax() > 1e-3
 
 
-def test_small_refines_its_semantic_features_so():
-    model = small()
+def test_a_network_that_asks_for_it_refines_its_semantic_features_so_and_its_file_brings_it_back(tmp_path):
+    model = SemGS(**arguments(small().settings) | {"semantic_pyramid": (16, 24)})
     assert isinstance(model.semantic_refinement, SemanticPyramid)
-    assert [block.skip_connection.__class__.__name__ for block in model.semantic_refinement.blocks] == ["Identity"] * 3
-    assert model.settings["semantic_pyramid"] == [96, 192, 256]
+    views = posed_views(2, (32, 48))
+    with torch.inference_mode():
+        assert model.eval()(views).gaussians.semantic.features.shape == (2 * 16 * 24, 20)
+    save(tmp_path / "pyramid.safetensors", model, {})
+    again = load("small", tmp_path / "pyramid.safetensors")
+    assert isinstance(again.semantic_refinement, SemanticPyramid)
+    assert again.settings == model.settings
+    assert not isinstance(small().semantic_refinement, SemanticPyramid)
