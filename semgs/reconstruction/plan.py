@@ -146,7 +146,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     attention = tokens * channels * max(4 * s["expansion"] + 14, 3 * (views - 1) + 13) + mask
     features = texels * channels
     # The pyramid's finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
-    pyramid = texels * (channels + 3 * SHRINK**2 + UNET_MAPS * channels) if s.get("semantic_pyramid") else 0
+    pyramid = texels * (channels + 3 * SHRINK**2 + UNET_MAPS * channels) if s["semantic_pyramid"] else 0
     branches = 4 if classes else 2  # the shallow and the transformed features of each branch
     known = features * (branches + model.cosine_cost)
 

@@ -21,6 +21,9 @@ from semgs.model.semgs import SemGS, arguments
 FORMAT = "1"
 """Version of the header."""
 
+OWN_KEYS = frozenset({"semgs", "settings", "classes"})
+"""Keys of the header that are the format's own."""
+
 
 @dataclass(frozen=True)
 class Header:
@@ -54,8 +57,7 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
         "settings": json.dumps(model.settings),
         "classes": json.dumps(None if model.classes is None else asdict(model.classes)),
     }
-    if taken := header.keys() & metadata.keys():
-        raise ValueError(f"metadata has the key {sorted(taken)[0]!r}, which the format itself uses")
+    _check_free(metadata)
     tensors = {
         name: tensor.detach().to("cpu", dtype if tensor.is_floating_point() else tensor.dtype).contiguous()
         for name, tensor in model.state_dict().items()
@@ -76,12 +78,17 @@ def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str])
         ValueError: a key of the metadata is one of the format's own.
     """
     read_header(source)
-    if taken := {"semgs", "settings", "classes"} & metadata.keys():
-        raise ValueError(f"metadata has the key {sorted(taken)[0]!r}, which the format itself uses")
+    _check_free(metadata)
     with safe_open(source, "pt") as file:
         header = file.metadata() | dict(metadata)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     write_bytes(Path(target), to_bytes(tensors, header))
+
+
+def _check_free(metadata: Mapping[str, str]) -> None:
+    """Refuse provenance under keys that the format has for itself."""
+    if taken := OWN_KEYS & metadata.keys():
+        raise ValueError(f"metadata has the key {sorted(taken)[0]!r}, which the format itself uses")
 
 
 def is_ours(path: str | Path) -> bool:

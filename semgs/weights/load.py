@@ -18,7 +18,7 @@ from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
 from semgs.weights.hub import SCHEME, fetched, is_hub_id
 from semgs.weights.index import shipped_folder
-from semgs.weights.temperatures import read_temperatures
+from semgs.weights.temperatures import temperatures_in
 
 SCENES = "scenes"
 """Where the header of weights has the names of the scenes that they were trained on."""
@@ -195,7 +195,7 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
         told = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
         warnings.warn(told, TermsWarning, stacklevel=3)
     model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
-    model.temperatures = read_temperatures(path) or {}
+    model.temperatures = temperatures_in(header.metadata, path) or {}
     return model
 
 

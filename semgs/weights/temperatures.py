@@ -28,11 +28,21 @@ def read_temperatures(path: str | Path) -> dict[str, float] | None:
     Raises:
         InputError: the file is none of ours, or they are not one positive number each.
     """
-    text = read_header(path).metadata.get(KEY)
+    return temperatures_in(read_header(path).metadata, path)
+
+
+def temperatures_in(metadata: Mapping[str, str], path: str | Path) -> dict[str, float] | None:
+    """As `read_temperatures`, from the metadata of a header that was read from `path`.
+
+    Raises:
+        InputError: they are not one positive number each.
+    """
+    text = metadata.get(KEY)
     if text is None:
         return None
     try:
-        found = {kind: float(json.loads(text)[kind]) for kind in KINDS}
+        held = json.loads(text)
+        found = {kind: float(held[kind]) for kind in KINDS}
     except (ValueError, TypeError, KeyError) as error:
         raise InputError(path, "temperatures as JSON", f"{type(error).__name__}: {error}", key=KEY) from None
     for kind, value in found.items():
