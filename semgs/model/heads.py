@@ -300,13 +300,8 @@ def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n 
     """Semantic Gaussians of n views, [n (h w) ...]: channels (3 sizes, 4 quaternion, logits of the classes)."""
     raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
-    classes = class_distributions(raw).permute(0, 2, 3, 1)
+    classes = raw[:, 7:].softmax(1).permute(0, 2, 3, 1)
     return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), classes.flatten(1, 2))
-
-
-def class_distributions(raw: Float[Tensor, "n c h w"]) -> Float[Tensor, "n class h w"]:
-    """What the raw channels of the semantic head say of classes."""
-    return raw[:, 7:].softmax(1)
 
 
 def upsampled(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:

@@ -12,41 +12,67 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, pixel_unshuffle
 
-from semgs.model.unet import ResBlock
+BLOCKS = 2
+"""Residual blocks of each coarser map on the way down."""
 
 
 class SemanticPyramid(nn.Module):
-    """Residual blocks with group norm on maps each half the size of the one before, summed on the way back.
+    """Residual blocks with batch norm on maps each half the size of the one before, summed on the way back; classes from the finest.
+
+    Batch norm, not the instance and group norms of the other branches: those take from each picture what makes it differ from others.
 
     Args:
         channels: of the features, in and out.
-        widths: of the coarser maps, each a multiple of 8.
+        widths: of the coarser maps.
         shrink: the features are at 1/shrink of the picture.
+        classes: how many.
     """
 
-    def __init__(self, channels: int, widths: tuple[int, ...], shrink: int) -> None:
+    def __init__(self, channels: int, widths: tuple[int, ...], shrink: int, classes: int) -> None:
         super().__init__()
         self.shrink = shrink
         sizes = (channels, *widths)
-        self.stem = nn.Conv2d(channels + 3 * shrink**2, channels, 1)
+        steps = list(zip(sizes, widths, strict=False))
+        self.stem = normed(nn.Conv2d(channels + 3 * shrink**2, channels, 1, bias=False))
         self.down = nn.ModuleList(
-            nn.Conv2d(fine, coarse, 3, stride=2, padding=1) for fine, coarse in zip(sizes, widths, strict=False)
+            normed(nn.Conv2d(fine, coarse, 3, stride=2, padding=1, bias=False)) for fine, coarse in steps
         )
-        self.blocks = nn.ModuleList(ResBlock(width, width) for width in widths)
-        self.up = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in zip(sizes, widths, strict=False))
-        self.merged = nn.ModuleList(ResBlock(width, width) for width in sizes[:-1])
+        self.blocks = nn.ModuleList(nn.Sequential(*(Residual(width) for _ in range(BLOCKS))) for width in widths)
+        self.up = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in steps)
+        self.merged = nn.ModuleList(Residual(width) for width in sizes[:-1])
+        self.classes = nn.Conv2d(channels, classes, 1)
 
     def forward(
         self, features: Float[Tensor, "n c h4 w4"], pictures: Float[Tensor, "n 3 h w"]
     ) -> Float[Tensor, "n c h4 w4"]:
-        """Features of the same size, from them and from the pictures that they are of (0..1)."""
-        x = self.stem(torch.cat((features, pixel_unshuffle(2 * pictures - 1, self.shrink)), dim=1))
-        maps = [x]
-        for down, block in zip(self.down, self.blocks, strict=True):
-            maps.append(block(down(maps[-1]), 1))
+        """Features of the same size, from them and from the pictures that they are of (0..1); `classes` makes logits of them."""
+        x = torch.cat((features, pixel_unshuffle(2 * pictures - 1, self.shrink)), dim=1)
+        maps = [self.stem(x.contiguous(memory_format=torch.channels_last))]
+        for down, blocks in zip(self.down, self.blocks, strict=True):
+            maps.append(blocks(down(maps[-1])))
         x = maps.pop()
         for up, merged in zip(reversed(self.up), reversed(self.merged), strict=True):
             fine = maps.pop()
             wide = interpolate(up(x), size=fine.shape[-2:], mode="bilinear", align_corners=False)
-            x = merged(fine + wide, 1)
+            x = merged(fine + wide)
         return x
+
+
+class Residual(nn.Module):
+    """relu(x + norm(conv(relu(norm(conv(x)))))); the second norm starts at zero."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = normed(nn.Conv2d(channels, channels, 3, padding=1, bias=False))
+        self.second = nn.Conv2d(channels, channels, 3, padding=1, bias=False)
+        self.norm = nn.BatchNorm2d(channels)
+        nn.init.zeros_(self.norm.weight)
+
+    def forward(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"]:
+        """Features of the same size."""
+        return torch.relu(x + self.norm(self.second(self.first(x))))
+
+
+def normed(conv: nn.Conv2d) -> nn.Sequential:
+    """relu(norm(conv(x)))."""
+    return nn.Sequential(conv, nn.BatchNorm2d(conv.out_channels), nn.ReLU())

@@ -29,7 +29,6 @@ from semgs.model.heads import (
     Head,
     Rays,
     Upsampler,
-    class_distributions,
     colour_appearance,
     drawn_attributes,
     points,
@@ -63,7 +62,8 @@ class SemGS(nn.Module):
         candidates: L.
         colour_blocks, semantic_blocks: transformer blocks of each branch.
         semantic_pyramid: widths of the coarser maps, at 1/8 of the picture and so on, of the pyramid that refines the
-            semantic branch's features, which sees the picture too; none takes the paper's two residual blocks.
+            semantic branch's features and classifies each view by itself, which the head corrects; none takes the paper's
+            two residual blocks and leaves the classes to the head.
         windows: along each side of the token map; 1 is full attention (ablation *Sw-Trans*).
         expansion: of the transformers' feed-forward networks.
         reduction: 2 lets the transformers work at 1/8 of the picture.
@@ -181,7 +181,7 @@ class SemGS(nn.Module):
             self.semantic_cnn = None if shared_layers else FeatureCNN(cnn_widths, channels)
             self.semantic_refinement: SemanticPyramid | nn.Sequential
             if semantic_pyramid:
-                self.semantic_refinement = SemanticPyramid(channels, tuple(semantic_pyramid), SHRINK)
+                self.semantic_refinement = SemanticPyramid(channels, tuple(semantic_pyramid), SHRINK, len(classes))
             else:
                 self.semantic_refinement = nn.Sequential(
                     ResidualBlock(channels, channels), ResidualBlock(channels, channels)
@@ -198,6 +198,9 @@ class SemGS(nn.Module):
             start_at(self.colour_head, slice(0, 3) if paper_heads else slice(2, 5), initial_sigma)
             if classes is not None:
                 start_at(self.semantic_head, slice(0, 3), initial_sigma)
+        if classes is not None and semantic_pyramid:
+            for parameter in self.semantic_head[-1].parameters():
+                parameter.data[7:] = 0  # at first the classes are the pyramid's
 
     def forward(self, views: Views, chunks: Chunks = WHOLE, stage: Stage = nullcontext) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size.
@@ -225,7 +228,8 @@ class SemGS(nn.Module):
 
         Args:
             views: of one scene, or of a batch of scenes.
-            alone: pass the transformer over, so that no view learns from another; one will do, and cameras do not matter.
+            alone: pass the transformer over, and with a pyramid the head, so that no view learns from another; one will do,
+                and cameras do not matter.
 
         Raises:
             ValueError: there is one view only, or the network has no semantic branch.
@@ -237,16 +241,21 @@ class SemGS(nn.Module):
         if self.classes is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
         refined = self._semantic_refined(pictures, self.cnn(pictures))
-        semantic = Semantic(refined, refined if alone else self._semantic_seen(refined, flat.cameras, flat.depth_range))
-        raw = self._semantic_raw(self._shrunk(pictures), semantic, slice(None))
-        classes = class_distributions(raw.to(torch.promote_types(raw.dtype, torch.float32)))
+        if alone and isinstance(self.semantic_refinement, SemanticPyramid):
+            raw = self._pyramid_classes(self.semantic_refinement, refined)
+        else:
+            seen = refined if alone else self._semantic_seen(refined, flat.cameras, flat.depth_range)
+            raw = self._semantic_raw(self._shrunk(pictures), Semantic(refined, seen), slice(None))[:, 7:]
+        classes = raw.to(torch.promote_types(raw.dtype, torch.float32)).softmax(1)
         wide = classes.repeat_interleave(self.stride, -1).repeat_interleave(self.stride, -2)
         return wide[..., : views.size[0], : views.size[1]].reshape(*views.images.shape[:-3], -1, *views.size)
 
     def semantic_parameters(self, shared: bool = True, alone: bool = False) -> set[str]:
         """Names of the parameters that `classify` depends on; without `shared`, those of them that nothing else depends on."""
         parts = ("semantic_", "cnn.") if shared and self.semantic_cnn is None else ("semantic_",)
-        passed_over = ("semantic_transformer.",) if alone else ()
+        passed_over: tuple[str, ...] = ("semantic_transformer.",) if alone else ()
+        if alone and isinstance(self.semantic_refinement, SemanticPyramid):
+            passed_over += ("semantic_upsampler.", "semantic_head.")
         names = (name for name, _ in self.named_parameters())
         return {name for name in names if name.startswith(parts) and not name.startswith(passed_over)}
 
@@ -447,7 +456,17 @@ class SemGS(nn.Module):
         self, small: Float[Tensor, "n 3 h w"], semantic: Semantic, at: slice
     ) -> Float[Tensor, "n channel h w"]:
         """What the semantic head says of some views, given their pictures at the Gaussians' scale."""
-        return self.semantic_head(torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1))
+        raw = self.semantic_head(torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1))
+        if not isinstance(self.semantic_refinement, SemanticPyramid):
+            return raw
+        shape, logits = raw.split((7, raw.shape[1] - 7), dim=1)
+        return torch.cat((shape, logits + self._pyramid_classes(self.semantic_refinement, semantic.refined[at])), dim=1)
+
+    def _pyramid_classes(
+        self, pyramid: SemanticPyramid, refined: Float[Tensor, "n c h4 w4"]
+    ) -> Float[Tensor, "n class h w"]:
+        """Logits of the pyramid's own classes at the Gaussians' scale."""
+        return upsampled(pyramid.classes(refined), self.factor, self.conventions.pixel_centres)
 
     def _upsampled_semantic(self, semantic: Semantic, at: slice) -> Float[Tensor, "n d h w"]:
         """What the semantic head sees of some views, beside the picture."""

@@ -40,7 +40,7 @@ from semgs.training.presets import from_preset
 from semgs.training.run import claim, export_weights, hold_assets, network
 from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
-from semgs.training.state import TrainingState
+from semgs.training.state import TrainingState, hold_statistics
 from semgs.training.step import training_step
 from semgs.training.validation import validate
 
@@ -116,6 +116,8 @@ def train(
         for name, parameter in model.named_parameters():
             parameter.requires_grad_(name in learning)
     state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
+    if settings.supervision != "pictures":  # batches of few scenes, whose views are alike
+        hold_statistics(state.model)
     resume(state, out, console)
     share = Share(fabric.global_rank, fabric.world_size, accumulate)
     outcome = fit(

@@ -105,6 +105,13 @@ class TrainingState:
         self.best_score = float(numbers.get("best_score", -math.inf))
 
 
+def hold_statistics(model: nn.Module) -> None:
+    """Let the batch norms of a network use what they have measured before, also in training."""
+    for module in model.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.eval()
+
+
 def averaged_weights(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """Those of a state's tensors that are the averaged weights, by their names in the network."""
     return _under("average.module.", tensors)

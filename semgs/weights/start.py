@@ -15,8 +15,11 @@ from semgs.model.semgs import SemGS, arguments
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
 from semgs.weights.load import drawn, find, from_mvsplat, load, shipped
 
-CLASS_HEAD = "semantic_head.2."
-"""Where the names of the layer that predicts classes begin; its first rows are the covariance's, which any table has."""
+SEMANTIC_SHAPE = ("semantic_pyramid",)
+"""Settings that shape the semantic branch alone: weights that have others lend a network all else."""
+
+CLASS_LAYERS = ("semantic_head.2.", "semantic_refinement.classes.")
+"""Where the names of the layers that predict classes begin: the head's, whose first rows are the covariance's, which any table has, and a pyramid's."""
 
 
 def start(
@@ -36,7 +39,8 @@ def start(
         seed: of what is drawn.
         classes: the table to train on.
         own_classes: weights of another table are taken without their class head, which is drawn; else they are refused.
-        switches: constructor arguments that differ from the network of that name; they must be those that the weights have.
+        switches: constructor arguments that differ from the network of that name; they must be those that the weights have,
+            but for the shape of the semantic branch: where that differs the branch is drawn, and all else is kept.
 
     Raises:
         InputError: the weights are absent, cannot be read or do not fit; the tensor, table or switch is named.
@@ -57,10 +61,13 @@ def start(
         return from_mvsplat(with_settings(drawn(name, seed, classes).settings | switched, classes, seed), path, seed)
     header = read_header(path)
     for key, value in switched.items():
-        if header.settings.get(key, value) != value:
+        if header.settings.get(key, value) != value and key not in SEMANTIC_SHAPE:
             raise InputError(
                 path, f"weights of a network with {key} = {value}", f"{header.settings[key]}", key="settings"
             )
+    shape = {key: list(switched[key]) for key in SEMANTIC_SHAPE if switched.get(key)}
+    if any(header.settings.get(key, []) != value for key, value in shape.items()):
+        return _with_another_branch(path, header.settings | shape, classes, seed)
     if header.classes not in (None, classes) and not own_classes:
         raise InputError(
             path, f"class table {classes.name} ({len(classes)} classes)", f"{header.classes.name} ({len(header.classes)} classes)",
@@ -86,11 +93,26 @@ def with_settings(settings: Mapping[str, Any], classes: ClassTable | None, seed:
     return model
 
 
+def _with_another_branch(path: Path, settings: Mapping[str, Any], classes: ClassTable, seed: int) -> SemGS:
+    """The network of a file but for the semantic branch, which these settings shape."""
+    model = with_settings(settings, classes, seed)
+    own, theirs = model.state_dict(), read_tensors(path)
+    fresh = {name for name in own if name.startswith("semantic_")}
+    fill(
+        model,
+        {name: tensor for name, tensor in theirs.items() if not name.startswith("semantic_")}
+        | {name: own[name] for name in fresh},
+        path,
+    )
+    model.origin = f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; the semantic branch drawn anew with seed {seed}"
+    return model
+
+
 def _with_other_classes(path: Path, settings: Mapping[str, Any], classes: ClassTable, seed: int) -> SemGS:
     """The network of a file for another table: everything but the rows of the classes."""
     model = with_settings(settings, classes, seed)
     own, theirs = model.state_dict(), read_tensors(path)
-    fresh = [name for name in own if name.startswith(CLASS_HEAD)]
+    fresh = [name for name in own if name.startswith(CLASS_LAYERS)]
     kept = dict(theirs)
     for name in fresh:
         rows = own[name].clone()

@@ -31,7 +31,7 @@ from semgs.training.run import hold_assets
 from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
 from semgs.weights.file import read_header
 from semgs.weights.load import data_terms, load
-from semgs.weights.start import CLASS_HEAD
+from semgs.weights.start import CLASS_LAYERS
 
 SETTINGS = TrainingSettings(
     model="small",
@@ -137,7 +137,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
         tmp_path / "run" / "weights.safetensors", None
     ))  # fmt: skip
     for name, value in start.state_dict().items():
-        if not name.startswith(CLASS_HEAD):
+        if not name.startswith(CLASS_LAYERS):
             torch.testing.assert_close(model.state_dict()[name], value, rtol=0.02, atol=1e-4)
     checks = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     assert [line["step"] for line in checks if "validation" in line] == [0, 1]
