@@ -21,7 +21,7 @@ def golden_tensor(key: str, shape: tuple[int, ...]) -> Tensor:
         bits = bits ^ (bits >> np.uint64(31))
     uniform = (bits >> np.uint64(11)).astype(np.float64) * 2.0**-52 - 1
     if len(shape) == 1:
-        values = 0.1 * math.sqrt(3) * uniform + (1 if key.endswith("weight") else 0)
+        values = 0.1 * math.sqrt(3) * uniform + (1 if key.endswith(("weight", "running_var")) else 0)
     else:
         values = math.sqrt(3 / math.prod(shape[1:])) * uniform
     if key.endswith("to_disparity.2.weight"):

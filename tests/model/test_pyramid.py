@@ -8,6 +8,7 @@ from posed import posed_views
 from semgs.model.presets import small
 from semgs.model.pyramid import SemanticPyramid
 from semgs.model.semgs import SemGS, arguments
+from semgs.training.state import hold_statistics
 from semgs.weights.file import save
 from semgs.weights.load import load
 
@@ -15,7 +16,7 @@ SHRINK = 4
 
 
 def pyramid() -> SemanticPyramid:
-    return fill_golden(SemanticPyramid(16, (24, 32), SHRINK)).double()
+    return fill_golden(SemanticPyramid(16, (24, 32), SHRINK, 5)).double().eval()
 
 
 def given(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -60,3 +61,35 @@ def test_a_network_that_asks_for_it_refines_its_semantic_features_so_and_its_fil
     assert isinstance(again.semantic_refinement, SemanticPyramid)
     assert again.settings == model.settings
     assert not isinstance(small().semantic_refinement, SemanticPyramid)
+
+
+def test_a_view_by_itself_has_the_pyramids_classes_and_a_fresh_head_leaves_them_as_they_are():
+    torch.manual_seed(3)
+    model = SemGS(**arguments(small().settings) | {"semantic_pyramid": (16, 24)}).eval()
+    views = posed_views(2, (32, 48))
+    with torch.inference_mode():
+        torch.testing.assert_close(model.classify(views), model.classify(views, alone=True))
+        assert model.classify(views, alone=True).amax(-3).sub(0.05).amax() > 1e-3
+        model.semantic_head[-1].weight[7:12] += 0.1
+        assert (model.classify(views) - model.classify(views, alone=True)).abs().amax() > 1e-3
+
+
+def test_what_teaches_a_view_by_itself_are_the_layers_of_the_pyramid_alone():
+    model = SemGS(**arguments(small().settings) | {"semantic_pyramid": (16, 24)})
+    model.classify(posed_views(2, (32, 48)), alone=True).square().sum().backward()
+    learned = {name for name, parameter in model.named_parameters() if parameter.grad is not None}
+    assert learned == model.semantic_parameters(alone=True)
+    assert {name.split(".")[0] for name in learned} == {"cnn", "semantic_refinement"}
+
+
+def test_its_norms_tell_pictures_of_a_batch_apart_and_measure_only_while_they_may():
+    model = pyramid().train()
+    features, pictures = given(8, 8)
+    before = model.stem[1].running_mean.clone()
+    hold_statistics(model)
+    held = model(features, pictures)
+    assert torch.equal(model.stem[1].running_mean, before)
+    torch.testing.assert_close(model(features[:1], pictures[:1]), held[:1])
+    model.train()
+    model(features, pictures)
+    assert not torch.equal(model.stem[1].running_mean, before)

@@ -52,6 +52,25 @@ def test_weights_that_are_not_there_are_refused(init: str, told: str):
         start("base", init)
 
 
+def test_weights_lend_a_network_with_another_semantic_branch_all_else():
+    model = start("small", "small", seed=3, switches={"semantic_pyramid": (16, 24), "windows": 2})
+    there, here = load("small").state_dict(), model.state_dict()
+    assert model.settings == load("small").settings | {"semantic_pyramid": [16, 24]}
+    kept = {name for name in here if not name.startswith("semantic_")}
+    assert kept == {name for name in there if not name.startswith("semantic_")}
+    assert all(torch.equal(here[name], there[name]) for name in kept)
+    assert f"small.safetensors: {len(kept)} of {len(here)} tensors kept" in model.origin
+    assert "the semantic branch drawn anew with seed 3" in model.origin
+
+
+def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
+    save(tmp_path / "pyramid.safetensors", start("small", "small", switches={"semantic_pyramid": (16, 24)}), {})
+    model = load("small", tmp_path / "pyramid.safetensors")
+    for switches in ({}, {"semantic_pyramid": (16, 24)}, {"semantic_pyramid": ()}):
+        again = start("small", str(tmp_path / "pyramid.safetensors"), seed=4, switches=switches)
+        assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
+
+
 def test_weights_of_another_network_are_refused():
     with pytest.raises(InputError, match='weights of "base", found weights of "small"'):
         start("base", "small")
