@@ -65,8 +65,8 @@ def start(
             raise InputError(
                 path, f"weights of a network with {key} = {value}", f"{header.settings[key]}", key="settings"
             )
-    shape = {key: list(switched[key]) for key in SEMANTIC_SHAPE if switched.get(key)}
-    if any(header.settings.get(key, []) != value for key, value in shape.items()):
+    shape = {key: switched[key] for key in SEMANTIC_SHAPE if switched.get(key)}
+    if any(tuple(header.settings.get(key, ())) != value for key, value in shape.items()):
         return _with_another_branch(path, header.settings | shape, classes, seed)
     if header.classes not in (None, classes) and not own_classes:
         raise InputError(

@@ -26,7 +26,10 @@ def test_other_classes_keep_all_but_the_class_head():
         assert len(here[name]) == 7 + 5
         assert torch.equal(here[name][:7], there[name][:7]), "sizes and axes of the Gaussians are those of the weights"
     assert f"{len(here) - 2} of {len(here)} tensors kept" in model.origin
-    assert f"drawn anew for the 5 classes of five with seed 3: {CLASS_LAYERS[0]}weight, {CLASS_LAYERS[0]}bias" in model.origin
+    assert (
+        f"drawn anew for the 5 classes of five with seed 3: {CLASS_LAYERS[0]}weight, {CLASS_LAYERS[0]}bias"
+        in model.origin
+    )
     again = start("small", "small", seed=3, classes=FIVE, own_classes=True).state_dict()
     assert all(torch.equal(here[name], again[name]) for name in here)
 
