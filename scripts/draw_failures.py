@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.evaluation_results import network_method
 from semgs.cli.progress import show_progress
 from semgs.data.classes import SCANNET20
@@ -45,7 +46,8 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
     """What weights say of all targets of some scenes, or of rooms that are drawn for it; and the hash of their file.
 
     Raises:
-        ValueError: the weights or scenes cannot be used.
+        InputError: the weights or scenes cannot be used.
+        UsageError: no weights of that name ship.
     """
     with TemporaryDirectory() as drawn:
         if data is None:
@@ -54,7 +56,8 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
         scenes = open_scenes(data or drawn)
         classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
         plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
-        method, subject = network_method(weights, classes, "cpu")
+        with what_the_user_gave():
+            method, subject = network_method(weights, classes, "cpu")
         with show_progress("Reconstructing", len(plan.tasks)) as done:
             found = judged(Part("", plan, (method,), classes).compare(done))
     if not found:
@@ -86,6 +89,6 @@ if __name__ == "__main__":
         write_bytes(given.out or PICTURE, sheet(worst(found, ROWS), BYTES))
         if given.out is None:
             write_text(CARD, between(CARD.read_text(encoding="utf-8"), text, BEGIN, END))
-    except (ValueError, OSError) as error:
+    except (InputError, UsageError) as error:
         sys.exit(str(error))
     print(text)

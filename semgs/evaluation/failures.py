@@ -154,7 +154,8 @@ def _row(target: Judged) -> PictureRow:
     said = one.predictions[0]
     assert one.target.labels is not None
     assert said.labels is not None
-    limits = depth_limits([maps.numpy() for maps in (one.target.depths, said.depths) if maps is not None][:1])
+    span = said.depths if one.target.depths is None else one.target.depths[0]
+    limits = depth_limits([] if span is None else [span.numpy()])
     pictures = (
         as_bytes(one.target.images[0]),
         None if said.image is None else as_bytes(said.image),
