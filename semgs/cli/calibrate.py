@@ -33,6 +33,9 @@ class Calibrate:
     Without --out nothing is fitted: the temperatures that WEIGHTS has are measured on these scenes. Printed is the expected calibration
     error before and after.
 
+    Scenes that WEIGHTS name as trained on are refused. Rooms that semgs drew cannot be told so, as weights do not name every seed of
+    theirs: take style other, in which nothing is trained, or a seed of your own.
+
     Examples
     - semgs weights calibrate runs/mine/weights.safetensors --data rooms/other --out mine.safetensors --plot reliability.png
     - semgs weights calibrate small --data scans
@@ -63,11 +66,12 @@ class Calibrate:
         """
         self._check()
         with show_stage("Starting"):
+            from semgs.data.scene_lists import check_unseen
             from semgs.evaluation.calibration import calibration, statements
             from semgs.evaluation.tables import printed
             from semgs.files.atomic import write_bytes
-            from semgs.weights.file import restate
-            from semgs.weights.load import find, load
+            from semgs.weights.file import is_ours, read_header, restate
+            from semgs.weights.load import find, load, trained_scenes
             from semgs.weights.temperatures import KEY, KINDS, read_temperatures, temperatures_text
 
             scenes, classes = labelled_scenes(self.data, self.reading)
@@ -75,11 +79,16 @@ class Calibrate:
                 raise InputError(self.data, "labelled scenes", "none with labels")
             with what_the_user_gave():
                 network, path = find(self.weights)
+            if not is_ours(path) or read_header(path).classes is None:
+                other = "a network of colour alone" if is_ours(path) else "another file"
+                raise InputError(path, "weights of semgs that know classes", other)
+            plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
+            tested = [scene.name for scene in plan.scenes]
+            check_unseen(self.weights, trained_scenes(path), tested, "take other scenes (--data)")
             held = read_temperatures(path)
             if self.out is None and held is None:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
             model = load(network, path, classes=classes).eval()
-        plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
         with show_progress("Reconstructing", len(plan.tasks)) as done:
             said = statements(plan, model, done=done)
         known = held if self.out is None else None

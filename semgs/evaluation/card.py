@@ -94,16 +94,21 @@ def scores_of(report: SavedReport) -> tuple[Score, ...]:
 
 
 def with_tables(page: str, tables: str) -> str:
-    """A page of Markdown with these tables between its two marks, in place of what was there.
+    """A page of Markdown with these tables between the marks `BEGIN` and `END`; as `between`."""
+    return between(page, tables, BEGIN, END)
+
+
+def between(page: str, text: str, first: str, last: str) -> str:
+    """A page with a text between two lines that mark its place, in place of what was there.
 
     Raises:
         ValueError: the page has not one of each mark, in order.
     """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end or BEGIN in rest or END in after:
-        raise ValueError(f"expected {BEGIN} and, below it, {END}, once each")
-    return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"
+    before, begin, rest = page.partition(first)
+    _, end, after = rest.partition(last)
+    if not begin or not end or first in rest or last in after:
+        raise ValueError(f"expected {first} and, below it, {last}, once each")
+    return f"{before}{first}\n\n{text}\n\n{last}{after}"
 
 
 def _row(name: str, numbers: Mapping[str, Any], worse: Sequence[str]) -> tuple[Cell, ...]:

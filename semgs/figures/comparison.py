@@ -25,7 +25,9 @@ BETWEEN_BLOCKS = 0.3
 CELL = 1.6
 """Width of a picture that is wider than high [inch]; at 200 dots an inch, 320 pixels."""
 MARGIN = 0.06
-TITLE, HEADING, LABEL, LEGEND = 8.0, 7.0, 5.0, 6.0
+CAPTION_LINE = 0.14
+"""Height of a caption [inch]."""
+TITLE, HEADING, CAPTION, LABEL, LEGEND = 8.0, 7.0, 6.5, 5.0, 6.0
 """Sizes of what is written [points]."""
 POINTS, CHARACTER = 72.0, 0.68
 """Points an inch, and the width of a character as a share of its size, at most on average."""
@@ -42,10 +44,12 @@ class PictureRow:
     Attributes:
         label: what it shows, in small letters at the left.
         pictures: RGB, one below each heading; None where there is none.
+        caption: a line below them, "" for none.
     """
 
     label: str
     pictures: tuple[UInt8[np.ndarray, "_ _ 3"] | None, ...]
+    caption: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +160,10 @@ class _Grid:
         self._heights = [
             self._scale * max(one.shape[0] for one in row.pictures if one is not None) for row in block.rows
         ]
+        self._captions = [CAPTION_LINE if row.caption else 0.0 for row in block.rows]
         self._left, self._top = 0.12, self._title + 0.16
         self.width = self._left + sum(self._widths) + GAP * (len(self._widths) - 1)
-        self.height = self._top + sum(self._heights) + GAP * len(self._heights)
+        self.height = self._top + sum(self._heights) + sum(self._captions) + GAP * len(self._heights)
 
     def draw(self, figure: Figure, left: float, top: float) -> None:
         """Draw it with its upper left corner there."""
@@ -171,7 +176,7 @@ class _Grid:
         if self._block.title:
             text(middle, top + 0.6 * self._title, self._block.title, TITLE, ha="center", va="center", weight="bold")
         y = top + self._top
-        for row, tall in zip(self._block.rows, self._heights, strict=True):
+        for row, tall, below in zip(self._block.rows, self._heights, self._captions, strict=True):
             words = _shortened(row.label, tall)
             text(left + 0.05, y + tall / 2, words, LABEL, ha="center", va="center", rotation=90, color="0.35")
             x = left + self._left
@@ -179,7 +184,8 @@ class _Grid:
                 if picture is not None:
                     _place(figure, picture, (x, y, wide, tall), self._scale)
                 x += wide + GAP
-            y += tall + GAP
+            text(left + self._left, y + tall + below / 2, row.caption, CAPTION, va="center_baseline")
+            y += tall + below + GAP
         x = left + self._left
         for heading, wide in zip(self._block.headings, self._widths, strict=True):
             text(x + wide / 2, top + self._top - 0.03, heading, HEADING, ha="center", va="bottom")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
+import torch
 from miniatures import miniature
 from replicas import write_replica
+from safetensors import safe_open
+from safetensors.torch import save_file
 
 from semgs.cli.main import main
-from semgs.weights.file import read_tensors
-from semgs.weights.load import shipped
+from semgs.weights.file import read_tensors, restate
+from semgs.weights.load import SCENES, shipped
 from semgs.weights.temperatures import read_temperatures
 
 
@@ -39,9 +43,17 @@ def test_temperatures_are_fitted_kept_beside_the_same_tensors_and_measured(
 def test_bad_input_is_one_line(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     there = tmp_path / "there.safetensors"
     there.write_bytes(b"mine")
+    colour, seen, new = tmp_path / "colour.safetensors", tmp_path / "seen.safetensors", tmp_path / "new"
+    with safe_open(shipped("small"), "pt") as file:
+        save_file({"a": torch.zeros(1)}, colour, {**file.metadata(), "classes": "null"})
+    restate(shipped("small"), seen, {SCENES: json.dumps(["office_0_Sequence_2"])})
+    on_scene = ["--data", str(scene)]
     lines = {
-        "choose another name": ["small", "--data", str(scene), "--out", str(there)],
-        "expected 2 or more": ["small", "--data", str(scene), "--views", "1", "--out", str(tmp_path / "new")],
+        "found a network of colour alone": [str(colour), *on_scene, "--out", str(new)],
+        "weights of semgs that know classes, found another file": [str(there), *on_scene, "--out", str(new)],
+        "found 1 that were": [str(seen), *on_scene, "--out", str(new)],
+        "choose another name": ["small", *on_scene, "--out", str(there)],
+        "expected 2 or more": ["small", *on_scene, "--views", "1", "--out", str(new)],
     }
     for told, line in lines.items():
         assert main(["weights", "calibrate", *line]) == 2
@@ -49,3 +61,4 @@ def test_bad_input_is_one_line(scene: Path, tmp_path: Path, capsys: pytest.Captu
         assert told in error
         assert len(error.splitlines()) == 1
     assert there.read_bytes() == b"mine"
+    assert not new.exists()

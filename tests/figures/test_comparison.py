@@ -104,3 +104,17 @@ def test_a_long_label_stays_beside_its_own_row():
     beside = np.nonzero((sheet == np.array(RED)).all(-1).any(0))[0][0]
     assert (sheet[gap[between] + 1 : gap[between + 1], :beside] == 255).all()
     assert (sheet[:, :beside] < 200).any()
+
+
+def test_a_caption_stands_below_its_own_row_and_moves_the_next_one_down():
+    def sheet(caption: str) -> np.ndarray:
+        rows = (PictureRow("", (picture(RED),), caption), PictureRow("", (picture(BLUE),)))
+        return opened(comparison([Block("", ("",), rows)])["png"])
+
+    without, captioned = sheet(""), sheet("x = 1")
+    assert places(captioned, RED) == places(without, RED)
+    assert places(captioned, BLUE)[0] > places(without, BLUE)[0] + 20
+    red, blue = ((captioned == np.array(colour)).all(-1).any(1).nonzero()[0] for colour in (RED, BLUE))
+    between = captioned[red[-1] + 1 : blue[0]]
+    assert (between < 128).any()
+    assert (between[[0, -1]] == 255).all()
