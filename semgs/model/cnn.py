@@ -26,11 +26,11 @@ class ResidualBlock(nn.Module):
         super().__init__()
         self.conv1 = nn.Conv2d(inputs, outputs, 3, stride=stride, padding=1, bias=False)
         self.conv2 = nn.Conv2d(outputs, outputs, 3, padding=1, bias=False)
-        self.norm1 = nn.InstanceNorm2d(outputs)
-        self.norm2 = nn.InstanceNorm2d(outputs)
+        self.norm1 = instance_norm(outputs)
+        self.norm2 = instance_norm(outputs)
         self.downsample: nn.Module = nn.Identity()
         if stride != 1 or inputs != outputs:
-            self.downsample = nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride=stride), nn.InstanceNorm2d(outputs))
+            self.downsample = nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride=stride), instance_norm(outputs))
 
     def forward(self, x: Float[Tensor, "n inputs h w"]) -> Float[Tensor, "n outputs h2 w2"]:
         """Features of the same size, or of half of it with stride 2."""
@@ -54,7 +54,7 @@ class FeatureCNN(nn.Module):
         super().__init__()
         first, second, third = widths
         self.conv1 = nn.Conv2d(3, first, 7, stride=2, padding=3, bias=False)
-        self.norm1 = nn.InstanceNorm2d(first)
+        self.norm1 = instance_norm(first)
         self.layer1 = nn.Sequential(ResidualBlock(first, first), ResidualBlock(first, first))
         self.layer2 = nn.Sequential(ResidualBlock(first, second, stride=2), ResidualBlock(second, second))
         self.layer3 = nn.Sequential(ResidualBlock(second, third), ResidualBlock(third, third))
@@ -67,3 +67,8 @@ class FeatureCNN(nn.Module):
         x = (images - self.mean) / self.std
         x = torch.relu(self.norm1(self.conv1(x)))
         return self.conv2(self.layer3(self.layer2(self.layer1(x))))
+
+
+def instance_norm(channels: int) -> nn.GroupNorm:
+    """Every channel of every picture to mean 0 and variance 1: a group norm of as many groups, which takes half of `InstanceNorm2d`'s time."""
+    return nn.GroupNorm(channels, channels, affine=False)

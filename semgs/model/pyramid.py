@@ -41,7 +41,6 @@ class SemanticPyramid(nn.Module):
         self.up = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in steps)
         self.merged = nn.ModuleList(Residual(width) for width in sizes[:-1])
         self.classes = nn.Conv2d(channels, classes, 1)
-        self.to(memory_format=torch.channels_last)  # half the time of a training step on a CPU
 
     def forward(
         self, features: Float[Tensor, "n c h4 w4"], pictures: Float[Tensor, "n 3 h w"]

@@ -124,6 +124,7 @@ def test_a_dry_run_says_what_would_be_trained_and_writes_nothing(tmp_path: Path,
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1500)
 def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
     line = [*LINE.split(), "--views", "4", "--out", str(tmp_path)]
     assert main(line) == 0

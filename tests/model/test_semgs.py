@@ -212,3 +212,23 @@ def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool, al
 def test_a_network_of_colours_alone_does_not_classify():
     with pytest.raises(ValueError, match="no semantic branch"):
         presets.mvsplat().classify(posed_views(2, SIZE))
+
+
+@pytest.mark.parametrize("pyramid", [(), (16, 24)], ids=["blocks", "pyramid"])
+def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(pyramid: tuple[int, ...]):
+    model = fill_golden(SemGS(**arguments(presets.small().settings) | {"semantic_pyramid": pyramid}))
+    views = posed_views(2, (32, 48))
+    kernel = model.depth_refinement.project.weight
+    assert kernel.is_contiguous(memory_format=torch.channels_last)
+    with torch.inference_mode():
+        last = model(views).gaussians
+    before = kernel.clone()
+    model.train()
+    assert kernel.is_contiguous()
+    assert torch.equal(kernel, before)
+    for module in model.modules():
+        module.training = False  # the numbers of eval in the layout of training
+    with torch.inference_mode():
+        first = model(views).gaussians
+    torch.testing.assert_close(last.means, first.means, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(last.semantic.features, first.semantic.features, rtol=1e-4, atol=1e-5)
