@@ -205,9 +205,9 @@ class SemGS(nn.Module):
     def train(self, mode: bool = True) -> SemGS:
         """As of every module; and its convolutions take the layout that is faster: channels last, but for the way back."""
         super().train(mode)
-        self.to(memory_format=torch.contiguous_format if mode else torch.channels_last)
+        lay_out(self, torch.contiguous_format if mode else torch.channels_last)
         if self.classes is not None and isinstance(self.semantic_refinement, SemanticPyramid):
-            self.semantic_refinement.to(memory_format=torch.channels_last)  # half the time of a step, there
+            lay_out(self.semantic_refinement, torch.channels_last)  # half the time of a step, there
         return self
 
     def forward(self, views: Views, chunks: Chunks = WHOLE, stage: Stage = nullcontext) -> Encoding:
@@ -481,6 +481,13 @@ class SemGS(nn.Module):
         if self.paper_heads:
             return upsampled(semantic.features[at], self.factor, self.conventions.pixel_centres)
         return self.semantic_upsampler(torch.cat((semantic.features[at], semantic.refined[at]), dim=1))
+
+
+def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
+    """Bring the kernels of a module's convolutions into a layout; the parameters stay the same objects."""
+    for parameter in module.parameters():
+        if parameter.ndim == 4:
+            parameter.data = parameter.data.contiguous(memory_format=layout)
 
 
 def arguments(settings: Mapping[str, Any]) -> dict[str, Any]:
