@@ -157,6 +157,9 @@ def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"
     if bad.any():
         raise ValueError(f"world_from_camera{_first(bad)} has a last row other than (0, 0, 0, 1)")
     rotation = poses[..., :3, :3]
+    exact = ((rotation @ rotation.mT - torch.eye(3, dtype=poses.dtype)).abs() < 1e-12).all(-1).all(-1)
+    if (exact & (torch.linalg.det(rotation) > 0)).all():  # cheaper than to look for the nearest
+        return poses.clone()
     nearest = nearest_rotation(rotation)
     bad = ((rotation - nearest).abs() > ROTATION_TOLERANCE).any(-1).any(-1)
     if bad.any():
@@ -167,7 +170,6 @@ def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"
             f"{ROTATION_TOLERANCE} from the nearest rotation; expected camera-to-world poses without scale or reflection"
         )
     rigid = poses.clone()
-    exact = ((rotation @ rotation.mT - torch.eye(3, dtype=poses.dtype)).abs() < 1e-12).all(-1).all(-1)
     rigid[..., :3, :3] = torch.where(exact[..., None, None], rotation, nearest)
     return rigid
 

@@ -23,8 +23,8 @@ from semgs.rooms.stream import RoomSamples
 from semgs.training.augmentation import Variation, window
 from semgs.training.settings import Augmentation
 
-OPEN = 64
-"""Scenes that a process keeps open: their headers, not their pictures."""
+OPEN = 20_000
+"""Frames of the scenes that a process keeps open, but for the last one: their headers, not their pictures."""
 
 TRIES = 20
 """Scenes that are tried for a sample before it is given up."""
@@ -92,6 +92,7 @@ class Samples:
         self._chances = np.array(weights, dtype=np.float64) / sum(weights)
         self._classes, self._augmentation = classes, augmentation
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
+        self._open_frames = 0
 
     def __getitem__(self, k: int) -> Sample:
         """Sample k.
@@ -145,8 +146,9 @@ class Samples:
         if path not in self._open:
             scene = open_scene(path)
             self._open[path] = scene, scene.depth_range()
-            if len(self._open) > OPEN:
-                self._open.popitem(last=False)
+            self._open_frames += len(scene.frames)
+            while self._open_frames > OPEN and len(self._open) > 1:
+                self._open_frames -= len(self._open.popitem(last=False)[1][0].frames)
         self._open.move_to_end(path)
         return self._open[path]
 

@@ -127,7 +127,8 @@ class Switches:
     paper_heads: bool = False
     """The paper's text for the heads instead of MVSplat's."""
     semantic_pyramid: tuple[int, ...] = ()
-    """Refine the semantic features by a pyramid of coarser maps of these widths, such as 96 192 256 (not in the paper)."""
+    """Refine the semantic features by a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
+    supervision by pictures first: its batch norms measure there alone. Weights of another semantic branch lend all else."""
 
 
 @dataclass(frozen=True)
