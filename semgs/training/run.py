@@ -98,6 +98,7 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
         model = start(
             settings.model, settings.init, seed=settings.seed, classes=classes,
             own_classes=settings.classes is not None, switches=_switched(settings.network),
+            fresh_semantics=settings.semantic_branch == "drawn",
         )  # fmt: skip
         write_json(record, model.settings)
         return model

@@ -187,6 +187,8 @@ class TrainingSettings:
     init: str = "random"
     """Where to start: random, the name of weights that ship (small), a file of weights, or hf://OWNER/NAME on the hub; MVSplat's
     checkpoint does for base."""
+    semantic_branch: Literal["kept", "drawn"] = "kept"
+    """Of the weights to start from: keep all, or draw the semantic branch anew and keep depth and colour."""
     classes: Annotated[ClassTable | None, CLASS_FILE] = None
     """One's own table of classes (JSON); scenes of other tables are read by the names of their classes. Weights of another table
     keep all but their class head."""

@@ -30,6 +30,7 @@ def start(
     classes: ClassTable = SCANNET20,
     own_classes: bool = False,
     switches: Mapping[str, bool | int | tuple[int, ...]] | None = None,
+    fresh_semantics: bool = False,
 ) -> SemGS:
     """The network that a training starts with; `origin` of the result says what was kept of which weights.
 
@@ -41,6 +42,7 @@ def start(
         own_classes: weights of another table are taken without their class head, which is drawn; else they are refused.
         switches: constructor arguments that differ from the network of that name; they must be those that the weights have,
             but for the shape of the semantic branch: where that differs the branch is drawn, and all else is kept.
+        fresh_semantics: draw it in any case.
 
     Raises:
         InputError: the weights are absent, cannot be read or do not fit; the tensor, table or switch is named.
@@ -66,7 +68,8 @@ def start(
                 path, f"weights of a network with {key} = {value}", f"{header.settings[key]}", key="settings"
             )
     shape = {key: switched[key] for key in SEMANTIC_SHAPE if switched.get(key)}
-    if any(tuple(header.settings.get(key, ())) != value for key, value in shape.items()):
+    other = fresh_semantics or any(tuple(header.settings.get(key, ())) != value for key, value in shape.items())
+    if other and header.settings.get("name") == name:
         return _with_another_branch(path, header.settings | shape, classes, seed)
     if header.classes not in (None, classes) and not own_classes:
         raise InputError(
@@ -97,14 +100,12 @@ def _with_another_branch(path: Path, settings: Mapping[str, Any], classes: Class
     """The network of a file but for the semantic branch, which these settings shape."""
     model = with_settings(settings, classes, seed)
     own, theirs = model.state_dict(), read_tensors(path)
-    fresh = {name for name in own if name.startswith("semantic_")}
-    fill(
-        model,
-        {name: tensor for name, tensor in theirs.items() if not name.startswith("semantic_")}
-        | {name: own[name] for name in fresh},
-        path,
+    kept = {name: tensor for name, tensor in theirs.items() if not name.startswith("semantic_")}
+    fresh = {name: tensor for name, tensor in own.items() if name.startswith("semantic_")}
+    fill(model, kept | fresh, path)
+    model.origin = (
+        f"{path.name}: {len(kept)} of {len(own)} tensors kept; the semantic branch drawn anew with seed {seed}"
     )
-    model.origin = f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; the semantic branch drawn anew with seed {seed}"
     return model
 
 

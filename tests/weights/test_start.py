@@ -66,6 +66,14 @@ def test_weights_lend_a_network_with_another_semantic_branch_all_else():
     assert "the semantic branch drawn anew with seed 3" in model.origin
 
 
+def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
+    model = start("small", "small", seed=3, fresh_semantics=True)
+    there = load("small").state_dict()
+    drawn = {name for name, tensor in model.state_dict().items() if not torch.equal(tensor, there[name])}
+    assert drawn
+    assert all(name.startswith("semantic_") for name in drawn)
+
+
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
     save(tmp_path / "pyramid.safetensors", start("small", "small", switches={"semantic_pyramid": (16, 24)}), {})
     model = load("small", tmp_path / "pyramid.safetensors")
