@@ -33,7 +33,7 @@ FAINTEST, DENSEST = 0.3, 0.95
 def network(name: str) -> SemGS:
     """A network: `small` with the weights that ship, `base` with random ones whose Gaussians have a median size of 1 px."""
     if name == "small":
-        return load("small").eval()
+        return load("small")
     model = drawn(name, seed=0)
     start_at(model.colour_head, slice(2, 5), SIGMA_PX)
     start_at(model.semantic_head, slice(0, 3), SIGMA_PX)

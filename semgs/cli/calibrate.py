@@ -88,7 +88,7 @@ class Calibrate:
             held = read_temperatures(path)
             if self.out is None and held is None:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
-            model = load(network, path, classes=classes).eval()
+            model = load(network, path, classes=classes)
         with show_progress("Reconstructing", len(plan.tasks)) as done:
             said = statements(plan, model, done=done)
         known = held if self.out is None else None

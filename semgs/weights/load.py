@@ -33,7 +33,7 @@ MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://git
 def load(
     name: str | Path, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20
 ) -> SemGS:
-    """A network with its weights; `origin` of the result says in one sentence where they come from.
+    """A network with its weights, as `eval` sets it; `origin` of it says in one sentence where they come from.
 
     Where they were trained on data with terms of their own (ScanNet's, say), a `TermsWarning` repeats these.
 
@@ -64,13 +64,13 @@ def load(
     if str(weights) == "random":
         model = drawn(name, seed, classes)
         model.origin = f"untrained: drawn at random with seed {seed}"
-        return model
+        return model.eval()
     path = _local(weights)
     if not path.is_file():
         raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
     if is_ours(path):
-        return _ours(name, path, classes)
-    return _mvsplats(name, path, seed, classes)
+        return _ours(name, path, classes).eval()
+    return _mvsplats(name, path, seed, classes).eval()
 
 
 def find(weights: str | Path) -> tuple[str, Path]:

@@ -32,6 +32,7 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
     for name, tensor in small.state_dict().items():
         assert torch.equal(again.state_dict()[name], tensor.bfloat16().float())
     assert again.origin == "mine.safetensors: a test"
+    assert not any(module.training for module in again.modules())
     assert read_header(written).metadata["seed"] == "1"
 
 
