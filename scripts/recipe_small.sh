@@ -28,19 +28,11 @@ held, assets = sys.argv[1:]
 write_dataset(held, Recipe(VALIDATION_SEED, (240, 320), 6, library=Library((assets,), "validation")), 24)
 PYTHON
 
-common=(--hold-shared --validation "$folder/held" --validation-scenes 48 --class-weights inverse_root_frequency --augmentation.flip)
-
 # What things look like: single pictures, 76,800 of them.
 pictures="$folder/pictures_$share""_$seed"
 $semgs train small --supervision pictures --init small --semantic-branch drawn --network.semantic-pyramid 128 192 192 --out "$pictures" \
     --data "$folder/many=2" "$folder/long=2" "$folder/wide=1" --size 120x160 --batch 4 --contexts 2 2 --targets 2 --learning-rate 2e-3 \
-    --average-decay 0.998 --augmentation.colour 0.3 --augmentation.crop 0.5 --steps "$(steps 4800)" --validate-every "$(steps 2400)" \
-    --seed "$seed" "${common[@]}"
+    --average-decay 0.998 --augmentation.colour 0.3 --augmentation.crop 0.5 --augmentation.flip --class-weights inverse_root_frequency \
+    --hold-shared --validation "$folder/held" --validation-scenes 48 --steps "$(steps 4800)" --validate-every "$(steps 2400)" --seed "$seed"
 
-# What one view learns from another, at the size that most pictures have.
-views="$folder/views_$share""_$seed"
-$semgs train small --supervision labels --init "$pictures/weights.safetensors" --out "$views" \
-    --data "$folder/wide" --size 240x320 --batch 2 --contexts 2 2 --targets 1 --learning-rate 3e-4 \
-    --augmentation.colour 0.3 --augmentation.crop 0.6 --steps "$(steps 300)" --validate-every "$(steps 150)" --seed "$((seed + 1))" "${common[@]}"
-
-grep -h '"validation"' "$views/log.jsonl"
+grep -h '"validation"' "$pictures/log.jsonl"
