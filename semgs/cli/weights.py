@@ -85,7 +85,7 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
     """What each file is, and below it the terms of its data."""
     from semgs.evaluation.tables import Cell, Grid
     from semgs.files.hashes import sha256
-    from semgs.weights.file import count_numbers, read_header
+    from semgs.weights.file import count_parameters, read_header
     from semgs.weights.index import SHOWN
     from semgs.weights.load import data_terms
 
@@ -94,7 +94,7 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
         metadata = read_header(path).metadata
         told = (
             name, sha256(path)[:SHOWN], f"{path.stat().st_size / 1e6:.1f} MB", metadata.get("licence", "not stated"),
-            f"{count_numbers(path):,}",
+            f"{count_parameters(path):,}",
         )  # fmt: skip
         rows.append(tuple(map(Cell, told)))
         notes.append(f"{name}: {metadata.get('description', 'no description')}")

@@ -136,6 +136,8 @@ def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path,
 def scenes_of(record: Path) -> tuple[str, ...]:
     """The names of all scenes that a run has seen, those of the weights that it began with included; none where there is no record.
 
+    Rooms that semgs drew are left out: those of every seed have the same names.
+
     Raises:
         InputError: the record is damaged.
     """
@@ -143,7 +145,11 @@ def scenes_of(record: Path) -> tuple[str, ...]:
         return ()
     try:
         content = json.loads(record.read_text(encoding="utf-8"))
-        return tuple(dict.fromkeys([*content.get("before", ()), *(one["name"] for one in content["scenes"])]))
+        return tuple(
+            dict.fromkeys(
+                [*content.get("before", ()), *(one["name"] for one in content["scenes"] if not one.get("drawn"))]
+            )
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(record, "what the data of the run are", str(error)) from error
 
@@ -378,7 +384,7 @@ def _remember(
     """Write what the data are, which scenes the weights to start from have seen, and the terms of both."""
     counts = [None if one is None else one.tolist() for one in pixels]
     listed = [
-        {"name": scene.name, "frames": len(scene), "pixels": held}
+        {"name": scene.name, "frames": len(scene), "pixels": held, "drawn": terms_of(scene) in (ROOMS_TERMS, FURNISHED)}
         for scene, held in zip(scenes, counts[:-1], strict=True)
     ]
     write_json(

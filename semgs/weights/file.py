@@ -122,15 +122,20 @@ def read_header(path: str | Path) -> Header:
     return Header(settings, table, fields)
 
 
-def count_numbers(path: str | Path) -> int:
-    """How many numbers the tensors of a safetensors file have together; its tensors are not read.
+MEASURED = ("running_mean", "running_var", "num_batches_tracked")
+"""How names of what batch norms measure end; no gradient reaches it."""
+
+
+def count_parameters(path: str | Path) -> int:
+    """How many parameters a safetensors file holds, what its norms measured left out; its tensors are not read.
 
     Raises:
         InputError: the file cannot be read.
     """
     try:
         with safe_open(path, "pt") as file:
-            return sum(prod(file.get_slice(name).get_shape()) for name in file.keys())  # noqa: SIM118
+            names = [name for name in file.keys() if not name.endswith(MEASURED)]  # noqa: SIM118
+            return sum(prod(file.get_slice(name).get_shape()) for name in names)
     except (OSError, SafetensorError) as error:
         raise InputError(path, "a safetensors file of weights", f"{error}") from None
 

@@ -19,7 +19,7 @@ KINDS = ("rendered", "gaussians")
 
 def temperatures_text(temperatures: Mapping[str, float]) -> str:
     """Temperatures as a header keeps them."""
-    return json.dumps({kind: round(temperatures[kind], 4) for kind in KINDS})
+    return json.dumps({kind: round(temperatures[kind], 3) for kind in KINDS})
 
 
 def read_temperatures(path: str | Path) -> dict[str, float] | None:

@@ -112,6 +112,12 @@ def test_a_run_remembers_its_scenes_and_those_that_its_first_weights_had_seen(ar
         surveyed(held, tmp_path / "anew")
 
 
+def test_rooms_that_semgs_drew_leave_no_names(tmp_path: Path):
+    listed = [{"name": "attic"}, {"name": "scene_00000", "drawn": True}, {"name": "hall", "drawn": False}]
+    (tmp_path / "data.json").write_text(json.dumps({"scenes": listed, "before": ["cellar"]}))
+    assert scenes_of(tmp_path / "data.json") == ("cellar", "attic", "hall")
+
+
 def test_weights_that_saw_no_files_name_none(tmp_path: Path):
     assert trained_scenes("small") == ()
     save(tmp_path / "odd.safetensors", load("small", "random"), {"scenes": '{"a": 1}'})

@@ -16,20 +16,21 @@ from semgs.weights.start import CLASS_LAYERS, start
 FIVE = ClassTable("five", ("wall", "floor", "seat", "bed", "lamp"), tuple((k, k, k) for k in range(5)), tuple(range(5)))
 
 
-def test_other_classes_keep_all_but_the_class_head():
+def test_other_classes_keep_all_but_the_layers_that_predict_them():
     model = start("small", "small", seed=3, classes=FIVE, own_classes=True)
     there, here = load("small").state_dict(), model.state_dict()
     assert model.classes == FIVE
-    other = {name for name in here if here[name].shape != there[name].shape or not torch.equal(here[name], there[name])}
-    assert other == {f"{CLASS_LAYERS[0]}weight", f"{CLASS_LAYERS[0]}bias"}
+    other = [name for name in here if here[name].shape != there[name].shape or not torch.equal(here[name], there[name])]
+    assert other == [name for name in here if name.startswith(CLASS_LAYERS)]
+    assert len(other) == 4
     for name in other:
-        assert len(here[name]) == 7 + 5
-        assert torch.equal(here[name][:7], there[name][:7]), "sizes and axes of the Gaussians are those of the weights"
-    assert f"{len(here) - 2} of {len(here)} tensors kept" in model.origin
-    assert (
-        f"drawn anew for the 5 classes of five with seed 3: {CLASS_LAYERS[0]}weight, {CLASS_LAYERS[0]}bias"
-        in model.origin
-    )
+        kept = 7 if name.startswith("semantic_head.") else 0
+        assert len(here[name]) == kept + 5
+        assert torch.equal(here[name][:kept], there[name][:kept]), (
+            "sizes and axes of the Gaussians are those of the weights"
+        )
+    assert f"{len(here) - 4} of {len(here)} tensors kept" in model.origin
+    assert f"drawn anew for the 5 classes of five with seed 3: {', '.join(other)}" in model.origin
     again = start("small", "small", seed=3, classes=FIVE, own_classes=True).state_dict()
     assert all(torch.equal(here[name], again[name]) for name in here)
 
