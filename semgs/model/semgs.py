@@ -206,8 +206,8 @@ class SemGS(nn.Module):
         """As of every module; and its convolutions take the layout that is faster: channels last, but for the way back."""
         super().train(mode)
         lay_out(self, torch.contiguous_format if mode else torch.channels_last)
-        if self.classes is not None and isinstance(self.semantic_refinement, SemanticPyramid):
-            lay_out(self.semantic_refinement, torch.channels_last)  # half the time of a step, there
+        if self._pyramid is not None:
+            lay_out(self._pyramid, torch.channels_last)  # half the time of a step, there
         return self
 
     def forward(self, views: Views, chunks: Chunks = WHOLE, stage: Stage = nullcontext) -> Encoding:
@@ -249,8 +249,8 @@ class SemGS(nn.Module):
         if self.classes is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
         refined = self._semantic_refined(pictures, self.cnn(pictures))
-        if alone and isinstance(self.semantic_refinement, SemanticPyramid):
-            raw = self._pyramid_classes(self.semantic_refinement, refined)
+        if alone and self._pyramid is not None:
+            raw = self._pyramid_classes(self._pyramid, refined)
         else:
             seen = refined if alone else self._semantic_seen(refined, flat.cameras, flat.depth_range)
             raw = self._semantic_raw(self._shrunk(pictures), Semantic(refined, seen), slice(None))[:, 7:]
@@ -262,7 +262,7 @@ class SemGS(nn.Module):
         """Names of the parameters that `classify` depends on; without `shared`, those of them that nothing else depends on."""
         parts = ("semantic_", "cnn.") if shared and self.semantic_cnn is None else ("semantic_",)
         passed_over: tuple[str, ...] = ("semantic_transformer.",) if alone else ()
-        if alone and isinstance(self.semantic_refinement, SemanticPyramid):
+        if alone and self._pyramid is not None:
             passed_over += ("semantic_upsampler.", "semantic_head.")
         names = (name for name, _ in self.named_parameters())
         return {name for name in names if name.startswith(parts) and not name.startswith(passed_over)}
@@ -441,13 +441,19 @@ class SemGS(nn.Module):
         refined = self._semantic_refined(pictures, shallow)
         return Semantic(refined, self._semantic_seen(refined, cameras, depth_range))
 
+    @property
+    def _pyramid(self) -> SemanticPyramid | None:
+        """What refines the semantic features where that is a pyramid."""
+        refinement = None if self.classes is None else self.semantic_refinement
+        return refinement if isinstance(refinement, SemanticPyramid) else None
+
     def _semantic_refined(
         self, pictures: Float[Tensor, "n 3 h w"], shallow: Float[Tensor, "n c h4 w4"]
     ) -> Float[Tensor, "n c h4 w4"]:
         """Features of the semantic branch before its transformer, of each view by itself."""
         features = shallow if self.semantic_cnn is None else self.semantic_cnn(pictures)
-        if isinstance(self.semantic_refinement, SemanticPyramid):
-            return self.semantic_refinement(features, pictures)
+        if self._pyramid is not None:
+            return self._pyramid(features, pictures)
         return self.semantic_refinement(features)
 
     def _semantic_seen(
@@ -465,10 +471,10 @@ class SemGS(nn.Module):
     ) -> Float[Tensor, "n channel h w"]:
         """What the semantic head says of some views, given their pictures at the Gaussians' scale."""
         raw = self.semantic_head(torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1))
-        if not isinstance(self.semantic_refinement, SemanticPyramid):
+        if self._pyramid is None:
             return raw
         shape, logits = raw.split((7, raw.shape[1] - 7), dim=1)
-        return torch.cat((shape, logits + self._pyramid_classes(self.semantic_refinement, semantic.refined[at])), dim=1)
+        return torch.cat((shape, logits + self._pyramid_classes(self._pyramid, semantic.refined[at])), dim=1)
 
     def _pyramid_classes(
         self, pyramid: SemanticPyramid, refined: Float[Tensor, "n c h4 w4"]
