@@ -54,7 +54,8 @@ CLASS_FILE = tyro.constructors.PrimitiveConstructorSpec(
 ROOMS = "rooms"
 """The name of data that are drawn live."""
 
-INVERSE_ROOT_FREQUENCY = "inverse_root_frequency"
+CLASS_WEIGHTINGS = {"inverse_root_frequency": 0.5, "inverse_fourth_root_frequency": 0.25}
+"""Rules by which classes weigh more the rarer they are: the power of one over a class's share of the pixels."""
 
 PLACES = ("data", "scenes", "validation", "init", "assets")
 """Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
@@ -168,9 +169,9 @@ class TrainingSettings:
     """Decay of the moving average of the weights, which is what is validated and exported; it starts lower."""
     losses: LossWeights = field(default_factory=LossWeights)
     """Weights of the paper's three terms."""
-    class_weights: tuple[float, ...] | Literal["inverse_root_frequency"] | None = None
+    class_weights: tuple[float, ...] | Literal["inverse_root_frequency", "inverse_fourth_root_frequency"] | None = None
     """Factor of each class in the cross-entropy; None is 1 for all, the paper's. inverse_root_frequency measures how often each class occurs in
-    the data and favours the rare, such that a mean pixel has factor 1."""
+    the data and favours the rare, such that a mean pixel has factor 1; inverse_fourth_root_frequency favours them less."""
     depth_weight: float = 0.0
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
     supervision: Literal["rendered", "labels", "pictures"] = "rendered"
@@ -230,7 +231,7 @@ class TrainingSettings:
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "class_weights": (
                 not isinstance(self.class_weights, tuple) or len(self.class_weights) == count,
-                f"{count} factors, one for each class of the table, {INVERSE_ROOT_FREQUENCY}, or None",
+                f"{count} factors, one for each class of the table, {', '.join(CLASS_WEIGHTINGS)}, or None",
             ),
             "depth_weight": (self.depth_weight >= 0, "0 or more"),
             "scene_reuse": (self.scene_reuse >= 1, "at least 1"),

@@ -26,7 +26,7 @@ from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
-from semgs.training.settings import INVERSE_ROOT_FREQUENCY, ROOMS, Source, TrainingSettings
+from semgs.training.settings import CLASS_WEIGHTINGS, ROOMS, Source, TrainingSettings
 from semgs.weights.load import data_terms, trained_scenes
 
 RECORD = "data.json"
@@ -38,6 +38,9 @@ UNSTATED = Terms("data of a run that an older version of semgs began: terms not 
 
 FRAMES_COUNTED = 4
 """Frames of each scene in which classes are counted."""
+
+BALANCE = 0.5
+"""Balanced sampling goes by the mean factor of a scene's pixels, of `inverse_frequency` with this power."""
 
 Pixels = np.ndarray
 """Pixels of each class [class], float64."""
@@ -108,7 +111,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
         folders=_folders(settings, opened, pixels, shares),
         scenes=len(good) + len(bad),
         bad=bad,
-        class_weights=inverse_root_frequency(shares) if isinstance(weights, str) else weights,
+        class_weights=inverse_frequency(shares, CLASS_WEIGHTINGS[weights]) if isinstance(weights, str) else weights,
         notes=tuple(_notes(settings, good, classes)),
     )
 
@@ -182,8 +185,8 @@ def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
         )
 
 
-def inverse_root_frequency(shares: Pixels) -> tuple[float, ...]:
-    """Factors 1 / sqrt(share) of each class, scaled so that a mean labelled pixel has 1; one that never occurs has that of the rarest.
+def inverse_frequency(shares: Pixels, power: float) -> tuple[float, ...]:
+    """Factors 1 / share**power of each class, scaled so that a mean labelled pixel has 1; one that never occurs has that of the rarest.
 
     Raises:
         ValueError: no class occurs.
@@ -191,7 +194,7 @@ def inverse_root_frequency(shares: Pixels) -> tuple[float, ...]:
     if not shares.sum() > 0:
         raise ValueError("no class of the table occurs in the data, so they cannot be weighed by how often they do")
     shares = shares / shares.sum()
-    weights = np.where(shares > 0, shares, shares[shares > 0].min()) ** -0.5
+    weights = np.where(shares > 0, shares, shares[shares > 0].min()) ** -power
     return tuple(float(weight) for weight in np.round(weights / (weights * shares).sum(), 4))
 
 
@@ -314,7 +317,7 @@ def _pixels(
     settings: TrainingSettings, scenes: Sequence[Scene], rooms: Callable[[], RoomSamples], classes: ClassTable
 ) -> list[Pixels | None]:
     """Pixels of each class in each scene and, last, in some rooms; None where the settings need not know."""
-    if settings.class_weights != INVERSE_ROOT_FREQUENCY and settings.sampling == "even":
+    if not isinstance(settings.class_weights, str) and settings.sampling == "even":
         return [None] * (len(scenes) + 1)
     pixels: list[Pixels | None] = [_counted(_some(scene), classes) if scene.classes else None for scene in scenes]
     if any(source.is_rooms for source in settings.sources):
@@ -360,7 +363,7 @@ def _folders(
     settings: TrainingSettings, opened: Sequence[_Opened], pixels: Sequence[Pixels | None], shares: Pixels
 ) -> tuple[Folder, ...]:
     """The scenes of each folder with their chances: equal, or the mean factor of their pixels when rare classes have larger ones."""
-    factors = np.array(inverse_root_frequency(shares)) if settings.sampling == "balanced" else None
+    factors = np.array(inverse_frequency(shares, BALANCE)) if settings.sampling == "balanced" else None
     counts = iter(pixels)
     folders = []
     for folder in opened:

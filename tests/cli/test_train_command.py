@@ -15,6 +15,7 @@ from semgs.cli.errors import UsageError
 from semgs.cli.main import main
 from semgs.cli.train import Train
 from semgs.training.presets import base, from_preset, paper, small
+from semgs.training.settings import CLASS_WEIGHTINGS
 
 
 def parsed(line: str) -> Train:
@@ -105,7 +106,8 @@ def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
 
 def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
     line = "small --out run --class-weights"
-    assert parsed(f"{line} inverse_root_frequency").settings.class_weights == "inverse_root_frequency"
+    for rule in CLASS_WEIGHTINGS:
+        assert parsed(f"{line} {rule}").settings.class_weights == rule
     assert parsed(f"{line} {'2.5 ' * 20}").settings.class_weights == (2.5,) * 20
 
 

@@ -22,7 +22,7 @@ from semgs.training.faults import BadScenes
 from semgs.training.loop import fit
 from semgs.training.samples import completed, relabelled
 from semgs.training.settings import Augmentation, Source, TrainingSettings
-from semgs.training.survey import check_bad, inverse_root_frequency
+from semgs.training.survey import check_bad, inverse_frequency
 
 SETTINGS = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)
 
@@ -159,13 +159,16 @@ def test_a_run_does_not_go_on_with_other_scenes_but_does_elsewhere(scans, tmp_pa
         surveyed(replace(settings, data=(str(tmp_path / "more"),)), tmp_path)
 
 
-def test_weights_of_classes_are_measured_in_the_data(scans, tmp_path):
-    settings = replace(SETTINGS, data=(str(scans),), class_weights="inverse_root_frequency")
+@pytest.mark.parametrize(
+    ("rule", "power"), [("inverse_root_frequency", 1 / 2), ("inverse_fourth_root_frequency", 1 / 4)]
+)
+def test_weights_of_classes_are_measured_in_the_data(rule, power, scans, tmp_path):
+    settings = replace(SETTINGS, data=(str(scans),), class_weights=rule)
     found = surveyed(settings, tmp_path).class_weights
     # Half of each scene is wall; two scenes of three have floor beside it, the third bookshelf.
     shares = np.zeros(20)
     shares[[0, 1, 9]] = 1 / 2, 1 / 3, 1 / 6
-    assert found == pytest.approx(inverse_root_frequency(shares), rel=0.05)
+    assert found == pytest.approx(inverse_frequency(shares, power), rel=0.05)
     record = json.loads((tmp_path / "data.json").read_text())
     assert [scene["name"] for scene in record["scenes"]] == ["scene0", "scene1", "scene2"]
     record["scenes"][2]["pixels"] = [0.0] * 20
@@ -175,10 +178,11 @@ def test_weights_of_classes_are_measured_in_the_data(scans, tmp_path):
 
 def test_a_mean_pixel_has_weight_one_and_a_class_never_seen_that_of_the_rarest():
     shares = np.array([0.64, 0.0, 0.32, 0.04])
-    weights = np.array(inverse_root_frequency(shares))
-    assert (weights * shares).sum() / shares.sum() == pytest.approx(1, abs=1e-3)
-    assert weights[3] / weights[0] == pytest.approx(4, rel=1e-3)
-    assert weights[1] == weights[3]
+    for power in (1 / 2, 1 / 4):
+        weights = np.array(inverse_frequency(shares, power))
+        assert (weights * shares).sum() / shares.sum() == pytest.approx(1, abs=1e-3)
+        assert weights[3] / weights[0] == pytest.approx(16**power, rel=1e-3)
+        assert weights[1] == weights[3]
 
 
 def test_balanced_sampling_prefers_scenes_with_rare_classes(scans, tmp_path):
