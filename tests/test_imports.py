@@ -174,3 +174,17 @@ def test_neither_the_package_nor_its_files_nor_its_help_import_torch():
         [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True, cwd=ROOT, timeout=120
     )
     assert told.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_reconstruction_waits_for_no_library_that_takes_seconds_to_import(tmp_path):
+    """torch's compiler, which `torch.library.custom_op` would import, and torchmetrics: three and four seconds."""
+    lines = [
+        "import sys, semgs.cli.main",
+        f"semgs.cli.main.main(['demo', '--out', {str(tmp_path / 'out')!r}])",
+        "print(sorted({'torch._dynamo', 'torchmetrics', 'scipy.spatial', 'scipy.stats', 'tensorboard'} & set(sys.modules)))",
+    ]
+    told = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True, cwd=ROOT, timeout=240
+    )
+    assert (tmp_path / "out" / "report.json").exists()
+    assert told.stdout.splitlines()[-1] == "[]"

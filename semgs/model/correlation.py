@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from semgs.geometry.compiled import numba_threads
+from semgs.geometry.compiled import numba_threads, operation
 from semgs.model import correlation_kernels as kernels
 
 
@@ -22,7 +22,7 @@ def correlate_fused(
     return sums, seen
 
 
-@torch.library.custom_op("semgs::correlate", mutates_args=())
+@operation
 def _correlate(
     reference: torch.Tensor,
     source: torch.Tensor,
@@ -41,14 +41,14 @@ def _correlate(
     return sums, seen
 
 
-@_correlate.register_fake
+@torch.library.register_fake(_correlate)
 def _(reference, source, matrices, offsets, depths, smallest, mask_unseen):
     n, h, w, _ = reference.shape
     sums = reference.new_empty(n, depths.shape[1], h, w)
     return sums, torch.empty_like(sums)
 
 
-@torch.library.custom_op("semgs::correlate_backward", mutates_args=())
+@operation
 def _correlate_backward(
     reference: torch.Tensor,
     source: torch.Tensor,
@@ -67,7 +67,7 @@ def _correlate_backward(
     return d_reference, d_source
 
 
-@_correlate_backward.register_fake
+@torch.library.register_fake(_correlate_backward)
 def _(reference, source, matrices, offsets, depths, smallest, mask_unseen, grad):
     return torch.empty_like(reference), torch.empty_like(source)
 
@@ -82,7 +82,7 @@ def _backward(ctx, grad, _):
     return d_reference, d_source, None, None, None, None, None
 
 
-_correlate.register_autograd(_backward, setup_context=_setup)
+torch.library.register_autograd(_correlate, _backward, setup_context=_setup)
 
 
 def _arrays(*tensors: torch.Tensor) -> tuple:

@@ -32,9 +32,6 @@ def confusion_matrix(
     Raises:
         ValueError: a prediction is outside the classes, or shapes differ.
     """
-    # Importing torchmetrics takes seconds, which those who only want a PSNR need not wait for.
-    from torchmetrics.functional.classification import multiclass_confusion_matrix
-
     if predicted.shape != truth.shape:
         raise ValueError(f"predicted labels are {tuple(predicted.shape)} but the true ones {tuple(truth.shape)}")
     counted = (truth != IGNORE) & (predicted != IGNORE)
@@ -43,11 +40,8 @@ def confusion_matrix(
             raise ValueError(
                 f"{name} labels hold {int(labels[counted].max())}; expected 0..{classes - 1}, or {IGNORE} for none"
             )
-    if not counted.any():
-        return torch.zeros(classes, classes, dtype=torch.int64, device=truth.device)
-    return multiclass_confusion_matrix(
-        predicted[counted].long(), truth[counted].long(), classes, validate_args=False
-    ).long()
+    pairs = truth[counted].long() * classes + predicted[counted].long()
+    return torch.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
 def confusion_matrices(

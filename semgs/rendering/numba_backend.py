@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from semgs.geometry.compiled import numba_threads
+from semgs.geometry.compiled import numba_threads, operation
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
 from semgs.rendering.splats import Layer, Splats
@@ -80,7 +80,7 @@ def _stable_order(depths: Float[Tensor, " n"]) -> Int64[Tensor, " n"]:
     return order
 
 
-@torch.library.custom_op("semgs::splat", mutates_args=(), device_types="cpu")
+@operation
 def _splat(
     means: Tensor, quaternions: Tensor, scales: Tensor, opacities: Tensor, features: Tensor, order: Tensor,
     camera: Tensor, height: int, width: int,
@@ -100,7 +100,7 @@ def _splat(
     return picture, transmittance, last
 
 
-@_splat.register_fake
+@torch.library.register_fake(_splat)
 def _(means, quaternions, scales, opacities, features, order, camera, height, width):
     return (
         features.new_empty(features.shape[1], height, width),
@@ -109,7 +109,7 @@ def _(means, quaternions, scales, opacities, features, order, camera, height, wi
     )
 
 
-@torch.library.custom_op("semgs::splat_backward", mutates_args=(), device_types="cpu")
+@operation
 def _splat_backward(
     means: Tensor, quaternions: Tensor, scales: Tensor, opacities: Tensor, features: Tensor, order: Tensor,
     camera: Tensor, transmittance: Tensor, last: Tensor, grad_picture: Tensor, grad_transmittance: Tensor,
@@ -140,7 +140,7 @@ def _splat_backward(
     return grad_means, grad_quaternions, grad_scales, grad_opacities, grad_features
 
 
-@_splat_backward.register_fake
+@torch.library.register_fake(_splat_backward)
 def _(
     means, quaternions, scales, opacities, features, order, camera, transmittance, last, grad_picture,
     grad_transmittance,
@@ -163,7 +163,7 @@ def _differentiate(ctx, grad_picture, grad_transmittance, _):
     return *gradients, None, None, None, None
 
 
-_splat.register_autograd(_differentiate, setup_context=_save)
+torch.library.register_autograd(_splat, _differentiate, setup_context=_save)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import math
 
 import pytest
 import torch
+from torchmetrics.functional.classification import multiclass_confusion_matrix
 
 from semgs.data.classes import IGNORE
 from semgs.objectives.metrics import (
@@ -95,6 +96,13 @@ def test_scores_per_image_equal_a_loop_per_image_and_an_image_without_truth_coun
     assert found == pytest.approx(expected, rel=1e-12)
     of_the_set = scores_by_a_loop(pixels(predicted, truth))
     assert all(abs(a - b) > 1e-3 for a, b in zip(found, of_the_set, strict=True))  # the two kinds are not one
+
+
+def test_the_confusion_matrix_is_that_of_torchmetrics():
+    predicted, truth = label_maps(5)
+    counted = (truth != IGNORE) & (predicted != IGNORE)
+    expected = multiclass_confusion_matrix(predicted[counted].long(), truth[counted].long(), CLASSES)
+    assert torch.equal(confusion_matrix(predicted, truth, CLASSES), expected)
 
 
 def test_matrices_of_images_add_up_to_that_of_the_set():

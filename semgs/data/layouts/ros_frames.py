@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 LONGEST_GAP = 1_000_000_000
 """Poses further apart than this say nothing of the time between them [ns]."""
@@ -44,6 +43,8 @@ class Motion:
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """Parent from child at some times [ns], [n 4 4]; NaN where nothing is known."""
+        from scipy.spatial.transform import Rotation, Slerp  # a second that readers of other layouts need not wait for
+
         poses = np.zeros((len(times), 4, 4))
         poses[:, 3, 3] = 1
         if self.fixed:
