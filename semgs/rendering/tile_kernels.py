@@ -5,9 +5,9 @@ tiles after the other (tiles are counted row by row). Pairs are numbered twice: 
 picture is drawn, and Gaussian by Gaussian, where gradients are summed without a race.
 Alpha and transmittance are float64 in every dtype (see `projection_kernels`), sums of features are in the features' own.
 
-The inner loops run over all pixels of the rows of a tile that an ellipse meets, without a branch and over slices that
-start at 0: only so does LLVM make vector instructions of them. They do more arithmetic than a loop over just the pixels
-inside, in a third of the time.
+The inner loops run over all pixels of the rows of a tile that an ellipse meets, without a branch and from one unsigned
+number to another: only so does LLVM make vector instructions of them. They do more arithmetic than a loop over just the
+pixels inside, in a third of the time. They take whole arrays: a slice costs more than a short loop does.
 """
 
 from __future__ import annotations
@@ -44,9 +44,6 @@ MIDDLE = FARTHEST / 2 ** (HALVINGS + 1)
 
 COEFFICIENTS = tuple(math.exp(-MIDDLE) * (-1) ** k / math.factorial(k) for k in range(12))
 """Of exp(-s) about s = MIDDLE, constant term first; the next term is below the rounding at both ends."""
-
-LANES = 32
-"""Channels are filled up with zeros to a multiple of this where vectors run along them: a remainder would run one by one."""
 
 BLOCK = 64
 """Gaussians of a tile that are copied together before they are drawn: they lie scattered in memory, and fetching them one
@@ -210,7 +207,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
         light[row * TILE_WIDTH : row * TILE_WIDTH + right - left] = 1.0
     weights = np.empty(PIXELS, features.dtype)
     blended = np.zeros((channels, PIXELS), features.dtype)
-    near_ellipses, near_features = _block(ellipses, channels, features.dtype)
+    near_ellipses, near_features = _block(ellipses, features)
     for begin in range(0, len(gaussians), BLOCK):
         if light.max() < 0:
             break
@@ -220,18 +217,8 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
             first, end = _span(near_ellipses, j, top, bottom)
             if first >= end:
                 continue
-            part = weights[first:end]
-            _weigh(
-                near_ellipses[j],
-                xs[first:end],
-                ys[first:end],
-                float(begin + j),
-                light[first:end],
-                latest[first:end],
-                part,
-            )
-            for channel in range(channels):
-                _add(blended[channel, first:end], near_features[j, channel], part)
+            _weigh(near_ellipses, j, xs, ys, float(begin + j), light, latest, weights, first, end)
+            _blend(blended, near_features, j, weights, first, end)
     for row in range(top, bottom):
         begin = (row - top) * TILE_WIDTH
         for column in range(left, right):
@@ -244,11 +231,11 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
 
 
 @njit(cache=True, fastmath={"contract"})
-def _weigh(ellipse, xs, ys, place, light, latest, weights):
+def _weigh(ellipses, j, xs, ys, place, light, latest, weights, first, end):
     """Draw one Gaussian: fill its weights alpha T, and bring the light that is left and the last place up to date."""
-    x, y, opacity = ellipse[CENTRE_X], ellipse[CENTRE_Y], ellipse[OPACITY]
-    xx, xy, yy = 0.5 * ellipse[CONIC_XX], ellipse[CONIC_XY], 0.5 * ellipse[CONIC_YY]
-    for k in range(len(weights)):
+    x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
+    xx, xy, yy = 0.5 * ellipses[j, CONIC_XX], ellipses[j, CONIC_XY], 0.5 * ellipses[j, CONIC_YY]
+    for k in range(first, end):
         dx, dy = xs[k] - x, ys[k] - y
         sigma = xx * dx * dx + yy * dy * dy + xy * dx * dy
         alpha = opacity * _exponential(sigma)
@@ -264,16 +251,24 @@ def _weigh(ellipse, xs, ys, place, light, latest, weights):
         weights[k] = weight if added else 0.0
 
 
+@njit(cache=True, fastmath={"contract"})
+def _blend(blended, features, j, weights, first, end):
+    """Add features times weights to the pixels."""
+    for channel in range(blended.shape[0]):
+        factor = features[j, channel]
+        for k in range(first, end):
+            blended[channel, k] += factor * weights[k]
+
+
 @njit(cache=True)
 def _draw_tile_backward(
     ellipses, features, gaussians, pairs, tile, transmittance, last, grad_picture, grad_transmittance,
     pair_geometry, pair_features,
 ):  # fmt: skip
     channels, height, width = grad_picture.shape
-    lanes = -(-channels // LANES) * LANES
     top, bottom, left, right = _sides(tile, height, width)
     xs, ys = _centres(top, left)
-    grad = np.zeros((PIXELS, lanes), features.dtype)
+    grad = np.zeros((channels, PIXELS), features.dtype)
     light = np.ones(PIXELS)
     # Sum of w_j (f_j . gradient) and of the gradient of T times T, over what lies behind.
     behind = np.zeros(PIXELS)
@@ -285,76 +280,96 @@ def _draw_tile_backward(
             behind[pixel] = grad_transmittance[row, column] * light[pixel]
             latest[pixel] = last[row, column]
             for channel in range(channels):
-                grad[pixel, channel] = grad_picture[channel, row, column]
-    alphas, falloffs, added = np.empty(PIXELS), np.empty(PIXELS), np.empty(PIXELS + 1, np.int64)
-    near_ellipses, near_features = _block(ellipses, lanes, features.dtype)
-    blended = np.empty(lanes, features.dtype)
+                grad[channel, pixel] = grad_picture[channel, row, column]
+    alphas, falloffs = np.empty(PIXELS), np.empty(PIXELS)
+    weights, shades = np.empty(PIXELS, features.dtype), np.empty(PIXELS, features.dtype)
+    near_ellipses, near_features = _block(ellipses, features)
     final = int(latest.max())
     for begin in range(final // BLOCK * BLOCK, -1, -BLOCK):
         count = min(BLOCK, final + 1 - begin)
         _fetch(ellipses, features, gaussians[begin : begin + count], near_ellipses, near_features)
         for j in range(count - 1, -1, -1):
             first, end = _span(near_ellipses, j, top, bottom)
-            if first >= end:
-                continue
-            ellipse = near_ellipses[j]
-            _alphas(
-                ellipse,
-                xs[first:end],
-                ys[first:end],
-                float(begin + j),
-                latest[first:end],
-                alphas[first:end],
-                falloffs[first:end],
-            )
-            n = 0
-            for k in range(first, end):
-                added[n] = k
-                n += alphas[k] > 0
-            if n == 0:
-                continue
-            x, y, opacity = ellipse[CENTRE_X], ellipse[CENTRE_Y], ellipse[OPACITY]
-            xx, xy, yy = ellipse[CONIC_XX], ellipse[CONIC_XY], ellipse[CONIC_YY]
-            vx, vy, vxx, vxy, vyy, vo = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            blended[:] = 0
-            for k in added[:n]:
-                alpha, falloff = alphas[k], falloffs[k]
-                passed = 1 / (1 - alpha)
-                light[k] *= passed
-                weight = alpha * light[k]
-                _add(blended, features.dtype.type(weight), grad[k])
-                shade = _dot(near_features[j], grad[k])
-                v_alpha = light[k] * shade - behind[k] * passed
-                behind[k] += weight * shade
-                if opacity * falloff <= MAX_ALPHA:
-                    dx, dy = xs[k] - x, ys[k] - y
-                    vo += v_alpha * falloff
-                    v_sigma = -v_alpha * alpha
-                    vx -= v_sigma * (xx * dx + xy * dy)
-                    vy -= v_sigma * (xy * dx + yy * dy)
-                    vxx += v_sigma * 0.5 * dx * dx
-                    vxy += v_sigma * dx * dy
-                    vyy += v_sigma * 0.5 * dy * dy
-            pair = pairs[begin + j]
-            geometry = pair_geometry[pair]
-            geometry[0], geometry[1], geometry[2], geometry[3], geometry[4], geometry[5] = vx, vy, vxx, vxy, vyy, vo
-            for channel in range(channels):
-                pair_features[pair, channel] = blended[channel]
+            if first < end and _alphas(
+                near_ellipses, j, xs, ys, float(begin + j), latest, alphas, falloffs, first, end
+            ):
+                pair = pairs[begin + j]
+                _shade(near_features, j, grad, shades, first, end)
+                pair_geometry[pair] = _unweigh(
+                    near_ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weights, first, end
+                )
+                _gather(grad, weights, pair_features, pair, first, end)
 
 
 @njit(cache=True, fastmath={"contract"})
-def _alphas(ellipse, xs, ys, place, latest, alphas, falloffs):
-    """Fill alpha, 0 where the Gaussian was not added, and falloff."""
-    x, y, opacity = ellipse[CENTRE_X], ellipse[CENTRE_Y], ellipse[OPACITY]
-    xx, xy, yy = 0.5 * ellipse[CONIC_XX], ellipse[CONIC_XY], 0.5 * ellipse[CONIC_YY]
-    for k in range(len(alphas)):
+def _alphas(ellipses, j, xs, ys, place, latest, alphas, falloffs, first, end):
+    """Fill alpha, 0 where the Gaussian was not added, and falloff; at how many pixels it was."""
+    x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
+    xx, xy, yy = 0.5 * ellipses[j, CONIC_XX], ellipses[j, CONIC_XY], 0.5 * ellipses[j, CONIC_YY]
+    count = 0
+    for k in range(first, end):
         dx, dy = xs[k] - x, ys[k] - y
         sigma = xx * dx * dx + yy * dy * dy + xy * dx * dy
         falloff = _exponential(sigma)
         alpha = opacity * falloff
         alpha = alpha if alpha < MAX_ALPHA else MAX_ALPHA
-        alphas[k] = alpha if (sigma >= 0) & (alpha >= MIN_ALPHA) & (place <= latest[k]) else 0.0
+        added = (sigma >= 0) & (alpha >= MIN_ALPHA) & (place <= latest[k])
+        alphas[k] = alpha if added else 0.0
         falloffs[k] = falloff
+        count += added
+    return count
+
+
+@njit(cache=True, fastmath={"contract"})
+def _shade(features, j, grad, shades, first, end):
+    """Fill features . gradient of each pixel."""
+    for k in range(first, end):
+        shades[k] = 0
+    for channel in range(len(grad)):
+        factor = features[j, channel]
+        for k in range(first, end):
+            shades[k] += factor * grad[channel, k]
+
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weights, first, end):
+    """Take one Gaussian away again: bring light and what is behind up to date, fill its weights, and return its gradients.
+
+    They are of centre, inverse covariance (xy counted once) and opacity. The order of summation is the compiler's, and the same in every run.
+    """
+    x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
+    xx, xy, yy = ellipses[j, CONIC_XX], ellipses[j, CONIC_XY], ellipses[j, CONIC_YY]
+    vx, vy, vxx, vxy, vyy, vo = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(first, end):
+        alpha, falloff, shade = alphas[k], falloffs[k], shades[k]
+        passed = 1 / (1 - alpha)
+        before = light[k] * passed
+        weight = alpha * before
+        v_alpha = before * shade - behind[k] * passed
+        light[k] = before
+        behind[k] += weight * shade
+        weights[k] = weight
+        # Where alpha was cut off at its most, or nothing was added, it does not move.
+        v_alpha = v_alpha if (opacity * falloff <= MAX_ALPHA) & (alpha > 0) else 0.0
+        dx, dy = xs[k] - x, ys[k] - y
+        v_sigma = -v_alpha * alpha
+        vo += v_alpha * falloff
+        vx -= v_sigma * (xx * dx + xy * dy)
+        vy -= v_sigma * (xy * dx + yy * dy)
+        vxx += v_sigma * 0.5 * dx * dx
+        vxy += v_sigma * dx * dy
+        vyy += v_sigma * 0.5 * dy * dy
+    return vx, vy, vxx, vxy, vyy, vo
+
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+def _gather(grad, weights, pair_features, pair, first, end):
+    """Fill the gradients of a pair's features, sums of weight times gradient over its pixels."""
+    for channel in range(len(grad)):
+        total = weights.dtype.type(0)
+        for k in range(first, end):
+            total += weights[k] * grad[channel, k]
+        pair_features[pair, channel] = total
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -372,26 +387,10 @@ def _exponential(sigma):
     return value * value
 
 
-@njit(cache=True, fastmath={"contract"})
-def _add(sums, factor, values):
-    """sums += factor values."""
-    for k in range(len(values)):
-        sums[k] += factor * values[k]
-
-
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
-def _dot(a, b):
-    """a . b; the order of summation is the compiler's, and the same in every run."""
-    total = a.dtype.type(0)
-    for k in range(len(b)):
-        total += a[k] * b[k]
-    return total
-
-
 @njit(cache=True)
-def _block(ellipses, lanes, dtype):
-    """Room for the ellipses and features of a block; what is beyond the channels stays 0."""
-    return np.empty((BLOCK, ellipses.shape[1])), np.zeros((BLOCK, lanes), dtype)
+def _block(ellipses, features):
+    """Room for the ellipses and features of a block."""
+    return np.empty((BLOCK, ellipses.shape[1])), np.empty((BLOCK, features.shape[1]), features.dtype)
 
 
 @njit(cache=True)
@@ -428,7 +427,7 @@ def _centres(top, left):
 def _span(ellipses, i, top, bottom):
     """The pixels of a tile, as begin and end, whose rows an ellipse meets."""
     first, end = _rows(ellipses, i, top, bottom)
-    return (first - top) * TILE_WIDTH, (end - top) * TILE_WIDTH
+    return np.uint64((first - top) * TILE_WIDTH), np.uint64((max(end, first) - top) * TILE_WIDTH)
 
 
 @njit(cache=True)
