@@ -1,6 +1,7 @@
-"""Steps per second of a training whose scenes come from disk, against the same with samples that stay in memory.
+"""Steps per second of a training whose scenes come from disk, or are drawn meanwhile, against the same with samples that stay in memory.
 
     python scripts/time_loading.py SCENES [--size HxW] [--batch B] [--steps K] [--workers W]
+    python scripts/time_loading.py rooms --reuse 8 ...    rooms are drawn beside the training, each for eight samples
 
 Blocks of ten steps take turns, so that whatever disturbs the machine disturbs both; what is printed are the medians of the blocks.
 """
@@ -42,6 +43,7 @@ if __name__ == "__main__":
     parser.add_argument("--batch", type=int, default=1)
     parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--reuse", type=int, default=1)
     given = parser.parse_args()
     height, width = map(int, given.size.split("x"))
     settings = replace(
@@ -50,6 +52,7 @@ if __name__ == "__main__":
         size=(height, width),
         batch=given.batch,
         contexts=(2, 2),
+        scene_reuse=given.reuse,
         steps=10**6,
         init="small",
     )

@@ -20,11 +20,8 @@ from semgs.model.heads import RENDERED_HARMONICS
 from semgs.model.semgs import MULTIPLE, SHRINK, SemGS
 from semgs.reconstruction.memory import free_bytes, held_bytes
 
-LIBRARIES = 195e6
+LIBRARIES = 175e6
 """What a process takes when it loads the compiled kernels and the libraries under its convolutions [bytes]."""
-
-METRICS = 70e6
-"""The same for the scores of what was drawn."""
 
 HOLES, MOST_HOLES = 0.6, 250e6
 """Share of its tensors that the allocator takes beyond them in a stage of many layers, and the most that it takes [bytes]: small
@@ -201,9 +198,8 @@ def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, fl
     """The most that a process holds in each stage that held so much before [bytes]."""
     found = {}
     for stage, tensors in stage_bytes(model, work, chunks).items():
-        libraries = LIBRARIES + (METRICS if stage == "render" else 0)
         share = FEW_HOLES if stage in ("cost_volume", "render") else HOLES
-        found[stage] = held + libraries + ROUNDING * tensors + min(share * tensors, MOST_HOLES)
+        found[stage] = held + LIBRARIES + ROUNDING * tensors + min(share * tensors, MOST_HOLES)
     return found
 
 
