@@ -20,7 +20,7 @@ from semgs.model.heads import RENDERED_HARMONICS
 from semgs.model.semgs import MULTIPLE, SHRINK, SemGS
 from semgs.reconstruction.memory import free_bytes, held_bytes
 
-LIBRARIES = 175e6
+LIBRARIES = 168e6
 """What a process takes when it loads the compiled kernels and the libraries under its convolutions [bytes]."""
 
 HOLES, MOST_HOLES = 0.6, 250e6
