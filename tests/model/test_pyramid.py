@@ -4,6 +4,7 @@ import pytest
 import torch
 from golden import fill_golden
 from posed import posed_views
+from torch.nn.functional import interpolate
 
 from semgs.model.presets import small
 from semgs.model.pyramid import SemanticPyramid
@@ -28,6 +29,26 @@ def given(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
 @pytest.mark.parametrize("size", [(8, 12), (15, 20), (5, 3)], ids=lambda size: f"{size[0]}x{size[1]}")
 def test_features_keep_their_size_also_where_it_cannot_be_halved(size):
     features, pictures = given(*size)
+    assert pyramid()(features, pictures).shape == features.shape
+
+
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_picture_twice_or_thrice_as_large_has_the_features_of_the_small_one_widened(times):
+    features, pictures = given(10, 12)
+    large_features, large_pictures = (
+        one.repeat_interleave(times, -2).repeat_interleave(times, -1) for one in (features, pictures)
+    )
+    refine = pyramid()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("semgs.model.pyramid.SIDE", SHRINK * 10)
+        found = refine(large_features, large_pictures)
+    expected = interpolate(refine(features, pictures), scale_factor=times, mode="bilinear", align_corners=False)
+    assert torch.allclose(found, expected, atol=1e-12)
+    assert not torch.allclose(refine(large_features, large_pictures), expected, atol=1e-2)  # as it is, it sees others
+
+
+def test_a_picture_of_any_larger_size_has_features_of_that_size():
+    features, pictures = given(95, 131)
     assert pyramid()(features, pictures).shape == features.shape
 
 
