@@ -17,13 +17,12 @@ BLOCKS = 2
 
 
 SIDE = 240
-"""About the largest shorter side of a picture that the pyramid looks at as it is [px]: pieces twice as large are others to it."""
+"""Shorter side of the pictures that a pyramid knows [px]: pieces twice as large are others to it."""
 
 
 class SemanticPyramid(nn.Module):
     """Residual blocks with batch norm on maps each half the size of the one before, summed on the way back; classes from the finest.
 
-    Pictures whose shorter side is `SIDE` twice, thrice and so on are averaged down by that for it, and its features widened again.
     Batch norm, not the instance and group norms of the other branches: those take from each picture what makes it differ from others.
 
     Args:
@@ -51,12 +50,6 @@ class SemanticPyramid(nn.Module):
         self, features: Float[Tensor, "n c h4 w4"], pictures: Float[Tensor, "n 3 h w"]
     ) -> Float[Tensor, "n c h4 w4"]:
         """Features of the same size, from them and from the pictures that they are of (0..1); `classes` makes logits of them."""
-        full = features.shape[-2:]
-        times = round(min(pictures.shape[-2:]) / SIDE)
-        if times > 1:
-            small = tuple(-(-side // times) for side in full)
-            features = interpolate(features, size=small, mode="area")
-            pictures = interpolate(pictures, size=tuple(self.shrink * side for side in small), mode="area")
         x = torch.cat((features, pixel_unshuffle(2 * pictures - 1, self.shrink)), dim=1)
         maps = [self.stem(x.contiguous(memory_format=torch.channels_last))]
         for down, blocks in zip(self.down, self.blocks, strict=True):
@@ -66,7 +59,16 @@ class SemanticPyramid(nn.Module):
             fine = maps.pop()
             wide = interpolate(up(x), size=fine.shape[-2:], mode="bilinear", align_corners=False)
             x = merged(fine + wide)
-        return x if times <= 1 else interpolate(x, size=full, mode="bilinear", align_corners=False)
+        return x
+
+
+def near_side(pictures: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
+    """Pictures averaged down by the whole number that brings their shorter side nearest to `SIDE`, to multiples of `shrink`; small ones as they are."""
+    times = round(min(pictures.shape[-2:]) / SIDE)
+    if times <= 1:
+        return pictures
+    height, width = (shrink * -(-side // (shrink * times)) for side in pictures.shape[-2:])
+    return interpolate(pictures, size=(height, width), mode="area")
 
 
 class Residual(nn.Module):

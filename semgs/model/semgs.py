@@ -10,6 +10,7 @@ from typing import Any
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn.functional import interpolate
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.views import Views
@@ -36,7 +37,7 @@ from semgs.model.heads import (
     start_at,
     upsampled,
 )
-from semgs.model.pyramid import SemanticPyramid
+from semgs.model.pyramid import SemanticPyramid, near_side
 from semgs.model.swin import MultiViewSwin
 
 SHRINK = 4
@@ -451,10 +452,13 @@ class SemGS(nn.Module):
         self, pictures: Float[Tensor, "n 3 h w"], shallow: Float[Tensor, "n c h4 w4"]
     ) -> Float[Tensor, "n c h4 w4"]:
         """Features of the semantic branch before its transformer, of each view by itself."""
-        features = shallow if self.semantic_cnn is None else self.semantic_cnn(pictures)
-        if self._pyramid is not None:
-            return self._pyramid(features, pictures)
-        return self.semantic_refinement(features)
+        cnn = self.semantic_cnn or self.cnn
+        known = pictures if self._pyramid is None else near_side(pictures, SHRINK)
+        features = shallow if known is pictures and cnn is self.cnn else cnn(known)
+        if self._pyramid is None:
+            return self.semantic_refinement(features)
+        refined = self._pyramid(features, known)
+        return refined if known is pictures else interpolate(refined, size=shallow.shape[-2:], mode="bilinear")
 
     def _semantic_seen(
         self, refined: Float[Tensor, "n c h4 w4"], cameras: Cameras, depth_range: Float[Tensor, "b v 2"]

@@ -4,10 +4,10 @@ import pytest
 import torch
 from golden import fill_golden
 from posed import posed_views
-from torch.nn.functional import interpolate
+from torch.nn.functional import avg_pool2d, interpolate
 
 from semgs.model.presets import small
-from semgs.model.pyramid import SemanticPyramid
+from semgs.model.pyramid import SemanticPyramid, near_side
 from semgs.model.semgs import SemGS, arguments
 from semgs.training.state import hold_statistics
 from semgs.weights.file import save
@@ -32,24 +32,33 @@ def test_features_keep_their_size_also_where_it_cannot_be_halved(size):
     assert pyramid()(features, pictures).shape == features.shape
 
 
-@pytest.mark.parametrize("times", [2, 3])
-def test_a_picture_twice_or_thrice_as_large_has_the_features_of_the_small_one_widened(times):
-    features, pictures = given(10, 12)
-    large_features, large_pictures = (
-        one.repeat_interleave(times, -2).repeat_interleave(times, -1) for one in (features, pictures)
-    )
-    refine = pyramid()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("semgs.model.pyramid.SIDE", SHRINK * 10)
-        found = refine(large_features, large_pictures)
-    expected = interpolate(refine(features, pictures), scale_factor=times, mode="bilinear", align_corners=False)
-    assert torch.allclose(found, expected, atol=1e-12)
-    assert not torch.allclose(refine(large_features, large_pictures), expected, atol=1e-2)  # as it is, it sees others
+def test_pictures_are_averaged_down_by_the_whole_number_that_brings_their_shorter_side_nearest_to_240():
+    sizes = {
+        (240, 320): (240, 320),
+        (352, 480): (352, 480),
+        (368, 480): (184, 240),
+        (480, 640): (240, 320),
+        (736, 992): (248, 332),
+    }
+    assert {size: near_side(torch.zeros(1, 3, *size), SHRINK).shape[-2:] for size in sizes} == sizes
+    pictures = torch.rand(1, 3, 480, 480)
+    assert torch.allclose(near_side(pictures, SHRINK), avg_pool2d(pictures, 2), atol=1e-6)
 
 
-def test_a_picture_of_any_larger_size_has_features_of_that_size():
-    features, pictures = given(95, 131)
-    assert pyramid()(features, pictures).shape == features.shape
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_picture_twice_as_large_has_the_features_of_the_small_one_widened(shared):
+    views = posed_views(2, (32, 48))
+    pictures = views.images
+    large = pictures.repeat_interleave(2, -2).repeat_interleave(2, -1)
+    settings = arguments(small().settings) | {"semantic_pyramid": (24, 32), "shared_layers": shared}
+    model = fill_golden(SemGS(**settings)).eval()
+    with torch.no_grad(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("semgs.model.pyramid.SIDE", 32)
+        found, few = (model._semantic_refined(one, model.cnn(one)) for one in (large, pictures))
+    expected = interpolate(few, scale_factor=2, mode="bilinear", align_corners=False)
+    assert torch.allclose(found, expected, atol=1e-5)
+    with torch.no_grad():
+        assert not torch.allclose(model._semantic_refined(large, model.cnn(large)), expected, atol=1e-2)
 
 
 def test_a_texel_sees_features_and_picture_far_beyond_two_residual_blocks():
