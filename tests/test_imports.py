@@ -176,6 +176,7 @@ def test_neither_the_package_nor_its_files_nor_its_help_import_torch():
     assert told.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.long
 def test_a_reconstruction_waits_for_no_library_that_takes_seconds_to_import(tmp_path):
     """torch's compiler, which `torch.library.custom_op` would import, and torchmetrics: three and four seconds."""
     lines = [
