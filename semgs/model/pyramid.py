@@ -15,7 +15,6 @@ from torch.nn.functional import interpolate, pixel_unshuffle
 BLOCKS = 2
 """Residual blocks of each coarser map on the way down."""
 
-
 SIDE = 240
 """Shorter side of the pictures that a pyramid knows [px]: pieces twice as large are others to it."""
 
