@@ -210,7 +210,7 @@ MUTANTS = (
     ),
     Mutant(
         "the rotary rotation runs the other way", ATTENTION,
-        "sign * (swapped * self.sines)", "-sign * (swapped * self.sines)", OF_ATTENTION,
+        "value=sign", "value=-sign", OF_ATTENTION,
     ),
     Mutant(
         "focal lengths are divided by the wrong side", ATTENTION,
@@ -241,13 +241,12 @@ MUTANTS = (
     ),
     # Windows
     Mutant(
-        "the mask of shifted windows is off by one", SWIN,
-        "(position >= side - shift)", "(position > side - shift)", OF_SWIN,
+        "shifted windows are off by one", SWIN,
+        "size // 2 if shifted", "size // 2 + 1 if shifted", OF_SWIN,
     ),
     Mutant(
-        "shifted windows have no mask", SWIN,
-        "(labels[:, :, None] != labels[:, None, :]).to(like) * MASKED",
-        "(labels[:, :, None] != labels[:, None, :]).to(like) * 0", OF_SWIN,
+        "what half a window leaves at the borders stays with its neighbour", SWIN,
+        "sorted({0, *range(shift, side + 1, size), side})", "sorted({0, *range(shift + size, side + 1, size), side})", OF_SWIN,
     ),
     Mutant(
         "cross-attention sees the view itself", SWIN,
@@ -255,12 +254,8 @@ MUTANTS = (
         "[[j for j in range(views) if j != (i + 1) % views] for i in range(views)]", OF_SWIN,
     ),
     Mutant(
-        "the mask repeats by token for more than two views", SWIN,
-        "mask.repeat(1, 1, views - 1)", "mask.repeat_interleave(views - 1, dim=2)", OF_SWIN,
-    ),
-    Mutant(
-        "windows roll back the wrong way", SWIN,
-        "return joined.roll(self.shift, (2, 3))", "return joined.roll((-self.shift[0], -self.shift[1]), (2, 3))", OF_SWIN,
+        "windows of one size change places", SWIN,
+        "zip(places, out.unflatten(3, sides)", "zip(reversed(places), out.unflatten(3, sides)", OF_SWIN,
     ),
     # Dual Gaussians
     Mutant(

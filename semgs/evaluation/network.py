@@ -11,6 +11,7 @@ from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.figures.classes import SEEN_ALPHA
 from semgs.reconstruction.reconstruct import Network
 from semgs.rendering.render import render
+from semgs.rendering.rendering import likeliest
 
 
 class NetworkMethod:
@@ -38,7 +39,7 @@ class NetworkMethod:
         near = float(inputs.contexts.depth_range[:, 0].min())
         rendering = render(encoding.gaussians, inputs.camera, near=near)
         rendered = self._now()
-        classes = None if rendering.semantics is None else rendering.semantics[0].argmax(0).byte().cpu()
+        classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
         return Prediction(
             labels=classes,
             image=rendering.images[0].float().clamp(0, 1).cpu(),

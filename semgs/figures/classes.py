@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from semgs.data.classes import IGNORE, ClassTable
-from semgs.rendering.rendering import Rendering
+from semgs.rendering.rendering import Rendering, likeliest
 
 SEEN_ALPHA = 0.5
 """Where less light than this was stopped by Gaussians, a map says "unseen" instead of a class."""
@@ -43,7 +43,7 @@ def label_maps(rendering: Rendering) -> UInt8[np.ndarray, "v h w"]:
     """
     if rendering.semantics is None:
         raise ValueError("the rendering has no classes; expected one of Gaussians with a semantic branch")
-    labels = rendering.semantics.detach().argmax(-3).cpu().numpy().astype(np.uint8)
+    labels = likeliest(rendering.semantics).cpu().numpy()
     labels[rendering.alphas.detach().cpu().numpy() < SEEN_ALPHA] = IGNORE
     return labels
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image
 
 from semgs.figures.classes import HATCH, LegendEntry
+from semgs.files.pictures import jpeg_bytes, png_bytes
+
+QUALITY = 90
+"""Of JPEGs in a page."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +59,8 @@ class Picture:
     @property
     def uri(self) -> str:
         """The picture inside a URI."""
-        buffer = io.BytesIO()
-        form = "JPEG" if self.lossy else "PNG"
-        Image.fromarray(np.ascontiguousarray(self.pixels)).save(buffer, form, quality=90)
-        return f"data:image/{form.lower()};base64," + base64.b64encode(buffer.getvalue()).decode()
+        form, data = ("jpeg", jpeg_bytes(self.pixels, QUALITY)) if self.lossy else ("png", png_bytes(self.pixels))
+        return f"data:image/{form};base64," + base64.b64encode(data).decode()
 
 
 @dataclass(frozen=True)

@@ -230,6 +230,13 @@ def png_bytes(array: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+def jpeg_bytes(array: np.ndarray, quality: int) -> bytes:
+    """A JPEG of uint8 [h w 3] (RGB); quality 1 to 95."""
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(array)).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()
+
+
 def _bytes(path: str | Stored) -> bytes:
     """The content of a file.
 

@@ -66,7 +66,7 @@ class TokenTransforms:
         projective = (tokens[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
         halves = tokens[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
         swapped = halves.flip(-2).flatten(-3)
-        turned = tokens[..., d // 2 :] * self.cosines + sign * (swapped * self.sines)
+        turned = torch.addcmul(tokens[..., d // 2 :] * self.cosines, swapped, self.sines, value=sign)
         return torch.cat((projective, turned), dim=-1).to(x.dtype)
 
 

@@ -16,6 +16,7 @@ from semgs.geometry.gaussians import Appearance
 from semgs.geometry.harmonics_rotation import rotated_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.conventions import Conventions
+from semgs.model.layout import beside
 from semgs.model.precision import outside_autocast
 from semgs.model.unet import GROUPS, UNet
 
@@ -89,7 +90,7 @@ class CostRegressor(nn.Module):
         self, cost: Float[Tensor, "n l h w"], features: Float[Tensor, "n c h w"], views: int
     ) -> Float[Tensor, "n l h w"]:
         """Logits over the candidates; `views` of them belong to a scene."""
-        x = torch.cat((cost, features), dim=1)
+        x = beside(cost, features)
         conv, norm, activation, unet, last = self.refine
         refined = last(unet(activation(norm(conv(x))), views)) + self.residual(x)
         if self.norm is None:
@@ -133,7 +134,7 @@ class DepthRefinement(nn.Module):
 
         `projected` is what `project` makes of the upsampled features.
         """
-        x = torch.cat((images, projected, disparities[:, None], confidences[:, None]), dim=1)
+        x = beside(images, projected, disparities[:, None], confidences[:, None])
         conv, norm, activation, unet = self.refine
         refined = unet(activation(norm(conv(x))), views)
         return refined, self.to_disparity(refined).to(disparities.dtype)

@@ -37,6 +37,7 @@ from semgs.model.heads import (
     start_at,
     upsampled,
 )
+from semgs.model.layout import beside, lay_out
 from semgs.model.pyramid import SemanticPyramid, near_side
 from semgs.model.swin import MultiViewSwin
 
@@ -307,7 +308,7 @@ class SemGS(nn.Module):
             if self.paper_heads:
                 decode = lambda at: self._decoded_by_the_text(small[at], colour[at], probabilities[at], planes[at])  # noqa: E731
             else:
-                features = torch.cat((colour, shallow), dim=1)
+                features = beside(colour, shallow)
                 decode = self._refined(
                     small, features, probabilities, planes, bounds.flatten(0, 1), confidences, v, chunks
                 )
@@ -353,7 +354,7 @@ class SemGS(nn.Module):
         opacities = raw[:, 1].sigmoid()
 
         def decoded(at: slice) -> Decoded:
-            seen = torch.cat((refined[at], small[at], wide(at)), dim=1)
+            seen = beside(refined[at], small[at], wide(at))
             attributes = drawn_attributes(self.colour_head, self.harmonics, seen)
             return Decoded(depths[at], opacities[at], attributes[:, 2:], attributes[:, :2])
 
@@ -373,7 +374,7 @@ class SemGS(nn.Module):
         return Decoded(
             expected_depth(distribution, candidates, sampling),
             self.opacity_head(distribution)[:, 0].to(distribution.dtype).sigmoid(),
-            drawn_attributes(self.colour_head, self.harmonics, torch.cat((small, wide), dim=1)),
+            drawn_attributes(self.colour_head, self.harmonics, beside(small, wide)),
         )
 
     def _placed(
@@ -474,7 +475,7 @@ class SemGS(nn.Module):
         self, small: Float[Tensor, "n 3 h w"], semantic: Semantic, at: slice
     ) -> Float[Tensor, "n channel h w"]:
         """What the semantic head says of some views, given their pictures at the Gaussians' scale."""
-        raw = self.semantic_head(torch.cat((small, self._upsampled_semantic(semantic, at)), dim=1))
+        raw = self.semantic_head(beside(small, self._upsampled_semantic(semantic, at)))
         if self._pyramid is None:
             return raw
         shape, logits = raw.split((7, raw.shape[1] - 7), dim=1)
@@ -490,14 +491,7 @@ class SemGS(nn.Module):
         """What the semantic head sees of some views, beside the picture."""
         if self.paper_heads:
             return upsampled(semantic.features[at], self.factor, self.conventions.pixel_centres)
-        return self.semantic_upsampler(torch.cat((semantic.features[at], semantic.refined[at]), dim=1))
-
-
-def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
-    """Bring the kernels of a module's convolutions into a layout; the parameters stay the same objects."""
-    for parameter in module.parameters():
-        if parameter.ndim == 4:
-            parameter.data = parameter.data.contiguous(memory_format=layout)
+        return self.semantic_upsampler(beside(semantic.features[at], semantic.refined[at]))
 
 
 def arguments(settings: Mapping[str, Any]) -> dict[str, Any]:

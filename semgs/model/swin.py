@@ -7,15 +7,14 @@ the semantic branch. The paper's ablation replaces windows by full attention (`w
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise, product
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.camera_attention import TokenTransforms
-
-MASKED = -100.0
-"""Added to the logits of pairs that a shifted window brought together from opposite edges of the map."""
 
 
 class WindowAttention(nn.Module):
@@ -79,37 +78,33 @@ class Block(nn.Module):
 
 
 class Windows:
-    """A partition of a feature map into windows, shifted by half a window or not.
+    """A partition of a feature map into windows, or into those moved down and right by half a window and cut off at its borders.
+
+    Swin rolls the map by half a window, takes the same windows again and masks, by -100 in the logits, what the roll brought together from
+    opposite borders: with 2x2 windows nine regions (figure 4 there). A token's keys are those of its region either way, and e^-100 is
+    nothing; without the roll nothing is computed to be masked, which is 44 % of the products there.
 
     Args:
         grid: (height, width) of the map, multiples of `count`.
         count: windows along each side; 1 is full attention.
-        shifted: roll the map by half a window first, and mask what the roll brought together.
-        like: a tensor on the device and in the dtype of the features.
+        shifted: move the windows by half of their sides.
 
     Raises:
         ValueError: the map cannot be divided.
     """
 
-    def __init__(self, grid: tuple[int, int], count: int, shifted: bool, like: Tensor) -> None:
+    def __init__(self, grid: tuple[int, int], count: int, shifted: bool) -> None:
         if grid[0] % count or grid[1] % count:
             raise ValueError(f"a map of {grid} (height, width) cannot be cut into {count}x{count} windows")
-        self.grid = grid
-        self.count = count
         self.size = (grid[0] // count, grid[1] // count)
-        self.shift = (self.size[0] // 2, self.size[1] // 2) if shifted and count > 1 else (0, 0)
-        self.mask = self._mask(like) if self.shift != (0, 0) else None
-
-    def split(self, x: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v windows tokens d"]:
-        """Tokens by window."""
-        return split_windows(
-            x.roll((-self.shift[0], -self.shift[1]), (2, 3)) if self.mask is not None else x, self.count
+        self.rows, self.columns = (
+            _bands(side, size, size // 2 if shifted and count > 1 else 0)
+            for side, size in zip(grid, self.size, strict=True)
         )
-
-    def join(self, x: Float[Tensor, "b v windows tokens d"]) -> Float[Tensor, "b v h w d"]:
-        """The inverse of `split`."""
-        joined = join_windows(x, self.grid)
-        return joined.roll(self.shift, (2, 3)) if self.mask is not None else joined
+        self._groups: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for row, column in product(range(len(self.rows)), range(len(self.columns))):
+            sides = tuple(band.stop - band.start for band in (self.rows[row], self.columns[column]))
+            self._groups.setdefault(sides, []).append((row, column))
 
     def attend(
         self,
@@ -119,45 +114,34 @@ class Windows:
         cross: bool,
     ) -> Float[Tensor, "b v h w d"]:
         """Softmax(q k^T / sqrt(d)) v in each window; with `cross`, over the tokens of all other views in one softmax."""
-        q, k, v = self.split(q), self.split(k), self.split(v)
-        b, views, windows, tokens, d = q.shape
-        mask = self.mask
-        if cross:
-            others = torch.tensor([[j for j in range(views) if j != i] for i in range(views)], device=q.device)
-            k, v = (x[:, others].transpose(2, 3).flatten(3, 4) for x in (k, v))
-            mask = None if mask is None else mask.repeat(1, 1, views - 1)
-        out = nn.functional.scaled_dot_product_attention(
-            q.flatten(0, 1),
-            k.flatten(0, 1),
-            v.flatten(0, 1),
-            attn_mask=None if mask is None else mask[None].to(q.dtype),
+        b, views = q.shape[:2]
+        done: dict[tuple[int, int], Tensor] = {}
+        for sides, places in self._groups.items():
+            own, keys, values = (self._split(x, places) for x in (q, k, v))
+            if cross:
+                others = torch.tensor([[j for j in range(views) if j != i] for i in range(views)], device=q.device)
+                keys, values = (x[:, others].transpose(2, 3).flatten(3, 4) for x in (keys, values))
+            out = nn.functional.scaled_dot_product_attention(
+                own.flatten(0, 1), keys.flatten(0, 1), values.flatten(0, 1)
+            ).unflatten(0, (b, views))
+            done.update(zip(places, out.unflatten(3, sides).unbind(2), strict=True))
+        rows = (
+            torch.cat([done[row, column] for column in range(len(self.columns))], dim=3)
+            for row in range(len(self.rows))
         )
-        return self.join(out.reshape(b, views, windows, tokens, d))
+        return torch.cat(list(rows), dim=2)
 
-    def _mask(self, like: Tensor) -> Float[Tensor, "windows tokens tokens"]:
-        """-100 between tokens of different regions: Swin's nine regions of a rolled map."""
-        regions = torch.zeros(1, 1, *self.grid, 1)
-        for axis, (side, size, shift) in enumerate(zip(self.grid, self.size, self.shift, strict=True)):
-            position = torch.arange(side)
-            band = (position >= side - size).long() + (position >= side - shift).long()
-            regions = regions * 3 + band.reshape([-1 if i == axis + 2 else 1 for i in range(5)])
-        labels = split_windows(regions, self.count)[0, 0, ..., 0]
-        return (labels[:, :, None] != labels[:, None, :]).to(like) * MASKED
+    def _split(
+        self, x: Float[Tensor, "b v h w d"], places: Sequence[tuple[int, int]]
+    ) -> Float[Tensor, "b v windows tokens d"]:
+        """The tokens of windows of one size, row-major inside each."""
+        return torch.stack([x[:, :, self.rows[r], self.columns[c]].flatten(2, 3) for r, c in places], dim=2)
 
 
-def split_windows(x: Float[Tensor, "b v h w d"], count: int) -> Float[Tensor, "b v windows tokens d"]:
-    """A map cut into count x count windows, rows of windows first, tokens row-major inside each."""
-    b, v, h, w, d = x.shape
-    x = x.reshape(b, v, count, h // count, count, w // count, d).transpose(3, 4)
-    return x.reshape(b, v, count**2, (h // count) * (w // count), d)
-
-
-def join_windows(x: Float[Tensor, "b v windows tokens d"], grid: tuple[int, int]) -> Float[Tensor, "b v h w d"]:
-    """The inverse of `split_windows` for a map of size `grid`."""
-    b, v, windows, _, d = x.shape
-    count = math.isqrt(windows)
-    x = x.reshape(b, v, count, count, grid[0] // count, grid[1] // count, d).transpose(3, 4)
-    return x.reshape(b, v, *grid, d)
+def _bands(side: int, size: int, shift: int) -> tuple[slice, ...]:
+    """A side cut every `size`, from `shift` on."""
+    cuts = sorted({0, *range(shift, side + 1, size), side})
+    return tuple(slice(start, stop) for start, stop in pairwise(cuts))
 
 
 class MultiViewSwin(nn.Module):
@@ -194,8 +178,8 @@ class MultiViewSwin(nn.Module):
         if self.reduction > 1:
             x = self.reduce(x)
         grid = (x.shape[-2], x.shape[-1])
-        plain = Windows(grid, self.windows, False, x)
-        shifted = Windows(grid, self.windows, True, x)
+        plain = Windows(grid, self.windows, False)
+        shifted = Windows(grid, self.windows, True)
         x = x + sine_positions(plain.size, x.shape[1], x).repeat(1, self.windows, self.windows)
         tokens = x.unflatten(0, (b, v)).permute(0, 1, 3, 4, 2)
         for index, block in enumerate(self.layers):

@@ -5,9 +5,10 @@ Layer shapes and names are MVSplat's (the latent-diffusion U-Net without time), 
 
 from __future__ import annotations
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+
+from semgs.model.layout import beside
 
 GROUPS = 8
 
@@ -134,7 +135,7 @@ class UNet(nn.Module):
             skip = skips.pop()
             if self.decoder_blocks == 1 and index > 0:
                 skip = skips.pop()
-            x = torch.cat((x, skip), dim=1)
+            x = beside(x, skip)
             for block in blocks:  # type: ignore[attr-defined]
                 x = block(x, views)
         return self.out(x)

@@ -137,10 +137,8 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     cnn = 5 * s["cnn_widths"][0] * 4 * texels
 
     # Of the token maps either the hidden layer of the feed-forward network, before and after its activation, or keys and
-    # values gathered from the other views; the mask of shifted windows, repeated for every view.
-    window = texels / views / s["reduction"] ** 2 / s["windows"] ** 2
-    mask = s["windows"] ** 2 * window**2 * views if s["windows"] > 1 else 0
-    attention = tokens * channels * max(4 * s["expansion"] + 14, 3 * (views - 1) + 13) + mask
+    # values gathered from the other views.
+    attention = tokens * channels * max(4 * s["expansion"] + 14, 3 * (views - 1) + 13)
     features = texels * channels
     # The pyramid's finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
     pyramid = texels * (channels + 3 * SHRINK**2 + UNET_MAPS * channels) if s["semantic_pyramid"] else 0

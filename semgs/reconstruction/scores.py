@@ -11,7 +11,7 @@ from torch import Tensor
 from semgs.data.views import Views
 from semgs.figures.classes import SEEN_ALPHA
 from semgs.objectives.metrics import accuracy, confusion_matrices, miou, present_classes, psnr
-from semgs.rendering.rendering import Rendering
+from semgs.rendering.rendering import Rendering, likeliest
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
     ious: Sequence[float | None] = hits
     if truth.labels is not None and rendering.semantics is not None:
         count = rendering.semantics.shape[-3]
-        confusions = confusion_matrices(rendering.semantics.argmax(-3).byte(), truth.labels, count)
+        confusions = confusion_matrices(likeliest(rendering.semantics), truth.labels, count)
         labelled = [bool(present_classes(labels, count).any()) for labels in truth.labels]
         hits = [value if known else None for value, known in zip(accuracy(confusions).tolist(), labelled, strict=True)]
         ious = [value if known else None for value, known in zip(miou(confusions).tolist(), labelled, strict=True)]

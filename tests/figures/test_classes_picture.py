@@ -6,7 +6,7 @@ import torch
 
 from semgs.data.classes import SCANNET20
 from semgs.figures.classes import HATCH, class_picture, label_maps, legend, overlay, true_class_picture
-from semgs.rendering.rendering import Rendering
+from semgs.rendering.rendering import Rendering, likeliest
 
 FLOOR, CHAIR = SCANNET20.index("floor"), SCANNET20.index("chair")
 
@@ -59,3 +59,8 @@ def test_a_pixel_is_the_likeliest_class_where_it_was_seen_and_255_elsewhere() ->
     assert label_maps(rendering).tolist() == [[[255, 255, CHAIR], [CHAIR, CHAIR, CHAIR]]]
     with pytest.raises(ValueError, match="no classes"):
         label_maps(Rendering(rendering.images, None, rendering.depths, alphas))
+
+
+def test_of_equally_likely_classes_the_first_is_taken() -> None:
+    semantics = torch.tensor([0.1, 0.4, 0.1, 0.4])[:, None, None].expand(3, 4, 2, 5)
+    assert torch.equal(likeliest(semantics), torch.ones(3, 2, 5, dtype=torch.uint8))

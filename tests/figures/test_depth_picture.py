@@ -62,3 +62,14 @@ def test_errors_are_relative_those_beyond_the_worst_look_alike_and_unknown_truth
     assert (picture[2] == bar[128]).all() or (picture[2] == bar[127]).all()
     assert (picture[3] == bar[-1]).all()
     assert (picture[4] == NOTHING).all()
+
+
+def test_colours_are_those_of_matplotlib() -> None:
+    from matplotlib import colormaps
+
+    def of(name: str, reverse: bool) -> np.ndarray:
+        colours = np.rint(255 * colormaps[name].resampled(256)(np.arange(256))[:, :3]).astype(np.uint8)
+        return colours[::-1] if reverse else colours
+
+    np.testing.assert_array_equal(depth_bar()[0], of("turbo", reverse=True))
+    np.testing.assert_array_equal(depth_error_bar()[0], of("inferno", reverse=False))

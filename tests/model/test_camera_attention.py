@@ -122,7 +122,7 @@ def test_the_layer_is_attention_with_128x128_matrices_written_out(cameras, shift
     attention = layer()
     x = torch.randn(1, VIEWS, *BASE_GRID, BASE, dtype=torch.float64)
     transforms = token_transforms(cameras, NEAR, BASE_GRID, BASE, x, output)
-    windows = Windows(BASE_GRID, 2, shifted, x)
+    windows = Windows(BASE_GRID, 2, shifted)
     with torch.inference_mode():
         fast = (attention(x, x, windows, transforms, cross) - x)[0]
         projected = [linear(x)[0] for linear in (attention.q_proj, attention.k_proj, attention.v_proj)]
@@ -141,7 +141,7 @@ def attention(cameras: Cameras, output: bool) -> torch.Tensor:
     generator = torch.Generator().manual_seed(3)
     q, k, v = (torch.randn(1, VIEWS, *GRID, D, generator=generator, dtype=torch.float64) for _ in range(3))
     transforms = token_transforms(cameras, NEAR, GRID, D, q, output)
-    windows = Windows(GRID, 2, True, q)
+    windows = Windows(GRID, 2, True)
     return transforms.outputs(windows.attend(transforms.queries(q), transforms.keys(k), transforms.keys(v), True))
 
 
@@ -160,7 +160,7 @@ def test_logits_and_messages_know_only_relative_matrices(cameras):
         weights = logits.softmax(0)
         expected[0][t] = sum(w * (m @ v[0][u]) for w, m, u in zip(weights, relative, others, strict=True))
     transforms = token_transforms(cameras, NEAR, GRID, D, q)
-    windows = Windows(GRID, 1, False, q)
+    windows = Windows(GRID, 1, False)
     result = transforms.outputs(windows.attend(transforms.queries(q), transforms.keys(k), transforms.keys(v), True))
     assert (result - expected).abs().max() < 1e-10
 

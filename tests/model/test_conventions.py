@@ -67,17 +67,23 @@ def test_each_field_reaches_the_network(name: str):
 def test_d1_the_shift_mask_goes_by_view_and_theirs_by_token_mixes_the_regions_for_more_than_two_views():
     """Theirs would be the mask repeated along the tokens; with two views both are the same, so no weight depends on it."""
     q = draw(1, 3, 4, 6, 8)
-    windows = Windows((4, 6), 2, True, q)
-    ours = windows.attend(q, q, q, True)
-    assert windows.mask is not None
-    tokens = windows.mask.shape[-1]
-    by_view, by_token = windows.mask.repeat(1, 1, 2), windows.mask.repeat_interleave(2, dim=-1)
-    assert not torch.equal(by_view, by_token)
-    # Keys are (view, token): the region of key (j, u) must be that of u, whatever j.
-    labels = by_view.unflatten(-1, (2, tokens))
-    assert torch.equal(labels[:, :, 0], labels[:, :, 1])
-    doubled = q[:, [0, 1, 2, 1, 2]]
-    assert torch.allclose(windows.attend(doubled, doubled, doubled, True)[:, 0], ours[:, 0])
+    region = (torch.bucketize(torch.arange(4), torch.tensor([1, 3]), right=True)[:, None] * 3) + torch.bucketize(
+        torch.arange(6), torch.tensor([1, 4]), right=True
+    )
+    mask = torch.where(region.flatten()[:, None] == region.flatten(), 0.0, -100.0)
+    own, others = q[0, 0].flatten(0, 1), q[0, 1:].flatten(0, 2)  # keys are (view, token)
+    logits = own @ others.mT / 8**0.5
+    by_view, by_token = (
+        (logits + m).softmax(-1) @ others for m in (mask.repeat(1, 2), mask.repeat_interleave(2, dim=-1))
+    )
+    ours = Windows((4, 6), 2, True).attend(q, q, q, True)[0, 0].flatten(0, 1)
+    assert torch.allclose(ours, by_view)
+    assert (ours - by_token).abs().max() > 1e-2
+    with_two = q[:, :2]
+    assert torch.allclose(
+        Windows((4, 6), 2, True).attend(with_two, with_two, with_two, True)[0, 0].flatten(0, 1),
+        (own @ q[0, 1].flatten(0, 1).mT / 8**0.5 + mask).softmax(-1) @ q[0, 1].flatten(0, 1),
+    )
 
 
 @pytest.mark.parametrize("own", [True, False])

@@ -36,7 +36,7 @@ def by_loop(q, k, v, shifted: bool, cross: bool) -> torch.Tensor:
 def test_windowed_attention_equals_a_loop_over_tokens(views, shifted, cross):
     grid = GRID if views == 2 else (4, 8)
     q, k, v = (torch.randn(1, views, *grid, D, dtype=torch.float64) for _ in range(3))
-    fast = Windows(grid, COUNT, shifted, q).attend(q, k, v, cross)
+    fast = Windows(grid, COUNT, shifted).attend(q, k, v, cross)
     assert (fast - by_loop(q, k, v, shifted, cross)).abs().max() < 1e-10
 
 
@@ -48,7 +48,7 @@ def test_the_keys_of_a_token_are_its_window_in_its_own_view_or_in_all_others(vie
     tokens = views * grid[0] * grid[1]
     v = torch.eye(tokens, dtype=torch.float64).reshape(1, views, *grid, tokens)
     q = torch.randn(v.shape, dtype=torch.float64)
-    weights = Windows(grid, 2, True, q).attend(q, q, v, cross)[0].reshape(views, *grid, views, *grid)
+    weights = Windows(grid, 2, True).attend(q, q, v, cross)[0].reshape(views, *grid, views, *grid)
     for i in range(views):
         used = (weights[i] > 1e-20).any(dim=(-1, -2))  # row, column, view of the keys
         expected = [j != i if cross else j == i for j in range(views)]
@@ -66,27 +66,33 @@ def test_giving_every_other_view_twice_changes_nothing_and_one_of_two_does():
 
     def first(views: list[int]) -> torch.Tensor:
         x = q[:, views]
-        return Windows(GRID, COUNT, True, x).attend(x, x, x, True)[:, 0]
+        return Windows(GRID, COUNT, True).attend(x, x, x, True)[:, 0]
 
     assert (first([0, 1, 2]) - first([0, 1, 2, 1, 2])).abs().max() < 1e-12
     assert (first([0, 1, 2]) - first([0, 1, 2, 1])).abs().max() > 1e-3
 
 
-def test_splitting_and_joining_are_inverse():
-    x = torch.randn(2, 3, *GRID, D)
-    windows = Windows(GRID, COUNT, True, x)
-    assert torch.equal(windows.join(windows.split(x)), x)
+@pytest.mark.parametrize(("grid", "count"), [(GRID, 2), ((6, 10), 2), ((9, 12), 3)])
+def test_shifted_windows_are_those_of_swin_moved_by_half_and_cut_at_the_borders(grid, count):
+    windows = Windows(grid, count, True)
+    for bands, side in zip((windows.rows, windows.columns), grid, strict=True):
+        size = side // count
+        assert [band.start for band in bands] == [0, *range(size // 2, side, size)]
+        assert [band.stop for band in bands] == [*range(size // 2, side, size), side]
 
 
-def test_one_window_is_full_attention_without_a_mask():
-    windows = Windows(GRID, 1, True, torch.zeros(1))
-    assert windows.mask is None
+def test_one_window_is_full_attention_shifted_or_not():
+    windows = Windows(GRID, 1, True)
     assert windows.size == GRID
+    q = torch.randn(1, 2, *GRID, D, dtype=torch.float64)
+    tokens = q.flatten(2, 3)
+    expected = (tokens @ tokens.mT / D**0.5).softmax(-1) @ tokens
+    assert (windows.attend(q, q, q, False).flatten(2, 3) - expected).abs().max() < 1e-12
 
 
 def test_a_map_that_cannot_be_cut_is_refused():
     with pytest.raises(ValueError, match=r"\(7, 12\)"):
-        Windows((7, 12), 2, False, torch.zeros(1))
+        Windows((7, 12), 2, False)
 
 
 def test_all_views_move_in_lock_step():

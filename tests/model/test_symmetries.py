@@ -204,7 +204,7 @@ def test_every_key_view_twice_changes_nothing_in_cross_attention_and_one_of_two_
         given = replace(transforms, projection=transforms.projection[:, order], inverse=transforms.inverse[:, order])
         x = tokens[:, order]
         with torch.inference_mode():
-            return layer(x, x, Windows(grid, 2, True, x), given, cross=True)[:, 0]
+            return layer(x, x, Windows(grid, 2, True), given, cross=True)[:, 0]
 
     assert difference(first([0, 1, 2, 1, 2]), first([0, 1, 2])) < LIMITS[dtype]
     assert difference(first([0, 1, 2, 1]), first([0, 1, 2])) > 1e-3
