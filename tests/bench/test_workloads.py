@@ -62,14 +62,16 @@ def test_a_convolution_a_product_and_attention_count_two_for_a_product_and_its_s
 def test_mvsplats_encoder_counts_what_its_own_code_does() -> None:
     """407 GFLOP at 240x320, N = 2, of which 12.5 are harmonics that we leave out; 262.8 of ours are convolutions.
 
-    Convolutions follow the number of pixels; a 25th of them are counted here.
+    Convolutions follow the number of pixels; a 25th of them are counted here. What it computes in shifted windows to be masked, 7 of
+    16 products in six attentions over two views, four windows and 128 channels, we leave out as well.
     """
     model = presets.mvsplat().eval()
     with counted() as counter, torch.no_grad():
         model(context_views(2, (48, 64)))
         found = counter.read()
     assert found["conv"] == pytest.approx(262.76e9 / 25, rel=1e-4)
-    assert sum(found.values()) == pytest.approx(13.16e9, rel=1e-3)
+    masked = 7 / 16 * 6 * (2 * 4 * (6 * 8) ** 2 * 128) * 4
+    assert sum(found.values()) + masked == pytest.approx(13.16e9, rel=1e-3)
 
 
 @pytest.mark.parametrize(
