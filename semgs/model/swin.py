@@ -115,11 +115,11 @@ class Windows:
     ) -> Float[Tensor, "b v h w d"]:
         """Softmax(q k^T / sqrt(d)) v in each window; with `cross`, over the tokens of all other views in one softmax."""
         b, views = q.shape[:2]
+        others = torch.tensor([[j for j in range(views) if j != i] for i in range(views)], device=q.device)
         done: dict[tuple[int, int], Tensor] = {}
         for sides, places in self._groups.items():
             own, keys, values = (self._split(x, places) for x in (q, k, v))
             if cross:
-                others = torch.tensor([[j for j in range(views) if j != i] for i in range(views)], device=q.device)
                 keys, values = (x[:, others].transpose(2, 3).flatten(3, 4) for x in (keys, values))
             out = nn.functional.scaled_dot_product_attention(
                 own.flatten(0, 1), keys.flatten(0, 1), values.flatten(0, 1)

@@ -76,12 +76,15 @@ def test_d1_the_shift_mask_goes_by_view_and_theirs_by_token_mixes_the_regions_fo
     by_view, by_token = (
         (logits + m).softmax(-1) @ others for m in (mask.repeat(1, 2), mask.repeat_interleave(2, dim=-1))
     )
-    ours = Windows((4, 6), 2, True).attend(q, q, q, True)[0, 0].flatten(0, 1)
+    windows = Windows((4, 6), 2, True)
+    ours = windows.attend(q, q, q, True)[0, 0].flatten(0, 1)
     assert torch.allclose(ours, by_view)
+    doubled = q[:, [0, 1, 2, 1, 2]]
+    assert torch.allclose(windows.attend(doubled, doubled, doubled, True)[0, 0].flatten(0, 1), ours)
     assert (ours - by_token).abs().max() > 1e-2
     with_two = q[:, :2]
     assert torch.allclose(
-        Windows((4, 6), 2, True).attend(with_two, with_two, with_two, True)[0, 0].flatten(0, 1),
+        windows.attend(with_two, with_two, with_two, True)[0, 0].flatten(0, 1),
         (own @ q[0, 1].flatten(0, 1).mT / 8**0.5 + mask).softmax(-1) @ q[0, 1].flatten(0, 1),
     )
 
