@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from semgs.allocator import keep_freed_memory
+
 MEGABYTE = 1e6
 
 CHILD_SECONDS = 3600
@@ -99,6 +101,7 @@ def _child(name: str, told: Path) -> None:
     from semgs.bench.workloads import PROGRAM_THAT_TELLS, command, prepare
 
     row = next(row for row in every_row() if row.name == name).run
+    keep_freed_memory()  # as the command does
     if row.kind == "command":
         with tempfile.TemporaryDirectory() as folder:
             number = Path(folder) / "peak"

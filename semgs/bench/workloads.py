@@ -18,9 +18,12 @@ import torch
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.rows import Row
 from semgs.bench.scenes import context_views, generated_scene, network, target_camera, training_batch
-from semgs.data.views import stack
+from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
+from semgs.model.chunks import Chunks
+from semgs.model.semgs import SemGS
+from semgs.reconstruction.plan import NotEnoughMemoryError, plan
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
 from semgs.rendering.splats import Splats
@@ -145,6 +148,7 @@ def _frame(row: Row) -> Workload:
     model = network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
     near = float(views.depth_range[:, 0].min())
+    chunks = _chunks(row, model, views)
     if row.batch > 1:
         views = stack([views] * row.batch)
         camera = Cameras(
@@ -157,11 +161,21 @@ def _frame(row: Row) -> Workload:
     def run(watch: Watch) -> None:
         with torch.no_grad(), watch(WHOLE):
             with torch.autocast(row.device, torch.bfloat16, enabled=half):
-                encoding = model(views, stage=watch)
+                encoding = model(views, chunks, watch)
             with watch("render"):
                 render(encoding.gaussians, camera, near=near)
 
     return Workload(run)
+
+
+def _chunks(row: Row, model: SemGS, views: Views) -> Chunks:
+    """How many views at a time `reconstruct` would take."""
+    if row.batch > 1:
+        return Chunks()
+    try:
+        return plan(model, views).chunks
+    except NotEnoughMemoryError as error:
+        raise CannotMeasureError(str(error)) from error
 
 
 def _drawing(row: Row) -> Workload:

@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import Any
 
 from semgs import __version__
+from semgs.allocator import keep_freed_memory
 from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.files.errors import InputError
@@ -137,7 +138,9 @@ def _run(arguments: list[str]) -> int:
     if name not in COMMANDS:
         raise UsageError(f"unknown command {name!r}; expected one of {', '.join(COMMANDS)}; see semgs --help")
     command = COMMANDS[name]
-    parse(getattr(import_module(command.module), command.options), name, rest).run()
+    options = parse(getattr(import_module(command.module), command.options), name, rest)
+    keep_freed_memory()
+    options.run()
     return 0
 
 

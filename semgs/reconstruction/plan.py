@@ -20,14 +20,14 @@ from semgs.model.heads import RENDERED_HARMONICS
 from semgs.model.semgs import MULTIPLE, SHRINK, SemGS
 from semgs.reconstruction.memory import free_bytes, held_bytes
 
-LIBRARIES = 168e6
+LIBRARIES = 178e6
 """What a process takes when it loads the compiled kernels and the libraries under its convolutions [bytes]."""
 
-HOLES, MOST_HOLES = 0.6, 250e6
+HOLES, MOST_HOLES = 0.7, 320e6
 """Share of its tensors that the allocator takes beyond them in a stage of many layers, and the most that it takes [bytes]: small
 tensors come from a heap, which keeps the holes between those that are gone; large ones go back whole."""
 
-FEW_HOLES = 0.1
+FEW_HOLES = 0.2
 """The same share where a few large tensors are all: in the cost volume, and where views are drawn."""
 
 ROUNDING = 1.04
@@ -43,6 +43,10 @@ UNET_MAPS = 10
 """Maps of a U-Net's width that are in memory together at its finest level: skips, a convolution's input and output, both in
 its own layout too."""
 
+JOINED = 64e6
+"""On a CPU the heads take views together while what they see of them is no more than this [bytes]: beyond it two views at a time
+take as long as one after the other, and more memory."""
+
 SMALLEST_SIDE = 32
 
 
@@ -57,13 +61,15 @@ class Plan:
     Attributes:
         peak_bytes: the most that will be held at any time: by the process, or on the network's CUDA device.
         stage: in which that is: one of `semgs.model.semgs.STAGES`, or `render`.
-        chunks: how many views the cost volume and the heads take at a time; all of them where there is room.
+        chunks: how many views the cost volume and the heads take at a time; as many as is fastest where there is room.
+        short: whether there is none, so that views come fewer at a time than is fastest.
         available_bytes: what the process holds now and what is free beside it, infinite where the system does not say.
     """
 
     peak_bytes: float
     stage: str
     chunks: Chunks
+    short: bool
     available_bytes: float
 
 
@@ -85,7 +91,7 @@ class Work:
 
 
 def plan(model: SemGS, views: Views, targets: Views | None = None, *, available_bytes: float | None = None) -> Plan:
-    """The memory that `reconstruct` will need, and the largest chunks with which it fits.
+    """The memory that `reconstruct` will need, and the chunks that are fastest, or the largest with which it fits.
 
     Args:
         model: on the device that it will compute on.
@@ -159,7 +165,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     harmonics = min(model.harmonics, RENDERED_HARMONICS)
     if model.paper_heads:
         depth = regression
-        seen = 3 + channels + candidates
+        again = 0
         kept = known
         outputs = 7 + 3 * harmonics
     else:
@@ -168,11 +174,11 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
         refined = gaussians * (2 * projected + 5 + UNET_MAPS * width)
         depth = max(regression, known + refined)
         kept = known + gaussians * (width + 4)
-        seen = width + 3 + wide + (wide if chunks.heads else 0)
+        again = wide if chunks.heads else 0  # gone before the head begins
         outputs = 9 + 3 * harmonics
     # What the heads see, their hidden layer and their output, both in the convolution's own layout too.
     result = _result(model, gaussians, pixels)
-    heads = kept + part * gaussians * (seen + 2 * s["colour_hidden"] + 2 * outputs)
+    heads = kept + part * gaussians * (_seen(model) + max(again, 2 * s["colour_hidden"] + 2 * outputs))
     if part < 1:
         heads += result * (1 + part)
     return {
@@ -202,11 +208,12 @@ def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, fl
 
 
 def _fitting(model: SemGS, work: Work, held: float, available: float) -> Plan:
-    """The plan with the largest chunks that fit, or with the smallest where none do."""
+    """The plan with the fastest chunks, the largest that fit, or the smallest where none do."""
+    fastest = Chunks(heads=_joined(model, work))
 
     def largest(stages: tuple[str, ...], chunked: str) -> int | None:
         """The most views at a time with which those stages fit; None is all."""
-        sizes = list(_halves(work.views))
+        sizes = list(_halves(work.views, getattr(fastest, chunked)))
         for size in sizes:
             of = peaks(model, work, Chunks(**{chunked: size}), held)
             if max(of[stage] for stage in stages) <= available:
@@ -216,15 +223,30 @@ def _fitting(model: SemGS, work: Work, held: float, available: float) -> Plan:
     chunks = Chunks(cost=largest(("cost_volume",), "cost"), heads=largest(("depth", "heads"), "heads"))
     found = peaks(model, work, chunks, held)
     stage = max(found, key=lambda name: found[name])
-    return Plan(found[stage], stage, chunks, available)
+    return Plan(found[stage], stage, chunks, chunks != fastest, available)
 
 
-def _halves(views: int) -> Iterator[int | None]:
-    """All views at a time, then half of them, and so on to one."""
-    yield None
+def _joined(model: SemGS, work: Work) -> int | None:
+    """How many views the heads take at a time where memory is no matter; None is all."""
+    parameter = next(model.parameters())
+    seen = max(parameter.element_size(), 4) * _texels(work.size, model.stride) * _seen(model)
+    most = max(1, int(JOINED // seen))
+    return None if parameter.device.type != "cpu" or most >= work.views else most
+
+
+def _halves(views: int, most: int | None) -> Iterator[int | None]:
+    """The most views at a time, None being all of them, then half as many, and so on to one."""
+    yield most
+    views = most or views
     while views > 1:
         views = -(-views // 2)
         yield views
+
+
+def _seen(model: SemGS) -> int:
+    """Channels of what the heads of colour and opacity see."""
+    s = model.settings
+    return 3 + (s["channels"] + s["candidates"] if model.paper_heads else s["refine_width"] + s["upsampled_channels"])
 
 
 def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: Plan, held: float) -> str:

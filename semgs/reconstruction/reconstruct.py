@@ -13,7 +13,6 @@ from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size
-from semgs.model.chunks import WHOLE
 from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
 from semgs.reconstruction.plan import Plan, plan
@@ -203,7 +202,7 @@ def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | N
 
 def _note_of_memory(planned: Plan | None) -> list[str]:
     """That memory was short, if it was."""
-    if planned is None or planned.chunks == WHOLE:
+    if planned is None or not planned.short:
         return []
     return [
         "Memory was short, so the network worked on fewer views at a time; that takes longer and changes nothing else."

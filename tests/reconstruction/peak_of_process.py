@@ -11,6 +11,7 @@ import json
 import sys
 from dataclasses import asdict
 
+from semgs.allocator import keep_freed_memory
 from semgs.bench.memory import peak_mb
 from semgs.bench.scenes import network
 from semgs.data.choice import given
@@ -21,6 +22,7 @@ from semgs.rooms.demo import demo_scene
 
 
 def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> None:
+    keep_freed_memory()  # as the command does
     if free_gb:
         plan.free_bytes = lambda: 1e9 * float(free_gb)
     scene, count = open_scene(demo_scene()), int(views)

@@ -113,17 +113,27 @@ def test_no_warped_features_of_all_depths_are_ever_in_memory() -> None:
 def test_chunks_are_as_large_as_memory_allows() -> None:
     model, views = model_of("small"), posed_views(8, (480, 640))
     needed = [plan(model, views, available_bytes=float("inf"))]
-    assert needed[0].chunks == WHOLE
+    assert not needed[0].short
     for _ in range(3):
         try:
             needed.append(plan(model, views, available_bytes=needed[-1].peak_bytes - 1))
         except NotEnoughMemoryError:
             break
         assert needed[-1].peak_bytes <= needed[-1].available_bytes
+        assert needed[-1].short
     assert len(needed) > 1
     for more, less in pairwise(needed):
         assert less.peak_bytes < more.peak_bytes
         assert (less.chunks.cost or 8, less.chunks.heads or 8) < (more.chunks.cost or 8, more.chunks.heads or 8)
+
+
+@pytest.mark.parametrize(("name", "size", "joined"), [("base", (240, 320), 1), ("small", (240, 320), None)])
+def test_views_whose_maps_are_large_come_one_at_a_time_wherever_there_is_room(
+    name: str, size: tuple[int, int], joined: int | None
+) -> None:
+    planned = plan(model_of(name), posed_views(2, size), available_bytes=float("inf"))
+    assert planned.chunks == Chunks(heads=joined)
+    assert not planned.short
 
 
 def test_what_does_not_fit_is_told_with_what_would() -> None:
@@ -154,7 +164,7 @@ def test_reconstruction_follows_its_plan_and_says_so(
     assert whole.plan is not None
     assert whole.plan.chunks == WHOLE
     assert not any("Memory" in note for note in whole.notes)
-    few = planning.Plan(1e9, "heads", Chunks(1, 1), 1e9)
+    few = planning.Plan(1e9, "heads", Chunks(1, 1), True, 1e9)
     monkeypatch.setattr("semgs.reconstruction.reconstruct.plan", lambda *_: few)
     given_chunks = []
     hook = model.register_forward_pre_hook(lambda _, arguments: given_chunks.append(arguments[1]))
@@ -193,7 +203,7 @@ SETTINGS = [
     "small 2 120 160", "small 2 240 320", "small 4 240 320", "small 8 240 320", "small 2 480 640", "small 4 480 640",
     "small 8 480 640", "base 2 120 160", "base 4 120 160", "base 8 120 160", "base 2 240 320", "base 4 240 320",
 ]  # fmt: skip
-IN_CHUNKS = ["small 8 240 320 0.4", "small 8 480 640 1.15", "base 4 240 320 0.9"]
+IN_CHUNKS = ["small 8 240 320 0.53", "small 8 480 640 1.45", "base 4 120 160 0.57"]
 
 
 @pytest.mark.long
