@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 from jaxtyping import install_import_hook
+from kernels import compile_all
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
@@ -19,6 +20,12 @@ _modules = pkgutil.walk_packages([str(ROOT / "semgs")], "semgs.", onerror=lambda
 # The hook takes a package's name for all modules in it, so only modules are named.
 _names = [module.name for module in _modules if not module.ispkg and not module.name.endswith("_kernels")]
 install_import_hook(_names, "beartype.beartype")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Where tests go to several workers, what they all need is compiled first."""
+    if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
+        compile_all()
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from semgs.allocator import keep_freed_memory
+from semgs.reconstruction.allocator import keep_freed_memory
 
 MEGABYTE = 1e6
 

@@ -29,8 +29,10 @@ IN_A_PROCESS_OF_ITS_OWN = ("network", "render", "train", "command")
 
 def steps(rows: Sequence[Row]) -> int:
     """How many times `done` of `run_bench` will be called for these rows, if all can be measured."""
-    runs = {row.run for row in rows}
-    return (len(_ceilings_for(rows)) + len(runs)) * (WARM_UPS + REPEATS) + len([run for run in runs if _has_child(run)])
+    ceilings = _ceilings_for(rows)
+    runs = {row.run for row in [*ceilings, *rows]}
+    looked_at = len(_looked_at(ceilings)) * (WARM_UPS + 1)
+    return looked_at + len(runs) * (WARM_UPS + REPEATS) + len([run for run in runs if _has_child(run)])
 
 
 def run_bench(
@@ -45,7 +47,7 @@ def run_bench(
     """Measure rows, and the ceilings that they are compared with.
 
     Args:
-        rows: to measure.
+        rows: to measure, in turns with the ceilings, so that what slows the machine down for a while slows down both.
         machine: what is known of it; the ceilings are added.
         prepared: makes what a row runs.
         begin: called before anything is measured on the CPU.
@@ -54,16 +56,15 @@ def run_bench(
     """
     if any(row.device == "cpu" for row in rows):
         begin()
-    ceilings = _measured(_ceilings_for(rows), prepared, done)
-    speeds = {row.name: found.speed(WHOLE) for row, found in ceilings.items()}
-    known = {name: speed for name, speed in speeds.items() if speed is not None}
-    runs: dict[Row, list[Row]] = {}
+    ceilings = _ceilings_for(rows)
+    looked_at = _looked_at(ceilings)
+    first = _speeds(looked_at, _measured([row.run for row in looked_at], prepared, done, repeats=1))
+    runs: dict[Row, list[Row]] = {row.run: [] for row in ceilings}
     for row in rows:
         runs.setdefault(row.run, []).append(row)
-    found = {run: _Measured(reason=NO_BFLOAT16) for run in runs if _without_hardware(run, known)}
-    by_run = {row.run: measured for row, measured in ceilings.items()}
-    found |= {run: by_run[run] for run in runs if run in by_run}
+    found = {run: _Measured(reason=NO_BFLOAT16) for run in runs if _without_hardware(run, first)}
     found |= _measured([run for run in runs if run not in found], prepared, done)
+    known = _speeds(ceilings, found)
     for run, members in runs.items():
         if _has_child(run) and found[run].reason is None:
             found[run].peaks = peaks(members[0].name) or {}
@@ -142,7 +143,7 @@ class _Run:
 
 
 def _measured(
-    runs: Sequence[Row], prepared: Callable[[Row], Workload], done: Callable[[], None]
+    runs: Sequence[Row], prepared: Callable[[Row], Workload], done: Callable[[], None], repeats: int = REPEATS
 ) -> dict[Row, _Measured]:
     """Each of the runs measured, in turn."""
     found: dict[Row, _Measured] = {}
@@ -154,7 +155,7 @@ def _measured(
             going[run] = _Run(works[run], run.device)
         except CannotMeasureError as error:
             found[run] = _Measured(reason=str(error))
-    for run, times in measure(going, done=lambda key: done()).items():
+    for run, times in measure(going, repeats=repeats, done=lambda key: done()).items():
         if isinstance(times, CannotMeasureError):
             found[run] = _Measured(reason=str(times))
             continue
@@ -182,6 +183,17 @@ def _ceilings_for(rows: Sequence[Row]) -> list[Row]:
             if halves:
                 found.append(ceiling_row(operation, "bfloat16", threads, device))
     return found
+
+
+def _looked_at(ceilings: Sequence[Row]) -> list[Row]:
+    """Those ceilings that say whether there is hardware for bfloat16, which must be known first."""
+    return [row for row in ceilings if row.part == "conv" and row.device == "cpu"]
+
+
+def _speeds(ceilings: Sequence[Row], found: Mapping[Row, _Measured]) -> dict[str, float]:
+    """GFLOP/s by a ceiling's name, of those that could be measured."""
+    speeds = {row.name: found[row.run].speed(WHOLE) for row in ceilings}
+    return {name: speed for name, speed in speeds.items() if speed is not None}
 
 
 def _has_child(run: Row) -> bool:

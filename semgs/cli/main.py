@@ -16,10 +16,10 @@ from importlib import import_module
 from typing import Any
 
 from semgs import __version__
-from semgs.allocator import keep_freed_memory
 from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.files.errors import InputError
+from semgs.reconstruction.allocator import keep_freed_memory
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT

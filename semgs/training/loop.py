@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ from semgs.training.engine import launched
 from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
-from semgs.training.run import claim, export_weights, hold_assets, network
+from semgs.training.run import alone, claim, export_weights, hold_assets, network
 from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState, hold_statistics
@@ -93,7 +94,8 @@ def train(
 
     Raises:
         ValueError: the folder holds a run of other settings, the settings leave something open, or a step cannot be shared equally.
-        InputError: it holds something else, data, assets or the weights to start from cannot be used, or the state is of another network.
+        InputError: it holds something else, another process trains into it, data, assets or the weights to start from cannot be
+            used, or the state is of another network.
         ImportError: an extra is not installed that training or its rooms need.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
     """
@@ -107,38 +109,39 @@ def train(
     fabric = launched(device, devices, nodes, precision)
     console = console if fabric.is_global_zero else None
     tell(console, from_preset(settings))
-    data = surveyed(settings, out)
-    model = network(out, settings)
-    where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
-    tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
-    if settings.supervision != "rendered":
-        learning = model.semantic_parameters(not settings.hold_shared, settings.supervision == "pictures")
-        for name, parameter in model.named_parameters():
-            parameter.requires_grad_(name in learning)
-    state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
-    if settings.supervision != "pictures":  # batches of few scenes, whose views are alike
-        hold_statistics(state.model)
-    resume(state, out, console)
-    share = Share(fabric.global_rank, fabric.world_size, accumulate)
-    outcome = fit(
-        state,
-        replace(settings, class_weights=data.class_weights),
-        out,
-        training_batches(settings, data, state.step, workers, out / "rooms", share),
-        validation_batches(settings, data) if fabric.is_global_zero else [],
-        minutes=None if minutes is None else minutes - (time.monotonic() - began) / 60,
-        save_minutes=save_minutes,
-        console=console,
-        bad=data.bad,
-        scenes=data.scenes,
-    )
-    if fabric.is_global_zero:
-        export_weights(out, out / WEIGHTS)
-        if best_checkpoint(out / "checkpoints") is not None:
-            export_weights(out, out / BEST, best=True)
-    how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped; weights: {out / WEIGHTS}"
-    tell(console, [how, *([] if outcome.finished else ["the same command goes on from here"])])
-    return outcome
+    with alone(out) if fabric.is_global_zero else nullcontext():
+        data = surveyed(settings, out)
+        model = network(out, settings)
+        where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
+        tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
+        if settings.supervision != "rendered":
+            learning = model.semantic_parameters(not settings.hold_shared, settings.supervision == "pictures")
+            for name, parameter in model.named_parameters():
+                parameter.requires_grad_(name in learning)
+        state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
+        if settings.supervision != "pictures":  # batches of few scenes, whose views are alike
+            hold_statistics(state.model)
+        resume(state, out, console)
+        share = Share(fabric.global_rank, fabric.world_size, accumulate)
+        outcome = fit(
+            state,
+            replace(settings, class_weights=data.class_weights),
+            out,
+            training_batches(settings, data, state.step, workers, out / "rooms", share),
+            validation_batches(settings, data) if fabric.is_global_zero else [],
+            minutes=None if minutes is None else minutes - (time.monotonic() - began) / 60,
+            save_minutes=save_minutes,
+            console=console,
+            bad=data.bad,
+            scenes=data.scenes,
+        )
+        if fabric.is_global_zero:
+            export_weights(out, out / WEIGHTS)
+            if best_checkpoint(out / "checkpoints") is not None:
+                export_weights(out, out / BEST, best=True)
+        how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped; weights: {out / WEIGHTS}"
+        tell(console, [how, *([] if outcome.finished else ["the same command goes on from here"])])
+        return outcome
 
 
 def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from semgs.weights.file import save
 from semgs.weights.load import DATA_TERMS, SCENES, drawn
 from semgs.weights.start import start, with_settings
 
+SETTINGS = "settings.json"
 NETWORK = "network.json"
 """The settings of the network, which may come from a file of weights that is not there any more when the run goes on."""
 
@@ -32,7 +34,7 @@ def claim(out: Path, settings: TrainingSettings) -> None:
         ValueError: it holds a run of other settings; they are listed.
         InputError: it holds something else.
     """
-    record = out / "settings.json"
+    record = out / SETTINGS
     if record.exists():
         other = changed(settings, read_settings(out))
         if other:
@@ -48,6 +50,31 @@ def claim(out: Path, settings: TrainingSettings) -> None:
         raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
+
+
+@contextmanager
+def alone(out: Path) -> Iterator[None]:
+    """Be the only one that trains into a run folder, until the block or the process ends; where the system has no locks, hope so.
+
+    Raises:
+        InputError: another process trains into it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with (out / SETTINGS).open("r+b") as record:
+        try:
+            fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(
+                out, "a run that nobody trains", "one that another process is training",
+                advice="end that first, or name another folder",
+            ) from error  # fmt: skip
+        except OSError:  # file systems without locks
+            pass
+        yield
 
 
 def hold_assets(out: Path, folders: Sequence[str]) -> None:
@@ -77,7 +104,7 @@ def read_settings(out: Path) -> TrainingSettings:
     Raises:
         InputError: the folder holds no run, or one that this version cannot read.
     """
-    record = out / "settings.json"
+    record = out / SETTINGS
     try:
         return TrainingSettings.from_json(json.loads(record.read_text()))
     except FileNotFoundError as error:

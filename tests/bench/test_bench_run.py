@@ -75,6 +75,22 @@ def test_ceilings_are_measured_in_every_run_but_shown_where_they_are_asked_for()
     assert shown.share_of_ceiling == pytest.approx(1.0, rel=1e-4)
 
 
+def test_ceilings_are_measured_in_turns_with_what_is_compared_with_them() -> None:
+    order: list[str] = []
+
+    def noted(row: Row) -> Workload:
+        work = stand_in(row)
+
+        def run(watch: Watch) -> None:
+            order.append(row.kind)
+            work.run(watch)
+
+        return Workload(run)
+
+    found("total_small_n2_float32", prepared=noted)
+    assert order[-20:] == ["ceiling", "ceiling", "ceiling", "network"] * 5
+
+
 def test_drawing_counts_pairs_and_no_operations() -> None:
     (drawn,) = found("render_n2").results
     assert drawn.gflop is None

@@ -11,12 +11,12 @@ import json
 import sys
 from dataclasses import asdict
 
-from semgs.allocator import keep_freed_memory
 from semgs.bench.memory import peak_mb
 from semgs.bench.scenes import network
 from semgs.data.choice import given
 from semgs.data.scenes import open_scene
 from semgs.reconstruction import plan
+from semgs.reconstruction.allocator import keep_freed_memory
 from semgs.reconstruction.reconstruct import reconstruct
 from semgs.rooms.demo import demo_scene
 

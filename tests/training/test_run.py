@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -10,8 +12,9 @@ from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
+from semgs.training.loop import train
 from semgs.training.presets import PRESETS
-from semgs.training.run import claim, export_weights, read_settings
+from semgs.training.run import alone, claim, export_weights, read_settings
 from semgs.training.settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings, differences
 
 
@@ -101,3 +104,22 @@ def test_settings_that_cannot_be_are_refused_by_name(settings, field: str, value
 
 def test_differences_name_both_values(settings):
     assert differences(replace(settings, batch=5), settings) == {"batch": (5, 2)}
+
+
+def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(settings, tmp_path):
+    out = tmp_path / "run"
+    claim(out, settings)
+    hold = "import sys, pathlib; from semgs.training.run import alone\nwith alone(pathlib.Path(sys.argv[1])): print('held', flush=True); input()"
+    other = subprocess.Popen(
+        [sys.executable, "-c", hold, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert other.stdout is not None
+    assert other.stdout.readline() == "held\n"
+    before = {file: file.read_bytes() for file in out.iterdir()}
+    with pytest.raises(InputError, match="another process is training"):
+        train(settings, out, workers=0)
+    assert {file: file.read_bytes() for file in out.iterdir()} == before
+    other.kill()
+    other.wait()
+    with alone(out):
+        pass

@@ -10,7 +10,7 @@ import pytest
 
 PROGRAM = """
 import ctypes, json, resource, sys
-from semgs.allocator import LARGE, keep_freed_memory
+from semgs.reconstruction.allocator import LARGE, keep_freed_memory
 
 can = keep_freed_memory() if sys.argv[1] == "kept" else hasattr(ctypes.CDLL(None), "mallopt")
 libc = ctypes.CDLL(None)
