@@ -44,12 +44,12 @@ ATTENTION = (2, 4, 1200, 128)
 CEILING_REPEATS = 10
 """Times that a ceiling's operation is done in a run: one alone takes milliseconds."""
 
-PROGRAM = "import sys; from semgs.cli.main import main; sys.exit(main(sys.argv[1:]))"
+PROGRAM = "import sys; from semgs.cli.main import main; sys.exit(main())"
 """The command `semgs`, with this interpreter."""
 
 PROGRAM_THAT_TELLS = (
-    "import sys; from semgs.cli.main import main; from semgs.bench.memory import peak_mb; code = main(sys.argv[2:]); "
-    "open(sys.argv[1], 'w').write(str(peak_mb())); sys.exit(code)"
+    "import sys; from semgs.cli.main import main; from semgs.bench.memory import peak_mb; told = sys.argv.pop(1); code = main(); "
+    "open(told, 'w').write(str(peak_mb())); sys.exit(code)"
 )
 """The same, with the most memory that it needed in the file named first [10^6 bytes]."""
 

@@ -74,13 +74,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code.
 
     Args:
-        arguments: without the program's name; None takes those of the process.
+        arguments: without the program's name; None takes those of the process, which is the program then and keeps what memory it frees.
 
     Returns:
         0; 2 after input that cannot be used, an extra that is not installed or a full disk; 130 and 143 after an interrupt and a request to end;
         141 where nobody reads on, as before `| head`. Faults of ours raise.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        keep_freed_memory()
     try:
         with _ended_like_interrupted(), _own_warnings_on_one_line():
             code = _run(given)
@@ -138,9 +140,7 @@ def _run(arguments: list[str]) -> int:
     if name not in COMMANDS:
         raise UsageError(f"unknown command {name!r}; expected one of {', '.join(COMMANDS)}; see semgs --help")
     command = COMMANDS[name]
-    options = parse(getattr(import_module(command.module), command.options), name, rest)
-    keep_freed_memory()
-    options.run()
+    parse(getattr(import_module(command.module), command.options), name, rest).run()
     return 0
 
 

@@ -15,15 +15,15 @@ NEVER = 2**31 - 1
 """The largest number of bytes that the first of them takes."""
 
 LARGE = 32 * 2**20
-"""From here on a block comes from the system and goes back to it, so that it leaves no hole [bytes]. The library goes as far by
-itself, but not where another of its parameters was set."""
+"""From here on a block for which nothing that is kept has room comes from the system and goes back to it, so that it leaves no hole
+[bytes]. The library goes as far by itself, but not where another of its parameters was set."""
 
 
 def keep_freed_memory() -> bool:
     """Let this process keep the memory of blocks under `LARGE` that it frees; whether the C library here can.
 
-    It holds for all of the process, so this is for programs and not for imports: the command `semgs` calls it before it
-    computes. What is freed counts as held until the process ends, at most what it needed at its fullest moment.
+    It holds for all of the process, so this is for programs and not for imports: the command `semgs` calls it when it
+    starts. What is freed counts as held until the process ends, at most what it needed at its fullest moment.
     """
     try:
         set_parameter = ctypes.CDLL(None).mallopt

@@ -110,16 +110,15 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
     out = tmp_path / "run"
     claim(out, settings)
     hold = "import sys, pathlib; from semgs.training.run import alone\nwith alone(pathlib.Path(sys.argv[1])): print('held', flush=True); input()"
-    other = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", hold, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    assert other.stdout is not None
-    assert other.stdout.readline() == "held\n"
-    before = {file: file.read_bytes() for file in out.iterdir()}
-    with pytest.raises(InputError, match="another process is training"):
-        train(settings, out, workers=0)
-    assert {file: file.read_bytes() for file in out.iterdir()} == before
-    other.kill()
-    other.wait()
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        before = {file: file.read_bytes() for file in out.iterdir()}
+        with pytest.raises(InputError, match="another process is training"):
+            train(settings, out, workers=0)
+        assert {file: file.read_bytes() for file in out.iterdir()} == before
+        other.kill()
     with alone(out):
         pass
