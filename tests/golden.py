@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from semgs.weights.format1 import PREFIXES
+
 
 def golden_tensor(key: str, shape: tuple[int, ...]) -> Tensor:
     """The tensor of that name and shape: uniform numbers from splitmix64 of the name's crc32, scaled by role."""
@@ -31,9 +33,17 @@ def golden_tensor(key: str, shape: tuple[int, ...]) -> Tensor:
     return torch.from_numpy(values.reshape(shape).astype(np.float32))
 
 
+def first_name(name: str) -> str:
+    """The name that a tensor of the network had at first, in weights of format 1."""
+    for first, today in PREFIXES.items():
+        if name.startswith(today):
+            return first + name.removeprefix(today)
+    return name
+
+
 def fill_golden(model: nn.Module) -> nn.Module:
-    """The network with golden weights by its own names: no norm is zero, no clamp saturates."""
+    """The network with golden weights by the names that its tensors had at first: no norm is zero, no clamp saturates."""
     model.load_state_dict(
-        {name: golden_tensor(name, tuple(tensor.shape)) for name, tensor in model.state_dict().items()}
+        {name: golden_tensor(first_name(name), tuple(tensor.shape)) for name, tensor in model.state_dict().items()}
     )
     return model.eval()

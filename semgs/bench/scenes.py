@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import torch
@@ -11,7 +12,7 @@ from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, Views, stack
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.model.heads import start_at
+from semgs.model.presets import base
 from semgs.model.semgs import SemGS
 from semgs.rooms.demo import demo_scene
 from semgs.weights.load import drawn, load
@@ -34,10 +35,7 @@ def network(name: str) -> SemGS:
     """A network: `small` with the weights that ship, `base` with random ones whose Gaussians have a median size of 1 px."""
     if name == "small":
         return load("small")
-    model = drawn(name, seed=0)
-    start_at(model.colour_head, slice(2, 5), SIGMA_PX)
-    start_at(model.semantic_head, slice(0, 3), SIGMA_PX)
-    return model.eval()
+    return drawn(replace(base(), initial_sigma=SIGMA_PX), seed=0).eval()
 
 
 @cache

@@ -223,11 +223,11 @@ def _training(row: Row) -> Workload:
     from semgs.training import presets
     from semgs.training.state import TrainingState
     from semgs.training.step import training_step
-    from semgs.weights.load import drawn
+    from semgs.weights.load import load
 
     settings = presets.PRESETS[row.network]()
     batch = training_batch(row.views, row.size, settings.targets)
-    state = TrainingState.begin(drawn(row.network, seed=0).to(row.device), 1e-6, 0.99)
+    state = TrainingState.begin(load(row.network, "random").to(row.device), 1e-6, 0.99)
 
     def run(watch: Watch) -> None:
         with watch(WHOLE):

@@ -1,40 +1,51 @@
-"""Heads: from features to dual Gaussians: depth and opacity, colour, semantics, and their placement in the world.
+"""Heads: from features and depth to what each Gaussian is, in MVSplat's form and in the paper's.
 
 In `base` and `mvsplat` layer shapes and names are MVSplat's, so that its weights load.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.geometry.cameras import Cameras, pixel_centres
-from semgs.geometry.gaussians import Appearance
-from semgs.geometry.harmonics_rotation import rotated_harmonics
-from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
+from semgs.geometry.plane_sweep import expected_depth
+from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
+from semgs.model.depth import Depth
 from semgs.model.layout import beside
-from semgs.model.precision import outside_autocast
-from semgs.model.unet import GROUPS, UNet
-
-SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
-"""Range of a Gaussian's size before `SIGMA_UNIT`."""
-
-SIGMA_UNIT = 0.1
-"""Share of (1 / fx + 1 / fy) that a size of 1 means: sizes are 0.1 to 3 pixels where fx = fy."""
+from semgs.model.scene import Padded
+from semgs.model.unet import UNet
 
 RENDERED_HARMONICS = 16
 """Coefficients a colour that are ever drawn: degrees 0 to 3."""
 
-HARMONICS_DC = 0.28209479177387814
-"""The constant basis function of degree 0."""
+
+@dataclass(frozen=True)
+class Decoded:
+    """What both forms of the heads predict for each Gaussian of n views.
+
+    Attributes:
+        depths: [m].
+        opacities: 0..1.
+        attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
+        confidences: the largest probability among the depth candidates, 0..1.
+        offsets: raw (x, y) shifts from the pixel's centre; None for none.
+    """
+
+    depths: Float[Tensor, "n h w"]
+    opacities: Float[Tensor, "n h w"]
+    attributes: Float[Tensor, "n d h w"]
+    confidences: Float[Tensor, "n h w"]
+    offsets: Float[Tensor, "n 2 h w"] | None = None
 
 
 class Upsampler(nn.Module):
-    """gelu(upsample(conv(x))): features from the network's scale to the Gaussians'."""
+    """gelu(upsample(conv(transformed, single))): features from the network's scale to the Gaussians'."""
 
     def __init__(self, inputs: int, outputs: int, factor: int, pixel_centres: bool = True) -> None:
         super().__init__()
@@ -42,60 +53,27 @@ class Upsampler(nn.Module):
         self.factor = factor
         self.pixel_centres = pixel_centres
 
-    def forward(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h2 w2"]:
-        """Features `factor` times as large."""
-        return nn.functional.gelu(upsampled(self.conv(x), self.factor, self.pixel_centres))
+    def forward(
+        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
+    ) -> Float[Tensor, "n d h2 w2"]:
+        """Features `factor` times as large, from those after the transformer and those of each view by itself."""
+        x = self.conv(beside(transformed, single))
+        return nn.functional.gelu(upsampled(x, self.factor, self.pixel_centres))
 
 
-class CostRegressor(nn.Module):
-    """The probability of each depth candidate from cost and features: U-Net, then two convolutions.
+class PlainUpsampler(nn.Module):
+    """The paper's text: the transformer's features alone, upsampled."""
 
-    Args:
-        channels: of the features.
-        candidates: L.
-        width: of the U-Net.
-        hidden: width between the two last convolutions.
-        levels, decoder_blocks: of the U-Net.
-        cost_prior: the logits are a correction of the cost itself, from normalised features.
-    """
-
-    def __init__(
-        self,
-        channels: int,
-        candidates: int,
-        width: int,
-        hidden: int,
-        levels: int = 3,
-        decoder_blocks: int = 2,
-        cost_prior: bool = False,
-    ) -> None:
+    def __init__(self, factor: int, pixel_centres: bool = True) -> None:
         super().__init__()
-        self.norm = nn.GroupNorm(GROUPS, candidates) if cost_prior else None
-        inputs = channels + candidates
-        self.refine = nn.ModuleList(
-            [
-                nn.Conv2d(inputs, width, 3, padding=1),
-                nn.GroupNorm(GROUPS, width),
-                nn.GELU(),
-                UNet(width, levels, decoder_blocks),
-                nn.Conv2d(width, candidates, 3, padding=1),
-            ]
-        )
-        self.residual = nn.Conv2d(inputs, candidates, 1)
-        self.head = nn.Sequential(
-            nn.Conv2d(candidates, hidden, 3, padding=1), nn.GELU(), nn.Conv2d(hidden, candidates, 3, padding=1)
-        )
+        self.factor = factor
+        self.pixel_centres = pixel_centres
 
     def forward(
-        self, cost: Float[Tensor, "n l h w"], features: Float[Tensor, "n c h w"], views: int
-    ) -> Float[Tensor, "n l h w"]:
-        """Logits over the candidates; `views` of them belong to a scene."""
-        x = beside(cost, features)
-        conv, norm, activation, unet, last = self.refine
-        refined = last(unet(activation(norm(conv(x))), views)) + self.residual(x)
-        if self.norm is None:
-            return self.head(refined)
-        return cost + self.head(self.norm(refined))
+        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
+    ) -> Float[Tensor, "n c h2 w2"]:
+        """Features `factor` times as large; those of each view by itself do not count."""
+        return upsampled(transformed, self.factor, self.pixel_centres)
 
 
 class DepthRefinement(nn.Module):
@@ -151,7 +129,148 @@ class Head(nn.Sequential):
         )
 
 
-def drawn_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
+class Decoder(nn.Module, ABC):
+    """The slot of the heads: what turns features and depth into the attributes of Gaussians.
+
+    Attributes:
+        depth_layers: names of its parts that depth depends on.
+    """
+
+    depth_layers: tuple[str, ...] = ()
+
+    @abstractmethod
+    def forward(
+        self,
+        scene: Padded,
+        shallow: Float[Tensor, "n c h4 w4"],
+        features: Float[Tensor, "n c h4 w4"],
+        depth: Depth,
+        views_at_a_time: int | None,
+    ) -> Decode:
+        """What has to be computed of all views together; the function that is returned decodes some of them.
+
+        Args:
+            scene: the views.
+            shallow: features of each view by itself.
+            features: of the colour transformer.
+            depth: of the plane sweep.
+            views_at_a_time: that will be decoded together; None is all.
+        """
+
+
+Decode = Callable[[slice], Decoded]
+"""Given which of the views, what their Gaussians are."""
+
+
+class MVSplatDecoder(Decoder):
+    """MVSplat's form: disparity is corrected and opacity predicted by the refinement, whose features the colour head sees.
+
+    Args:
+        upsampler: of the features.
+        refinement: of disparity.
+        colour: the head.
+        harmonics: coefficients per colour channel.
+        factor: from the features' scale to the Gaussians'.
+        conventions: of geometry.
+    """
+
+    depth_layers = ("upsampler", "refinement")
+
+    def __init__(
+        self,
+        upsampler: Upsampler,
+        refinement: DepthRefinement,
+        colour: Head,
+        harmonics: int,
+        factor: int,
+        conventions: Conventions,
+    ) -> None:
+        super().__init__()
+        self.upsampler = upsampler
+        self.refinement = refinement
+        self.colour = colour
+        self.harmonics = harmonics
+        self.factor = factor
+        self.conventions = conventions
+
+    def forward(
+        self,
+        scene: Padded,
+        shallow: Float[Tensor, "n c h4 w4"],
+        features: Float[Tensor, "n c h4 w4"],
+        depth: Depth,
+        views_at_a_time: int | None,
+    ) -> Decode:
+        """As `Decoder`; the refinement looks at all views together."""
+        confidences = depth.confidences(self.factor)
+        disparities = upsampled((1 / depth.expected())[:, None], self.factor, self.conventions.pixel_centres)[:, 0]
+        # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
+        kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
+
+        def wide(at: slice) -> Tensor:
+            return self.upsampler(features[at], shallow[at]) if kept is None else kept[at]
+
+        projected = by_chunks(lambda at: self.refinement.project(wide(at)), len(features), views_at_a_time)
+        near, far = depth.bounds[:, :, None, None].unbind(1)
+        unit = near if self.conventions.relative_disparity else torch.ones_like(near)
+        refined, raw = self.refinement(scene.small, projected, disparities * unit, confidences, scene.views)
+        depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
+        opacities = raw[:, 1].sigmoid()
+
+        def decoded(at: slice) -> Decoded:
+            seen = beside(refined[at], scene.small[at], wide(at))
+            attributes = rendered_attributes(self.colour, self.harmonics, seen)
+            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], attributes[:, :2])
+
+        return decoded
+
+
+class PaperDecoder(Decoder):
+    """The paper's text; upsampling is linear, so the expectation of the upsampled distribution is the upsampled one.
+
+    Args:
+        opacity: the CNN on the upsampled distribution.
+        colour: the head.
+        harmonics: coefficients per colour channel.
+        factor: from the features' scale to the Gaussians'.
+        conventions: of geometry.
+    """
+
+    def __init__(self, opacity: Head, colour: Head, harmonics: int, factor: int, conventions: Conventions) -> None:
+        super().__init__()
+        self.opacity = opacity
+        self.colour = colour
+        self.harmonics = harmonics
+        self.factor = factor
+        self.conventions = conventions
+
+    def forward(
+        self,
+        scene: Padded,
+        shallow: Float[Tensor, "n c h4 w4"],
+        features: Float[Tensor, "n c h4 w4"],
+        depth: Depth,
+        views_at_a_time: int | None,
+    ) -> Decode:
+        """As `Decoder`; each view is decoded by itself."""
+        sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
+
+        def decoded(at: slice) -> Decoded:
+            part = depth[at]
+            distribution = upsampled(part.probabilities, self.factor, corners)
+            wide = upsampled(features[at], self.factor, corners)
+            opacity: Tensor = self.opacity(distribution)
+            return Decoded(
+                expected_depth(distribution, part.planes, sampling),
+                opacity[:, 0].to(distribution.dtype).sigmoid(),
+                rendered_attributes(self.colour, self.harmonics, beside(scene.small[at], wide)),
+                part.confidences(self.factor),
+            )
+
+        return decoded
+
+
+def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
     """The output of a head whose last channels are `harmonics` coefficients a colour, without those never drawn."""
     if harmonics <= RENDERED_HARMONICS:
         return head(x)
@@ -163,146 +282,6 @@ def drawn_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) ->
     return nn.functional.conv2d(
         activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
     )
-
-
-def start_at(head: Head, channels: slice, sigma: float) -> None:
-    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels."""
-    share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)
-    last = head[-1]
-    assert isinstance(last, nn.Conv2d)
-    assert last.bias is not None
-    with torch.no_grad():
-        last.bias[channels] = torch.logit(torch.tensor(share))
-
-
-@dataclass(frozen=True)
-class Decoded:
-    """What both forms of the heads predict for each Gaussian of n views.
-
-    Attributes:
-        depths: [m].
-        opacities: 0..1.
-        attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
-        offsets: raw (x, y) shifts from the pixel's centre; None for none.
-    """
-
-    depths: Float[Tensor, "n h w"]
-    opacities: Float[Tensor, "n h w"]
-    attributes: Float[Tensor, "n d h w"]
-    offsets: Float[Tensor, "n 2 h w"] | None = None
-
-
-@dataclass(frozen=True)
-class Rays:
-    """What placing a Gaussian per pixel needs of the cameras, on the features' device and in their dtype.
-
-    Attributes:
-        rotation: world from camera.
-        centre: optical centre in the world.
-        inverse_k: K^-1.
-        pixel: 1 / fx + 1 / fy.
-        quaternion: of the rotation, (w, x, y, z).
-    """
-
-    rotation: Float[Tensor, "n 3 3"]
-    centre: Float[Tensor, "n 3"]
-    inverse_k: Float[Tensor, "n 3 3"]
-    pixel: Float[Tensor, " n"]
-    quaternion: Float[Tensor, "n 4"]
-
-    @staticmethod
-    def of(cameras: Cameras, like: Tensor) -> Rays:
-        """Of cameras [n], computed in float64."""
-        poses = cameras.world_from_camera
-        numbers = (
-            poses[..., :3, :3],
-            poses[..., :3, 3],
-            torch.linalg.inv(cameras.intrinsics),
-            (1 / cameras.focal_px).sum(-1),
-            quaternion_from_matrix(poses[..., :3, :3]),
-        )
-        return Rays(*(number.to(like) for number in numbers))
-
-    def __getitem__(self, at: slice) -> Rays:
-        """Those of some of the cameras."""
-        return Rays(self.rotation[at], self.centre[at], self.inverse_k[at], self.pixel[at], self.quaternion[at])
-
-
-@outside_autocast
-def points(
-    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
-) -> Float[Tensor, "n h w 3"]:
-    """Means: pixel centres, moved by up to half a pixel, back-projected to their depth (section III-C of the paper).
-
-    Args:
-        depths: z-depth, or distance along the ray by convention [m].
-        offsets: raw (x, y) shifts; a sigmoid keeps them within half a pixel. None leaves the points on the centres.
-        rays: of the cameras.
-        conventions: of geometry.
-    """
-    centres = pixel_centres((depths.shape[-2], depths.shape[-1]), depths.dtype).to(depths.device)
-    if offsets is None:
-        shifted = centres.expand(len(depths), -1, -1, -1)
-    else:
-        shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
-    homogeneous = torch.cat((shifted, torch.ones_like(shifted[..., :1])), dim=-1)
-    directions = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
-    if not conventions.z_depth:
-        directions = nn.functional.normalize(directions, dim=-1)
-    world = torch.einsum("nij,nhwj->nhwi", rays.rotation, directions)
-    return world * depths[..., None] + rays.centre[:, None, None]
-
-
-def shapes(
-    scales: Float[Tensor, "n 3 h w"], quaternions: Float[Tensor, "n 4 h w"], depths: Float[Tensor, "n h w"], rays: Rays
-) -> tuple[Float[Tensor, "n h w 3"], Float[Tensor, "n h w 4"]]:
-    """Standard deviations [m] and world quaternions (w, x, y, z) from raw sizes and raw camera-frame (x, y, z, w)."""
-    size = SMALLEST_SIGMA + (LARGEST_SIGMA - SMALLEST_SIGMA) * scales.sigmoid()
-    unit = SIGMA_UNIT * rays.pixel[:, None, None] * depths
-    length = quaternions.square().sum(1, keepdim=True).clamp(min=1e-16).sqrt()  # far faster than a norm over this axis
-    own = (quaternions / length).roll(1, dims=1).permute(0, 2, 3, 1)
-    return size.permute(0, 2, 3, 1) * unit[..., None], quaternion_product(rays.quaternion[:, None, None], own)
-
-
-@outside_autocast
-def colour_appearance(
-    raw: Float[Tensor, "n c h w"],
-    images: Float[Tensor, "n 3 h w"] | None,
-    depths: Float[Tensor, "n h w"],
-    rays: Rays,
-    conventions: Conventions,
-) -> Appearance:
-    """Colour Gaussians of n views, [n (h w) ...].
-
-    Args:
-        raw: channels (3 sizes, 4 quaternion, 3 k harmonics), harmonics by colour, then by k.
-        images: added to the constant harmonic, so that the network predicts a correction; None adds nothing.
-        depths: of the Gaussians [m].
-        rays: of the cameras.
-        conventions: of geometry; says in which basis the harmonics are.
-    """
-    raw = raw.to(depths.dtype)
-    scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
-    harmonics = raw[:, 7:].unflatten(1, (3, -1)).permute(0, 3, 4, 2, 1)
-    terms = harmonics.shape[-2]
-    degrees = torch.arange(terms, device=raw.device, dtype=raw.dtype).sqrt().floor()
-    damping = torch.where(degrees == 0, 1, 0.1 * 0.25**degrees)
-    harmonics = rotated_harmonics(
-        (harmonics * damping[:, None]).flatten(1, 2), rays.rotation, mvsplat_basis=not conventions.standard_harmonics
-    )
-    if images is not None:
-        base = ((images - 0.5) / HARMONICS_DC).permute(0, 2, 3, 1).flatten(1, 2)
-        harmonics = torch.cat((harmonics[..., :1, :] + base[..., None, :], harmonics[..., 1:, :]), dim=-2)
-    return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), harmonics)
-
-
-@outside_autocast
-def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n h w"], rays: Rays) -> Appearance:
-    """Semantic Gaussians of n views, [n (h w) ...]: channels (3 sizes, 4 quaternion, logits of the classes)."""
-    raw = raw.to(depths.dtype)
-    scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
-    classes = raw[:, 7:].softmax(1).permute(0, 2, 3, 1)
-    return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), classes.flatten(1, 2))
 
 
 def upsampled(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:

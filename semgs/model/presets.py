@@ -1,57 +1,57 @@
-"""Presets: the networks that have names. A preset is a function that builds one."""
+"""Presets: the networks that have names. A preset is a function that returns settings."""
 
 from __future__ import annotations
 
-from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.conventions import MVSPLAT
-from semgs.model.semgs import SemGS
+from semgs.model.settings import (
+    ColourSettings,
+    DepthSettings,
+    MVSplatHeads,
+    NetworkSettings,
+    SemanticSettings,
+    TransformerSettings,
+)
 
-NAMES = ("small", "base", "mvsplat")
 
-
-def base(classes: ClassTable = SCANNET20) -> SemGS:
+def base() -> NetworkSettings:
     """The paper's sizes; its colour branch and depth have MVSplat's layer shapes."""
-    return SemGS(classes=classes, name="base")
+    return NetworkSettings(name="base")
 
 
-def small(classes: ClassTable = SCANNET20) -> SemGS:
+def small() -> NetworkSettings:
     """The same modules for a laptop's CPU; its differences from `base` are a table in docs/method.md."""
-    return SemGS(
-        classes=classes,
+    return NetworkSettings(
+        name="small",
         channels=48,
         cnn_widths=(16, 32, 48),
-        candidates=64,
-        colour_blocks=3,
-        semantic_blocks=2,
-        expansion=2,
-        reduction=2,
-        cost_width=32,
-        cost_hidden=32,
-        upsampled_channels=32,
-        projected_channels=16,
-        refine_width=16,
-        refine_levels=4,
-        decoder_blocks=1,
-        colour_hidden=32,
-        semantic_hidden=32,
+        stride=2,
         last_kernel=1,
-        harmonics=4,
-        colour_from_image=True,
-        gaussian_stride=2,
-        cosine_cost=True,
-        cost_prior=True,
         initial_sigma=0.5,
-        initial_depth_scale=0.1,
-        name="small",
-    )
+        colour=ColourSettings(
+            transformer=TransformerSettings(blocks=3, expansion=2, reduction=2),
+            depth=DepthSettings(
+                candidates=64, width=32, hidden=32, decoder_blocks=1, cosine_cost=True, cost_prior=True, initial_scale=0.1
+            ),
+            heads=MVSplatHeads(upsampled=32, projected=16, width=16, levels=4, decoder_blocks=1),
+            hidden=32,
+            harmonics=4,
+            from_image=True,
+        ),
+        semantic=SemanticSettings(transformer=TransformerSettings(blocks=2, expansion=2, reduction=2), hidden=32),
+    )  # fmt: skip
 
 
-def mvsplat() -> SemGS:
+def mvsplat() -> NetworkSettings:
     """MVSplat's encoder as published: colour only, without camera-aware attention, with its own conventions."""
-    return SemGS(
-        classes=None,
-        camera_aware_colour=False,
-        camera_aware_semantic=False,
-        conventions=MVSPLAT,
+    return NetworkSettings(
         name="mvsplat",
+        colour=ColourSettings(transformer=TransformerSettings(blocks=6, camera_aware=False)),
+        semantic=None,
+        conventions=MVSPLAT,
     )
+
+
+PRESETS = {"small": small, "base": base, "mvsplat": mvsplat}
+"""By their names."""
+
+NAMES = tuple(PRESETS)

@@ -1,8 +1,8 @@
 """A pyramid of features for the semantic branch: down to coarse maps that see much of the picture, and back up.
 
 What a thing is shows in its surroundings and in its colours as they are. The shallow layers see neither: they were made to match points
-between views, a few pixels wide and normalised in each picture. This takes the place of the paper's two residual blocks where a
-network asks for it (`semantic_pyramid`).
+between views, a few pixels wide and normalised in each picture. This takes the place of the paper's two residual blocks where
+settings say so (`semgs.model.settings.Pyramid`).
 """
 
 from __future__ import annotations
@@ -12,6 +12,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, pixel_unshuffle
 
+from semgs.model.cnn import SHRINK
+from semgs.model.layout import lay_out
+from semgs.model.refinement import ClassRefinement, Refined, Shallow
+
 BLOCKS = 2
 """Residual blocks of each coarser map on the way down."""
 
@@ -19,7 +23,7 @@ SIDE = 240
 """Shorter side of the pictures that a pyramid knows [px]: pieces twice as large are others to it."""
 
 
-class SemanticPyramid(nn.Module):
+class SemanticPyramid(ClassRefinement):
     """Residual blocks with batch norm on maps each half the size of the one before, summed on the way back; classes from the finest.
 
     Batch norm, not the instance and group norms of the other branches: those take from each picture what makes it differ from others.
@@ -27,30 +31,43 @@ class SemanticPyramid(nn.Module):
     Args:
         channels: of the features, in and out.
         widths: of the coarser maps.
-        shrink: the features are at 1/shrink of the picture.
         classes: how many.
     """
 
-    def __init__(self, channels: int, widths: tuple[int, ...], shrink: int, classes: int) -> None:
+    def __init__(self, channels: int, widths: tuple[int, ...], classes: int) -> None:
         super().__init__()
-        self.shrink = shrink
         sizes = (channels, *widths)
         steps = list(zip(sizes, widths, strict=False))
-        self.stem = normed(nn.Conv2d(channels + 3 * shrink**2, channels, 1, bias=False))
+        self.stem = normed(nn.Conv2d(channels + 3 * SHRINK**2, channels, 1, bias=False))
         self.down = nn.ModuleList(
             normed(nn.Conv2d(fine, coarse, 3, stride=2, padding=1, bias=False)) for fine, coarse in steps
         )
         self.blocks = nn.ModuleList(nn.Sequential(*(Residual(width) for _ in range(BLOCKS))) for width in widths)
         self.up = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in steps)
         self.merged = nn.ModuleList(Residual(width) for width in sizes[:-1])
-        self.classes = nn.Conv2d(channels, classes, 1)
+        self.classifier = nn.Conv2d(channels, classes, 1)
 
-    def forward(
+    def train(self, mode: bool = True) -> SemanticPyramid:
+        """As of every module; its convolutions are channels last in training too, which halves the time of a step."""
+        super().train(mode)
+        lay_out(self, torch.channels_last)
+        return self
+
+    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features at 1/4 of the pictures; those of large pictures are made of smaller ones and widened."""
+        known = near_side(pictures, SHRINK)
+        refined = self.refined(shallow(known), known)
+        if known is not pictures:
+            size = (pictures.shape[-2] // SHRINK, pictures.shape[-1] // SHRINK)
+            refined = interpolate(refined, size=size, mode="bilinear")
+        return Refined(refined, refined)
+
+    def refined(
         self, features: Float[Tensor, "n c h4 w4"], pictures: Float[Tensor, "n 3 h w"]
     ) -> Float[Tensor, "n c h4 w4"]:
-        """Features of the same size, from them and from the pictures that they are of (0..1); `classes` makes logits of them."""
-        x = torch.cat((features, pixel_unshuffle(2 * pictures - 1, self.shrink)), dim=1)
-        maps = [self.stem(x.contiguous(memory_format=torch.channels_last))]
+        """Features of the same size, from shallow ones and from the pictures that they are of (0..1)."""
+        x = torch.cat((features, pixel_unshuffle(2 * pictures - 1, SHRINK)), dim=1)
+        maps: list[Tensor] = [self.stem(x.contiguous(memory_format=torch.channels_last))]
         for down, blocks in zip(self.down, self.blocks, strict=True):
             maps.append(blocks(down(maps[-1])))
         x = maps.pop()

@@ -1,7 +1,6 @@
 """Plan: how much memory a reconstruction will need, known before it begins, and how many views to work on at a time.
 
-Each stage is a sum of what lies in memory together at its fullest moment, counted in numbers per feature texel, per Gaussian and per
-pixel from the network's own settings; the terms say what they are. On top come what the compiled kernels bring when they are loaded,
+Each stage is the sum of `semgs.model.memory`. On top come what the compiled kernels bring when they are loaded,
 and what the allocator cannot give back while holes are left between tensors: `LIBRARIES` and `HOLES`, which were measured
 (docs/benchmarks.md says how, and how far the sum is from the peak of a process).
 """
@@ -14,10 +13,10 @@ from dataclasses import dataclass
 import torch
 
 from semgs.data.views import Views
-from semgs.model.chunks import WHOLE, Chunks
-from semgs.model.cost_volume import CHUNK
-from semgs.model.heads import RENDERED_HARMONICS
-from semgs.model.semgs import MULTIPLE, SHRINK, SemGS
+from semgs.model.chunks import Chunks
+from semgs.model.memory import Work, seen_bytes, stage_bytes
+from semgs.model.scene import MULTIPLE
+from semgs.model.semgs import SemGS
 from semgs.reconstruction.memory import free_bytes, held_bytes
 
 LIBRARIES = 178e6
@@ -32,16 +31,6 @@ FEW_HOLES = 0.2
 
 ROUNDING = 1.04
 """Small tensors that are not counted."""
-
-DRAWN_PAIRS = 30e6
-"""The pairs of Gaussian and tile that are drawn together [bytes]."""
-
-DRAWING = 340
-"""What drawing a view takes for each Gaussian of the scene: its ellipse, its place in depth, its colour from there [bytes]."""
-
-UNET_MAPS = 10
-"""Maps of a U-Net's width that are in memory together at its finest level: skips, a convolution's input and output, both in
-its own layout too."""
 
 JOINED = 64e6
 """On a CPU the heads take views together while what they see of them is no more than this [bytes]: beyond it two views at a time
@@ -60,7 +49,7 @@ class Plan:
 
     Attributes:
         peak_bytes: the most that will be held at any time: by the process, or on the network's CUDA device.
-        stage: in which that is: one of `semgs.model.semgs.STAGES`, or `render`.
+        stage: in which that is: one of `semgs.model.stages.STAGES`, or `render`.
         chunks: how many views the cost volume and the heads take at a time; as many as is fastest where there is room.
         short: whether there is none, so that views come fewer at a time than is fastest.
         available_bytes: what the process holds now and what is free beside it, infinite where the system does not say.
@@ -71,23 +60,6 @@ class Plan:
     chunks: Chunks
     short: bool
     available_bytes: float
-
-
-@dataclass(frozen=True)
-class Work:
-    """What is to be done with a network.
-
-    Attributes:
-        views: that go in.
-        size: (height, width) that they are padded to [px].
-        drawn: views that are drawn of the Gaussians.
-        padded: whether the padding copies the pictures.
-    """
-
-    views: int
-    size: tuple[int, int]
-    drawn: int
-    padded: bool = False
 
 
 def plan(model: SemGS, views: Views, targets: Views | None = None, *, available_bytes: float | None = None) -> Plan:
@@ -111,91 +83,6 @@ def plan(model: SemGS, views: Views, targets: Views | None = None, *, available_
     if best.peak_bytes > available_bytes:
         raise NotEnoughMemoryError(_too_much(model, work, views.size, best, held))
     return best
-
-
-def stage_bytes(model: SemGS, work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
-    """The tensors of each stage at its fullest moment [bytes], without what was held before."""
-    number = max(next(model.parameters()).element_size(), 4)
-    numbers = _numbers(model, work, chunks, next(model.parameters()).device.type == "cpu")
-    count = work.views * _texels(work.size, model.stride)
-    pixels = work.size[0] * work.size[1]
-    classes = 0 if model.classes is None else len(model.classes)
-    maps = 5 + classes
-    # All views' renderings, the largest maps of one call to `render` once more while they are joined, the last view's layers.
-    drawn = pixels * (work.drawn * maps + max(work.views, work.drawn - work.views) * max(classes, 3) + 2 * maps) * 4
-    result = number * _result(model, count, work.views * pixels)
-    drawing = result + drawn + DRAWING * count + DRAWN_PAIRS
-    return {stage: number * value for stage, value in numbers.items()} | {"render": drawing}
-
-
-def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str, float]:
-    """How many numbers the tensors of each of the network's stages hold at its fullest moment."""
-    s = model.settings
-    views, classes = work.views, 0 if model.classes is None else len(model.classes)
-    channels, candidates = s["channels"], s["candidates"]
-    texels = views * _texels(work.size, SHRINK)
-    tokens = texels / s["reduction"] ** 2
-    gaussians = views * _texels(work.size, model.stride)
-    pixels = views * work.size[0] * work.size[1]
-    pictures = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
-
-    # Half-size maps of a residual block: its input, and two convolutions and their norms.
-    cnn = 5 * s["cnn_widths"][0] * 4 * texels
-
-    # Of the token maps either the hidden layer of the feed-forward network, before and after its activation, or keys and
-    # values gathered from the other views.
-    attention = tokens * channels * max(4 * s["expansion"] + 14, 3 * (views - 1) + 13)
-    features = texels * channels
-    # The pyramid's finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
-    pyramid = texels * (channels + 3 * SHRINK**2 + UNET_MAPS * channels) if s["semantic_pyramid"] else 0
-    branches = 4 if classes else 2  # the shallow and the transformed features of each branch
-    known = features * (branches + model.cosine_cost)
-
-    # Features gathered for every pair of views, the sums and the counts of its planes; without the compiled kernel also
-    # what is warped for some planes at a time, and where it is.
-    at_once = min(chunks.cost or views, views)
-    pair = 2 * channels + 2 * candidates
-    if not fused:
-        pair += CHUNK * (2 * channels + 10) + candidates
-    cost = known + texels * (views - 1) * at_once / views * pair + texels * candidates
-
-    known += 2 * texels * candidates + gaussians  # the cost, the distribution and its largest share
-    regression = known + texels * (channels + 2 * candidates + UNET_MAPS * s["cost_width"])
-    part = min(chunks.heads or views, views) / views
-    harmonics = min(model.harmonics, RENDERED_HARMONICS)
-    if model.paper_heads:
-        depth = regression
-        again = 0
-        kept = known
-        outputs = 7 + 3 * harmonics
-    else:
-        wide, projected, width = s["upsampled_channels"], s["projected_channels"], s["refine_width"]
-        known += 2 * features + gaussians * (1 + (0 if chunks.heads else wide))
-        refined = gaussians * (2 * projected + 5 + UNET_MAPS * width)
-        depth = max(regression, known + refined)
-        kept = known + gaussians * (width + 4)
-        again = wide if chunks.heads else 0  # gone before the head begins
-        outputs = 9 + 3 * harmonics
-    # What the heads see, their hidden layer and their output, both in the convolution's own layout too.
-    result = _result(model, gaussians, pixels)
-    heads = kept + part * gaussians * (_seen(model) + max(again, 2 * s["colour_hidden"] + 2 * outputs))
-    if part < 1:
-        heads += result * (1 + part)
-    return {
-        "cnn": pictures + cnn,
-        "transformer_colour": pictures + features + attention,
-        "transformer_semantic": pictures + 3 * features + (max(attention, pyramid) if classes else 0),
-        "cost_volume": pictures + cost,
-        "depth": pictures + depth,
-        "heads": pictures + heads,
-    }
-
-
-def _result(model: SemGS, gaussians: float, pixels: int) -> float:
-    """How many numbers an encoding holds: its Gaussians, and two maps of its views."""
-    harmonics = min(model.harmonics, RENDERED_HARMONICS)
-    semantic = 0 if model.classes is None else 7 + len(model.classes)
-    return gaussians * (3 + 1 + 7 + 3 * harmonics + semantic) + 2 * pixels
 
 
 def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, float]:
@@ -228,10 +115,8 @@ def _fitting(model: SemGS, work: Work, held: float, available: float) -> Plan:
 
 def _joined(model: SemGS, work: Work) -> int | None:
     """How many views the heads take at a time where memory is no matter; None is all."""
-    parameter = next(model.parameters())
-    seen = max(parameter.element_size(), 4) * _texels(work.size, model.stride) * _seen(model)
-    most = max(1, int(JOINED // seen))
-    return None if parameter.device.type != "cpu" or most >= work.views else most
+    most = max(1, int(JOINED // seen_bytes(model, work)))
+    return None if next(model.parameters()).device.type != "cpu" or most >= work.views else most
 
 
 def _halves(views: int, most: int | None) -> Iterator[int | None]:
@@ -241,12 +126,6 @@ def _halves(views: int, most: int | None) -> Iterator[int | None]:
     while views > 1:
         views = -(-views // 2)
         yield views
-
-
-def _seen(model: SemGS) -> int:
-    """Channels of what the heads of colour and opacity see."""
-    s = model.settings
-    return 3 + (s["channels"] + s["candidates"] if model.paper_heads else s["refine_width"] + s["upsampled_channels"])
 
 
 def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: Plan, held: float) -> str:
@@ -269,11 +148,6 @@ def _work(views: int, size: tuple[int, ...], targets: int) -> Work:
     """What `reconstruct` does: all views are drawn, those that went in and the targets."""
     height, width = (-(-side // MULTIPLE) * MULTIPLE for side in size)
     return Work(views, (height, width), views + targets, (height, width) != tuple(size))
-
-
-def _texels(size: tuple[int, int], stride: int) -> float:
-    """Places of a view's grid with that stride."""
-    return size[0] * size[1] / stride**2
 
 
 def _rounded(side: float) -> int:

@@ -13,14 +13,16 @@ from semgs.data.terms import terms_text
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
+from semgs.model.settings import NetworkSettings
+from semgs.model.switches import Switches
 from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
-from semgs.training.settings import Switches, TrainingSettings, changed, told
+from semgs.training.settings import TrainingSettings, changed, told
 from semgs.training.state import averaged_weights
 from semgs.training.survey import RECORD, data_terms_of, scenes_of
 from semgs.weights.file import save
 from semgs.weights.load import DATA_TERMS, SCENES, drawn
-from semgs.weights.start import start, with_settings
+from semgs.weights.start import start
 
 SETTINGS = "settings.json"
 NETWORK = "network.json"
@@ -127,14 +129,15 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
             own_classes=settings.classes is not None, switches=_switched(settings.network),
             fresh_semantics=settings.semantic_branch == "drawn",
         )  # fmt: skip
-        write_json(record, model.settings)
+        write_json(record, model.settings.as_json())
         return model
-    if not record.is_file():  # a run of a version that knew the networks of the presets alone
-        return drawn(settings.model, settings.seed, classes)
     try:
-        return with_settings(json.loads(record.read_text()), classes, settings.seed)
+        return drawn(NetworkSettings.from_json(json.loads(record.read_text())), settings.seed, classes)
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(record, "the settings of a network", str(error)) from error
+        raise InputError(
+            record, "the settings of a network", f"{type(error).__name__}: {error}",
+            advice="another version of semgs wrote it; go on with that one or name a new folder",
+        ) from error  # fmt: skip
 
 
 def finished(run: Path) -> bool:

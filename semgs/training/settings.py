@@ -13,6 +13,7 @@ import tyro
 
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import SCANNET20, ClassTable
+from semgs.model.switches import Switches
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
 from semgs.rooms.style import Style
@@ -109,27 +110,6 @@ class Augmentation:
     def __post_init__(self) -> None:
         if not 0 <= self.colour <= 1 or not 0.2 <= self.crop <= 1:
             raise ValueError(f"augmentation is {self}; expected colour in 0..1 and crop in 0.2..1")
-
-
-@dataclass(frozen=True)
-class Switches:
-    """Parts of the network that the paper's ablation takes away, and readings of its text; of a network that is drawn at random."""
-
-    shared_layers: bool = True
-    """One shallow CNN for both branches (ablation Sh-Layer)."""
-    windows: int = 2
-    """Windows along each side of the token map; 1 is full attention (ablation Sw-Trans)."""
-    camera_aware_colour: bool = True
-    """Camera-aware attention in the colour branch (ablation C-Inj)."""
-    camera_aware_semantic: bool = True
-    """Camera-aware attention in the semantic branch (ablation C-Inj)."""
-    output_transform: bool = True
-    """Multiply the output of attention by G; off is the paper's text."""
-    paper_heads: bool = False
-    """The paper's text for the heads instead of MVSplat's."""
-    semantic_pyramid: tuple[int, ...] = ()
-    """Refine the semantic features by a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
-    supervision by pictures first: its batch norms measure there alone. Weights of another semantic branch lend all else."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import prod
 from pathlib import Path
-from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -16,10 +15,15 @@ from safetensors.torch import save as to_bytes
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
-from semgs.model.semgs import SemGS, arguments
+from semgs.model.semgs import SemGS
+from semgs.model.settings import NetworkSettings
+from semgs.weights import format1
 
-FORMAT = "1"
-"""Version of the header."""
+FORMAT = "2"
+"""Version of what is written."""
+
+OLDER = "1"
+"""The version that is read as well."""
 
 OWN_KEYS = frozenset({"semgs", "settings", "classes"})
 """Keys of the header that are the format's own."""
@@ -30,12 +34,12 @@ class Header:
     """What a weights file says of itself.
 
     Attributes:
-        settings: constructor arguments of the network.
+        settings: of the network.
         classes: its class table, None for a colour-only network.
         metadata: provenance: seed, data, steps, licence and whatever else its maker wrote.
     """
 
-    settings: dict[str, Any]
+    settings: NetworkSettings
     classes: ClassTable | None
     metadata: dict[str, str]
 
@@ -54,7 +58,7 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
     """
     header = {
         "semgs": FORMAT,
-        "settings": json.dumps(model.settings),
+        "settings": json.dumps(model.settings.as_json()),
         "classes": json.dumps(None if model.classes is None else asdict(model.classes)),
     }
     _check_free(metadata)
@@ -111,12 +115,17 @@ def read_header(path: str | Path) -> Header:
             fields = dict(file.metadata() or {})
     except (OSError, SafetensorError) as error:
         raise InputError(path, "a safetensors file of weights", f"{error}") from None
-    if fields.pop("semgs", None) != FORMAT:
+    version = fields.pop("semgs", None)
+    if version not in (FORMAT, OLDER):
         raise InputError(path, f"weights of format {FORMAT}, written by semgs", "another header", key="metadata")
     try:
-        settings = arguments(json.loads(fields.pop("settings")))
+        saved = json.loads(fields.pop("settings"))
         classes = json.loads(fields.pop("classes"))
         table = None if classes is None else ClassTable.from_json(classes)
+        if version == OLDER:
+            settings = format1.todays_settings(saved, semantic=table is not None)
+        else:
+            settings = NetworkSettings.from_json(saved)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
@@ -141,15 +150,16 @@ def count_parameters(path: str | Path) -> int:
 
 
 def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
-    """All tensors of a safetensors file, in float32.
+    """All tensors of a safetensors file, in float32; those of our format 1 have their names of today.
 
     Raises:
         InputError: the file cannot be read.
     """
     try:
         with safe_open(path, "pt") as file:
-            names = list(file.keys())
-            return {name: _single(file.get_tensor(name)) for name in names}
+            tensors = {name: _single(file.get_tensor(name)) for name in file.keys()}  # noqa: SIM118
+            older = (file.metadata() or {}).get("semgs") == OLDER
+            return format1.todays_tensors(tensors) if older else tensors
     except (OSError, SafetensorError) as error:
         raise InputError(path, "a whole safetensors file", f"{error}") from None
 

@@ -13,7 +13,9 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
 from semgs.model import presets
+from semgs.model.build import build
 from semgs.model.semgs import SemGS
+from semgs.model.settings import NetworkSettings
 from semgs.weights import mvsplat
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
 from semgs.weights.hub import SCHEME, fetched, is_hub_id
@@ -62,9 +64,7 @@ def load(
         if weights is None:
             raise ValueError(f'no weights ship for "{name}"; pass a file, or weights="random" for an untrained network')
     if str(weights) == "random":
-        model = drawn(name, seed, classes)
-        model.origin = f"untrained: drawn at random with seed {seed}"
-        return model.eval()
+        return drawn(presets.PRESETS[name](), seed, classes).eval()
     path = _local(weights)
     if not path.is_file():
         raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
@@ -94,7 +94,7 @@ def find(weights: str | Path) -> tuple[str, Path]:
         raise InputError(
             path, f"a file of weights, or {' or '.join(names)}", "a folder" if path.is_dir() else "nothing"
         )
-    return (str(read_header(path).settings.get("name")) if is_ours(path) else "mvsplat"), path
+    return (read_header(path).settings.name if is_ours(path) else "mvsplat"), path
 
 
 def table_of(path: str | Path) -> ClassTable:
@@ -153,13 +153,13 @@ def _terms_in(metadata: Mapping[str, str], path: Path) -> tuple[Terms, ...]:
         raise InputError(path, "terms of data as JSON", f"{type(error).__name__}: {error}", key=DATA_TERMS) from error
 
 
-def drawn(name: str, seed: int, classes: ClassTable = SCANNET20) -> SemGS:
-    """An untrained network of that name; the caller's random state is left as it was."""
+def drawn(settings: NetworkSettings, seed: int, classes: ClassTable | None = SCANNET20) -> SemGS:
+    """An untrained network of these settings; the caller's random state is left as it was."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        if name == "mvsplat":
-            return presets.mvsplat()
-        return presets.base(classes) if name == "base" else presets.small(classes)
+        model = build(settings, classes)
+    model.origin = f"untrained: drawn at random with seed {seed}"
+    return model
 
 
 def shipped(name: str) -> Path | None:
@@ -175,10 +175,8 @@ def _local(weights: str | Path) -> Path:
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
     header = read_header(path)
-    if header.settings.get("name") != name:
-        raise InputError(
-            path, f'weights of "{name}"', f'weights of "{header.settings.get("name")}"', key="settings.name"
-        )
+    if header.settings.name != name:
+        raise InputError(path, f'weights of "{name}"', f'weights of "{header.settings.name}"', key="settings.name")
     if header.classes is not None and header.classes != classes:
         raise InputError(
             path,
@@ -187,7 +185,7 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
             key="classes",
         )
     try:
-        model = SemGS(classes=header.classes, **header.settings)
+        model = build(header.settings, header.classes)
     except (TypeError, ValueError) as error:
         raise InputError(path, f'settings of "{name}"', f"{error}", key="settings") from None
     fill(model, read_tensors(path), path)
@@ -202,7 +200,13 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
     if name == "small":
         raise InputError(path, 'weights of "small", written by semgs', "another file")
-    return from_mvsplat(drawn(name, seed, classes), path, seed)
+    return from_mvsplat(drawn(presets.PRESETS[name](), seed, classes), path, seed)
+
+
+def semantic_tensors(model: SemGS) -> frozenset[str]:
+    """Names of the tensors of a network's semantic branch."""
+    parts = model.parts()
+    return parts["semantic"] | parts["classes"]
 
 
 def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
@@ -214,7 +218,8 @@ def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
     tensors = mvsplat.read(path)
     own = model.state_dict()
     foreign = mvsplat.renamed(tensors, path)
-    fresh = {key: value for key, value in own.items() if key not in foreign and key.startswith("semantic_")}
+    semantic = semantic_tensors(model)
+    fresh = {key: value for key, value in own.items() if key not in foreign and key in semantic}
     fill(model, foreign | fresh, path)
     model.origin = f"{path.name}: all {len(foreign)} tensors of MVSplat taken" + (
         f"; {len(fresh)} tensors of the semantic branch drawn at random with seed {seed}" if fresh else ""

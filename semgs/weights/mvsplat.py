@@ -11,15 +11,15 @@ from semgs.weights.file import read_tensors
 
 PREFIXES = {
     "backbone.backbone.": "cnn.",
-    "backbone.transformer.": "colour_transformer.",
-    "depth_predictor.corr_refine_net.": "cost_regressor.refine.",
-    "depth_predictor.regressor_residual.": "cost_regressor.residual.",
-    "depth_predictor.depth_head_lowres.": "cost_regressor.head.",
-    "depth_predictor.upsampler.0.": "colour_upsampler.conv.",
-    "depth_predictor.proj_feature.": "depth_refinement.project.",
-    "depth_predictor.refine_unet.": "depth_refinement.refine.",
-    "depth_predictor.to_disparity.": "depth_refinement.to_disparity.",
-    "depth_predictor.to_gaussians.": "colour_head.",
+    "backbone.transformer.": "colour.transformer.swin.",
+    "depth_predictor.corr_refine_net.": "colour.depth.regressor.refine.",
+    "depth_predictor.regressor_residual.": "colour.depth.regressor.residual.",
+    "depth_predictor.depth_head_lowres.": "colour.depth.regressor.head.",
+    "depth_predictor.upsampler.0.": "colour.heads.upsampler.conv.",
+    "depth_predictor.proj_feature.": "colour.heads.refinement.project.",
+    "depth_predictor.refine_unet.": "colour.heads.refinement.refine.",
+    "depth_predictor.to_disparity.": "colour.heads.refinement.to_disparity.",
+    "depth_predictor.to_gaussians.": "colour.heads.colour.",
 }
 """Beginning of MVSplat's names (without the leading "encoder.") and of ours; what follows is equal."""
 

@@ -1,0 +1,140 @@
+"""Build: from settings to a network. The order in which modules are made is the order in which a seed gives them weights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import nn
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.model.cnn import SHRINK, FeatureCNN
+from semgs.model.depth import CostRegressor, PlaneSweepDepth
+from semgs.model.heads import (
+    Decoder,
+    DepthRefinement,
+    Head,
+    MVSplatDecoder,
+    PaperDecoder,
+    PlainUpsampler,
+    Upsampler,
+)
+from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
+from semgs.model.pyramid import SemanticPyramid
+from semgs.model.refinement import ClassRefinement, ResidualRefinement
+from semgs.model.semantic import SHAPE, SemanticBranch
+from semgs.model.semgs import ColourBranch, SemGS
+from semgs.model.settings import (
+    MVSplatHeads,
+    NetworkSettings,
+    PaperHeads,
+    Pyramid,
+    SemanticSettings,
+    TransformerSettings,
+    TwoBlocks,
+)
+from semgs.model.swin import MultiViewSwin
+from semgs.model.transformer import CameraTransformer
+
+
+def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20) -> SemGS:
+    """An untrained network, with weights from torch's random state.
+
+    Args:
+        settings: of the network; without semantic settings it is colour-only, whatever the classes.
+        classes: table of the semantic branch; None builds a colour-only network.
+    """
+    if settings.semantic is None or classes is None:
+        settings, classes = replace(settings, semantic=None), None
+    cnn = FeatureCNN(settings.cnn_widths, settings.channels)
+    colour = _colour_branch(settings)
+    semantic = None
+    if settings.semantic is not None and classes is not None:
+        semantic = _semantic_branch(settings, settings.semantic, len(classes))
+    return SemGS(settings, classes, cnn, colour, semantic)
+
+
+def _colour_branch(settings: NetworkSettings) -> ColourBranch:
+    """The colour branch and depth."""
+    colour, depth = settings.colour, settings.colour.depth
+    transformer = _transformer(settings.channels, colour.transformer)
+    regressor = CostRegressor(
+        settings.channels,
+        depth.candidates,
+        depth.width,
+        depth.hidden,
+        depth.levels,
+        depth.decoder_blocks,
+        depth.cost_prior,
+    )
+    _scaled(regressor.head, depth.initial_scale)
+    sweep = PlaneSweepDepth(regressor, depth.candidates, depth.cosine_cost, settings.conventions)
+    return ColourBranch(transformer, sweep, _decoder(settings))
+
+
+def _decoder(settings: NetworkSettings) -> Decoder:
+    """The heads of the colour branch."""
+    colour, heads = settings.colour, settings.colour.heads
+    factor, last = SHRINK // settings.stride, settings.last_kernel
+    outputs = SHAPE + 3 * colour.harmonics
+    if isinstance(heads, PaperHeads):
+        opacity = Head(colour.depth.candidates, heads.opacity_hidden, 1, last)
+        head = Head(3 + settings.channels, colour.hidden, outputs, last)
+        _start_at(head, slice(0, 3), settings.initial_sigma)
+        return PaperDecoder(opacity, head, colour.harmonics, factor, settings.conventions)
+    upsampler = Upsampler(2 * settings.channels, heads.upsampled, factor, settings.conventions.pixel_centres)
+    refinement = DepthRefinement(heads.upsampled, heads.projected, heads.width, heads.levels, heads.decoder_blocks)
+    _scaled(refinement.to_disparity, colour.depth.initial_scale)
+    head = Head(heads.width + 3 + heads.upsampled, colour.hidden, 2 + outputs, last)  # two more: offsets in the image
+    _start_at(head, slice(2, 5), settings.initial_sigma)
+    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, factor, settings.conventions)
+
+
+def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, classes: int) -> SemanticBranch:
+    """The semantic branch; where the refinement classifies, the head starts without a say in the classes."""
+    channels, heads = settings.channels, settings.colour.heads
+    factor, corners = SHRINK // settings.stride, settings.conventions.pixel_centres
+    cnn = FeatureCNN(settings.cnn_widths, channels) if semantic.own_cnn else None
+    refinement = _refinement(semantic.refinement, channels, classes)
+    transformer = _transformer(channels, semantic.transformer)
+    upsampler: Upsampler | PlainUpsampler
+    if isinstance(heads, MVSplatHeads):
+        seen = heads.upsampled
+        upsampler = Upsampler(2 * channels, seen, factor, corners)
+    else:
+        seen = channels
+        upsampler = PlainUpsampler(factor, corners)
+    head = Head(3 + seen, semantic.hidden, SHAPE + classes, settings.last_kernel)
+    _start_at(head, slice(0, 3), settings.initial_sigma)
+    if refinement.classifier is not None:
+        for parameter in head[-1].parameters():
+            parameter.data[SHAPE:] = 0
+    return SemanticBranch(cnn, refinement, transformer, upsampler, head)
+
+
+def _refinement(settings: TwoBlocks | Pyramid, channels: int, classes: int) -> ClassRefinement:
+    """What fits the slot of the class refinement."""
+    if isinstance(settings, Pyramid):
+        return SemanticPyramid(channels, settings.widths, classes)
+    return ResidualRefinement(channels)
+
+
+def _transformer(channels: int, settings: TransformerSettings) -> CameraTransformer:
+    """The transformer of a branch."""
+    swin = MultiViewSwin(channels, settings.blocks, settings.windows, settings.expansion, settings.reduction)
+    return CameraTransformer(swin, settings.camera_aware, settings.output_transform)
+
+
+def _scaled(layers: nn.Sequential, factor: float) -> None:
+    """Shrink the random weights of the last of some layers."""
+    layers[-1].get_parameter("weight").data.mul_(factor)
+
+
+def _start_at(head: Head, channels: slice, sigma: float | None) -> None:
+    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels; None leaves it."""
+    if sigma is None:
+        return
+    share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)
+    bias = head[-1].get_parameter("bias")
+    with torch.no_grad():
+        bias[channels] = torch.logit(torch.tensor(share))

@@ -1,0 +1,184 @@
+"""Memory: how much the tensors of each stage of the network take at its fullest moment.
+
+A sum of what is in memory together, counted in numbers per feature texel, per Gaussian and per pixel from the network's settings; the
+terms say what they are. It follows the forward pass and changes with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from semgs.model.chunks import WHOLE, Chunks
+from semgs.model.cnn import SHRINK
+from semgs.model.cost_volume import CHUNK
+from semgs.model.heads import RENDERED_HARMONICS
+from semgs.model.semantic import SHAPE
+from semgs.model.semgs import SemGS
+from semgs.model.settings import NetworkSettings, PaperHeads, Pyramid, TransformerSettings
+
+DRAWN_PAIRS = 30e6
+"""The pairs of Gaussian and tile that are drawn together [bytes]."""
+
+DRAWING = 340
+"""What drawing a view takes for each Gaussian of the scene: its ellipse, its place in depth, its colour from there [bytes]."""
+
+UNET_MAPS = 10
+"""Maps of a U-Net's width that are in memory together at its finest level: skips, a convolution's input and output, both in
+its own layout too."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is to be done with a network.
+
+    Attributes:
+        views: that go in.
+        size: (height, width) that they are padded to [px].
+        drawn: views that are drawn of the Gaussians.
+        padded: whether the padding copies the pictures.
+    """
+
+    views: int
+    size: tuple[int, int]
+    drawn: int
+    padded: bool = False
+
+
+@dataclass(frozen=True)
+class Heads:
+    """What the heads take for each Gaussian, in numbers.
+
+    Attributes:
+        seen: channels of what the heads of colour and opacity see.
+        outputs: channels of what the colour head predicts.
+        wide: of the upsampled features that are used twice.
+        refined: in the refinement of depth at its fullest moment.
+        kept: of it until the colour head begins.
+        joined: feature maps that are joined before they are upsampled.
+    """
+
+    seen: int
+    outputs: int
+    wide: int = 0
+    refined: int = 0
+    kept: int = 0
+    joined: int = 0
+
+
+def stage_bytes(model: SemGS, work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
+    """The tensors of each stage at its fullest moment [bytes], without what was held before."""
+    number = _number_bytes(model)
+    numbers = _numbers(model, work, chunks, next(model.parameters()).device.type == "cpu")
+    count = work.views * _texels(work.size, model.stride)
+    pixels = work.size[0] * work.size[1]
+    classes = model.class_count
+    maps = 5 + classes
+    # All views' renderings, the largest maps of one call to `render` once more while they are joined, the last view's layers.
+    drawn = pixels * (work.drawn * maps + max(work.views, work.drawn - work.views) * max(classes, 3) + 2 * maps) * 4
+    result = number * _result(model, count, work.views * pixels)
+    drawing = result + drawn + DRAWING * count + DRAWN_PAIRS
+    return {stage: number * value for stage, value in numbers.items()} | {"render": drawing}
+
+
+def seen_bytes(model: SemGS, work: Work) -> float:
+    """What the heads of colour and opacity see of one view [bytes]."""
+    return _number_bytes(model) * _texels(work.size, model.stride) * _heads(model.settings).seen
+
+
+def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str, float]:
+    """How many numbers the tensors of each of the network's stages hold at its fullest moment."""
+    s, views = model.settings, work.views
+    texels = views * _texels(work.size, SHRINK)
+    gaussians = views * _texels(work.size, model.stride)
+    pixels = views * work.size[0] * work.size[1]
+    pictures = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
+    features = texels * s.channels
+
+    # Half-size maps of a residual block: its input, and two convolutions and their norms.
+    cnn = 5 * s.cnn_widths[0] * 4 * texels
+
+    # The shallow and the transformed features of each branch.
+    known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
+    cost = known + _cost(s, texels, views, chunks, fused)
+    known += 2 * texels * s.colour.depth.candidates + gaussians  # the cost, the distribution and its largest share
+    regression = known + texels * (s.channels + 2 * s.colour.depth.candidates + UNET_MAPS * s.colour.depth.width)
+
+    heads = _heads(s)
+    again = heads.wide if chunks.heads else 0  # made a second time, and gone before the head begins
+    known += heads.joined * features + gaussians * ((1 if heads.refined else 0) + heads.wide - again)
+    depth = max(regression, known + gaussians * heads.refined)
+    kept = known + gaussians * heads.kept
+    # What the heads see, their hidden layer and their output, both in the convolution's own layout too.
+    part = min(chunks.heads or views, views) / views
+    last = kept + part * gaussians * (heads.seen + max(again, 2 * s.colour.hidden + 2 * heads.outputs))
+    if part < 1:
+        last += _result(model, gaussians, pixels) * (1 + part)
+    return {
+        "cnn": pictures + cnn,
+        "transformer_colour": pictures + features + _attention(s.colour.transformer, features, views),
+        "transformer_semantic": pictures + 3 * features + _semantic(s, features, views),
+        "cost_volume": pictures + cost,
+        "depth": pictures + depth,
+        "heads": pictures + last,
+    }
+
+
+def _attention(transformer: TransformerSettings, features: float, views: int) -> float:
+    """Of the token maps either the hidden layer of the feed-forward network, before and after its activation, or keys and values
+    gathered from the other views."""
+    return features / transformer.reduction**2 * max(4 * transformer.expansion + 14, 3 * (views - 1) + 13)
+
+
+def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
+    """The transformer of the semantic branch or its refinement, whichever takes more."""
+    if settings.semantic is None:
+        return 0
+    pyramid = 0.0
+    if isinstance(settings.semantic.refinement, Pyramid):
+        # Its finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
+        pyramid = features + features / settings.channels * 3 * SHRINK**2 + UNET_MAPS * features
+    return max(_attention(settings.semantic.transformer, features, views), pyramid)
+
+
+def _cost(settings: NetworkSettings, texels: float, views: int, chunks: Chunks, fused: bool) -> float:
+    """Features gathered for every pair of views, the sums and the counts of its planes; without the compiled kernel also what is warped
+    for some planes at a time, and where it is."""
+    channels, candidates = settings.channels, settings.colour.depth.candidates
+    at_once = min(chunks.cost or views, views)
+    pair = 2 * channels + 2 * candidates
+    if not fused:
+        pair += CHUNK * (2 * channels + 10) + candidates
+    return texels * (views - 1) * at_once / views * pair + texels * candidates
+
+
+def _heads(settings: NetworkSettings) -> Heads:
+    """What the heads of these settings take."""
+    colour, heads = settings.colour, settings.colour.heads
+    outputs = SHAPE + 3 * min(colour.harmonics, RENDERED_HARMONICS)
+    if isinstance(heads, PaperHeads):
+        return Heads(3 + settings.channels + colour.depth.candidates, outputs)
+    return Heads(
+        seen=3 + heads.width + heads.upsampled,
+        outputs=2 + outputs,
+        wide=heads.upsampled,
+        refined=2 * heads.projected + 5 + UNET_MAPS * heads.width,
+        kept=heads.width + 4,
+        joined=2,
+    )
+
+
+def _result(model: SemGS, gaussians: float, pixels: int) -> float:
+    """How many numbers an encoding holds: its Gaussians, and two maps of its views."""
+    harmonics = min(model.settings.colour.harmonics, RENDERED_HARMONICS)
+    semantic = SHAPE + model.class_count if model.class_count else 0
+    return gaussians * (3 + 1 + SHAPE + 3 * harmonics + semantic) + 2 * pixels
+
+
+def _number_bytes(model: SemGS) -> int:
+    """What a number takes in the network's tensors."""
+    return max(next(model.parameters()).element_size(), 4)
+
+
+def _texels(size: tuple[int, int], stride: int) -> float:
+    """Places of a view's grid with that stride."""
+    return size[0] * size[1] / stride**2

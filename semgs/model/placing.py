@@ -1,0 +1,195 @@
+"""Placing: from what the heads predict for each pixel to Gaussians in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.geometry.cameras import Cameras, pixel_centres
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
+from semgs.model.conventions import Conventions
+from semgs.model.encoding import Encoding
+from semgs.model.heads import Decoded
+from semgs.model.precision import outside_autocast
+
+SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
+"""Range of a Gaussian's size before `SIGMA_UNIT`."""
+
+SIGMA_UNIT = 0.1
+"""Share of (1 / fx + 1 / fy) that a size of 1 means: sizes are 0.1 to 3 pixels where fx = fy."""
+
+HARMONICS_DC = 0.28209479177387814
+"""The constant basis function of degree 0."""
+
+
+@dataclass(frozen=True)
+class Rays:
+    """What placing a Gaussian per pixel needs of the cameras, on the features' device and in their dtype.
+
+    Attributes:
+        rotation: world from camera.
+        centre: optical centre in the world.
+        inverse_k: K^-1.
+        pixel: 1 / fx + 1 / fy.
+        quaternion: of the rotation, (w, x, y, z).
+    """
+
+    rotation: Float[Tensor, "n 3 3"]
+    centre: Float[Tensor, "n 3"]
+    inverse_k: Float[Tensor, "n 3 3"]
+    pixel: Float[Tensor, " n"]
+    quaternion: Float[Tensor, "n 4"]
+
+    @staticmethod
+    def of(cameras: Cameras, like: Tensor) -> Rays:
+        """Of cameras [n], computed in float64."""
+        poses = cameras.world_from_camera
+        numbers = (
+            poses[..., :3, :3],
+            poses[..., :3, 3],
+            torch.linalg.inv(cameras.intrinsics),
+            (1 / cameras.focal_px).sum(-1),
+            quaternion_from_matrix(poses[..., :3, :3]),
+        )
+        return Rays(*(number.to(like) for number in numbers))
+
+    def __getitem__(self, at: slice) -> Rays:
+        """Those of some of the cameras."""
+        return Rays(self.rotation[at], self.centre[at], self.inverse_k[at], self.pixel[at], self.quaternion[at])
+
+
+@outside_autocast
+def points(
+    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
+) -> Float[Tensor, "n h w 3"]:
+    """Means: pixel centres, moved by up to half a pixel, back-projected to their depth (section III-C of the paper).
+
+    Args:
+        depths: z-depth, or distance along the ray by convention [m].
+        offsets: raw (x, y) shifts; a sigmoid keeps them within half a pixel. None leaves the points on the centres.
+        rays: of the cameras.
+        conventions: of geometry.
+    """
+    centres = pixel_centres((depths.shape[-2], depths.shape[-1]), depths.dtype).to(depths.device)
+    if offsets is None:
+        shifted = centres.expand(len(depths), -1, -1, -1)
+    else:
+        shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
+    homogeneous = torch.cat((shifted, torch.ones_like(shifted[..., :1])), dim=-1)
+    directions = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
+    if not conventions.z_depth:
+        directions = nn.functional.normalize(directions, dim=-1)
+    world = torch.einsum("nij,nhwj->nhwi", rays.rotation, directions)
+    return world * depths[..., None] + rays.centre[:, None, None]
+
+
+def shapes(
+    scales: Float[Tensor, "n 3 h w"], quaternions: Float[Tensor, "n 4 h w"], depths: Float[Tensor, "n h w"], rays: Rays
+) -> tuple[Float[Tensor, "n h w 3"], Float[Tensor, "n h w 4"]]:
+    """Standard deviations [m] and world quaternions (w, x, y, z) from raw sizes and raw camera-frame (x, y, z, w)."""
+    size = SMALLEST_SIGMA + (LARGEST_SIGMA - SMALLEST_SIGMA) * scales.sigmoid()
+    unit = SIGMA_UNIT * rays.pixel[:, None, None] * depths
+    length = quaternions.square().sum(1, keepdim=True).clamp(min=1e-16).sqrt()  # far faster than a norm over this axis
+    own = (quaternions / length).roll(1, dims=1).permute(0, 2, 3, 1)
+    return size.permute(0, 2, 3, 1) * unit[..., None], quaternion_product(rays.quaternion[:, None, None], own)
+
+
+@outside_autocast
+def colour_appearance(
+    raw: Float[Tensor, "n c h w"],
+    images: Float[Tensor, "n 3 h w"] | None,
+    depths: Float[Tensor, "n h w"],
+    rays: Rays,
+    conventions: Conventions,
+) -> Appearance:
+    """Colour Gaussians of n views, [n (h w) ...].
+
+    Args:
+        raw: channels (3 sizes, 4 quaternion, 3 k harmonics), harmonics by colour, then by k.
+        images: added to the constant harmonic, so that the network predicts a correction; None adds nothing.
+        depths: of the Gaussians [m].
+        rays: of the cameras.
+        conventions: of geometry; says in which basis the harmonics are.
+    """
+    raw = raw.to(depths.dtype)
+    scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
+    harmonics = raw[:, 7:].unflatten(1, (3, -1)).permute(0, 3, 4, 2, 1)
+    terms = harmonics.shape[-2]
+    degrees = torch.arange(terms, device=raw.device, dtype=raw.dtype).sqrt().floor()
+    damping = torch.where(degrees == 0, 1, 0.1 * 0.25**degrees)
+    harmonics = rotated_harmonics(
+        (harmonics * damping[:, None]).flatten(1, 2), rays.rotation, mvsplat_basis=not conventions.standard_harmonics
+    )
+    if images is not None:
+        base = ((images - 0.5) / HARMONICS_DC).permute(0, 2, 3, 1).flatten(1, 2)
+        harmonics = torch.cat((harmonics[..., :1, :] + base[..., None, :], harmonics[..., 1:, :]), dim=-2)
+    return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), harmonics)
+
+
+@outside_autocast
+def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n h w"], rays: Rays) -> Appearance:
+    """Semantic Gaussians of n views, [n (h w) ...]: channels (3 sizes, 4 quaternion, logits of the classes)."""
+    raw = raw.to(depths.dtype)
+    scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
+    classes = raw[:, 7:].softmax(1).permute(0, 2, 3, 1)
+    return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), classes.flatten(1, 2))
+
+
+@dataclass(frozen=True)
+class Placer:
+    """Gives Gaussians their place, shape and appearance in the world.
+
+    Attributes:
+        stride: pixels along each side of a Gaussian's place.
+        from_image: add the image's own colour to the predicted one.
+        conventions: of geometry.
+    """
+
+    stride: int
+    from_image: bool
+    conventions: Conventions
+
+    def __call__(
+        self,
+        decoded: Decoded,
+        classes: Float[Tensor, "n channel h w"] | None,
+        small: Float[Tensor, "n 3 h w"],
+        rays: Rays,
+        size: tuple[int, int],
+    ) -> Encoding:
+        """Each view as a scene of its own, cropped.
+
+        Args:
+            decoded: of the n views.
+            classes: what the semantic head says; None leaves the Gaussians without semantics.
+            small: the images at the Gaussians' scale.
+            rays: of their cameras.
+            size: (height, width) of the images before they were padded [px].
+        """
+        depths = decoded.depths
+        means = points(depths, decoded.offsets, rays, self.conventions)
+        shown = small if self.from_image else None
+        appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
+        semantic = None if classes is None else semantic_appearance(classes, depths, rays)
+        kept = tuple((side + self.stride - 1) // self.stride for side in size)
+
+        def gathered(tensor: Tensor) -> Tensor:
+            maps = tensor.reshape(*depths.shape, *tensor.shape[2:])
+            return maps[:, : kept[0], : kept[1]].flatten(1, 2)
+
+        flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, semantic)
+        return Encoding(flat.map(gathered), self._full(depths, size), self._full(decoded.confidences, size))
+
+    def _full(self, maps: Float[Tensor, "n h w"], size: tuple[int, int]) -> Float[Tensor, "n 1 height width"]:
+        """Maps at the images' own scale."""
+        return widened(maps, self.stride)[:, None, : size[0], : size[1]]
+
+
+def widened(maps: Float[Tensor, "*n h w"], stride: int) -> Float[Tensor, "*n h2 w2"]:
+    """Each pixel of the maps repeated `stride` times along both sides."""
+    return maps.repeat_interleave(stride, -1).repeat_interleave(stride, -2)

@@ -1,0 +1,66 @@
+"""The slot of the class branch's refinement: what makes features of each view by itself, before the transformer."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.model.cnn import ResidualBlock
+
+Shallow = Callable[[Tensor], Tensor]
+"""Gives the shallow CNN's features [n c h/4 w/4] of images [n 3 h w]."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """What a refinement makes of each view by itself.
+
+    Attributes:
+        features: for the transformer.
+        evidence: for the refinement's own classifier, where it has one.
+    """
+
+    features: Float[Tensor, "n c h4 w4"]
+    evidence: Float[Tensor, "n k h4 w4"]
+
+    def __getitem__(self, at: slice) -> Refined:
+        """That of some of the views."""
+        return Refined(self.features[at], self.evidence[at])
+
+
+class ClassRefinement(nn.Module, ABC):
+    """What fits the slot.
+
+    Args:
+        classifier: from `Refined.evidence` to logits of the classes, which the head then corrects; None leaves the classes to the head.
+    """
+
+    def __init__(self, classifier: nn.Conv2d | None = None) -> None:
+        super().__init__()
+        self.classifier = classifier
+
+    @abstractmethod
+    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features at 1/4 of the images (0..1).
+
+        Args:
+            pictures: with sides that are multiples of 16.
+            shallow: gives the shallow features of images, these or smaller ones.
+        """
+
+
+class ResidualRefinement(ClassRefinement):
+    """The paper's: two residual blocks on the shallow features."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.residual = nn.Sequential(ResidualBlock(channels, channels), ResidualBlock(channels, channels))
+
+    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features of each view; no classes."""
+        features: Tensor = self.residual(shallow(pictures))
+        return Refined(features, features)

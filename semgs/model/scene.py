@@ -1,0 +1,71 @@
+"""Padded: what the network sees of a batch of scenes, and how its answer gets back to the size of the views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import avg_pool2d, pad
+
+from semgs.data.views import Views
+from semgs.geometry.cameras import Cameras
+
+MULTIPLE = 16
+"""Sides of the images are padded to a multiple of this."""
+
+
+@dataclass(frozen=True)
+class Padded:
+    """A batch of b scenes of v views each, padded below and right; n = b v images, scene by scene.
+
+    Attributes:
+        pictures: on the network's device and in its dtype.
+        small: the same at the Gaussians' scale.
+        cameras: of the padded images, [b v].
+        depth_range: near and far of each view [m].
+        views: v.
+    """
+
+    pictures: Float[Tensor, "n 3 h w"]
+    small: Float[Tensor, "n 3 h2 w2"]
+    cameras: Cameras
+    depth_range: Float[Tensor, "b v 2"]
+    views: int
+
+    @staticmethod
+    def of(views: Views, like: Tensor, stride: int) -> Padded:
+        """Views of one scene, or of scenes with any leading axes.
+
+        Args:
+            views: with images of any size.
+            like: a tensor on the device and in the dtype of the network.
+            stride: pixels along each side of a Gaussian's place.
+        """
+        count, (height, width) = len(views), views.size
+        padded = (-(-height // MULTIPLE) * MULTIPLE, -(-width // MULTIPLE) * MULTIPLE)
+        pictures = views.images.flatten(end_dim=-4).to(like)
+        if padded != (height, width):
+            pictures = pad(pictures, (0, padded[1] - width, 0, padded[0] - height), mode="replicate")
+        cameras = Cameras(
+            views.cameras.world_from_camera.reshape(-1, count, 4, 4),
+            views.cameras.intrinsics.reshape(-1, count, 3, 3),
+            padded,
+        )
+        small = avg_pool2d(pictures, stride) if stride > 1 else pictures
+        return Padded(pictures, small, cameras, views.depth_range.reshape(-1, count, 2), count)
+
+    @property
+    def near(self) -> Float[Tensor, " b"]:
+        """The smallest near bound of each scene's views [m]."""
+        return self.depth_range[..., 0].amin(-1)
+
+
+def shrunk(cameras: Cameras, stride: int) -> Cameras:
+    """The cameras of images whose sides are `stride` times smaller."""
+    if stride == 1:
+        return cameras
+    scale = torch.tensor([1 / stride, 1 / stride, 1.0], dtype=torch.float64)
+    height, width = cameras.size
+    return replace(cameras, intrinsics=cameras.intrinsics * scale[:, None], size=(height // stride, width // stride))

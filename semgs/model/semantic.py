@@ -1,0 +1,110 @@
+"""The semantic branch: from images and shallow features to a class distribution and a shape for each Gaussian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.model.cnn import FeatureCNN
+from semgs.model.heads import Head, PlainUpsampler, Upsampler, upsampled
+from semgs.model.layout import beside
+from semgs.model.refinement import ClassRefinement, Refined
+from semgs.model.scene import Padded
+from semgs.model.transformer import CameraTransformer
+
+SHAPE = 7
+"""Channels of the head before its classes: 3 sizes and a quaternion."""
+
+
+Attributes = Callable[[slice], Tensor]
+"""Given which of the views, what the head says of them [n channel h w]: raw sizes, quaternions and logits of the classes."""
+
+
+class SemanticBranch(nn.Module):
+    """The branch as composed of its parts.
+
+    Args:
+        cnn: a shallow CNN of its own; None shares the colour branch's.
+        refinement: of the shallow features.
+        transformer: over all views.
+        upsampler: to the Gaussians' scale.
+        head: on the image and the upsampled features.
+    """
+
+    def __init__(
+        self,
+        cnn: FeatureCNN | None,
+        refinement: ClassRefinement,
+        transformer: CameraTransformer,
+        upsampler: Upsampler | PlainUpsampler,
+        head: Head,
+    ) -> None:
+        super().__init__()
+        self.cnn = cnn
+        self.refinement = refinement
+        self.transformer = transformer
+        self.upsampler = upsampler
+        self.head = head
+
+    def forward(self, scene: Padded, shallow: Float[Tensor, "n c h4 w4"], cnn: FeatureCNN) -> Attributes:
+        """The features of all views are computed; the function that is returned says what the head makes of some of them.
+
+        Args:
+            scene: the views.
+            shallow: what the shared CNN made of them.
+            cnn: the shared CNN.
+        """
+        refined = self._refined(scene, shallow, cnn)
+        features: Tensor = self.transformer(refined.features, scene)
+        return lambda at: self._attributes(scene.small[at], features[at], refined[at])
+
+    def logits_alone(
+        self, scene: Padded, shallow: Float[Tensor, "n c h4 w4"], cnn: FeatureCNN
+    ) -> Float[Tensor, "n class h w"]:
+        """Class logits of each view by itself: the refinement's own, or else those of the head without the transformer."""
+        refined = self._refined(scene, shallow, cnn)
+        if self.refinement.classifier is not None:
+            return self._own_logits(self.refinement.classifier, refined)
+        return self._attributes(scene.small, refined.features, refined)[:, SHAPE:]
+
+    def _refined(self, scene: Padded, shallow: Float[Tensor, "n c h4 w4"], cnn: FeatureCNN) -> Refined:
+        """The features of each view by itself."""
+
+        def features(pictures: Tensor) -> Tensor:
+            if self.cnn is None and pictures is scene.pictures:
+                return shallow
+            own: Tensor = (self.cnn or cnn)(pictures)
+            return own
+
+        refined: Refined = self.refinement(scene.pictures, features)
+        return refined
+
+    def _attributes(
+        self, small: Float[Tensor, "n 3 h w"], features: Float[Tensor, "n c h4 w4"], refined: Refined
+    ) -> Float[Tensor, "n channel h w"]:
+        """What the head says, with the refinement's own logits added where it has some."""
+        raw: Tensor = self.head(beside(small, self.upsampler(features, refined.features)))
+        if self.refinement.classifier is None:
+            return raw
+        own = self._own_logits(self.refinement.classifier, refined)
+        return torch.cat((raw[:, :SHAPE], raw[:, SHAPE:] + own), dim=1)
+
+    def _own_logits(self, classifier: nn.Conv2d, refined: Refined) -> Float[Tensor, "n class h w"]:
+        """The refinement's logits at the Gaussians' scale."""
+        return upsampled(classifier(refined.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
+
+    def layers(self, alone: bool = False) -> tuple[str, ...]:
+        """Names of the parts that the classes depend on; with `alone`, those of `logits_alone`."""
+        used = ["cnn", "refinement"]
+        if not alone:
+            used.append("transformer")
+        if not alone or self.refinement.classifier is None:
+            used += ["upsampler", "head"]
+        return tuple(used)
+
+    def class_layers(self) -> tuple[str, str]:
+        """Names of the layers that predict classes: the head's last and the refinement's, if it has one."""
+        return f"head.{len(self.head) - 1}", "refinement.classifier"

@@ -1,0 +1,219 @@
+"""Settings of the network: one frozen dataclass for each part, JSON by `as_json`; `semgs.model.build` turns them into modules.
+
+The defaults are the paper's sizes with MVSplat's layer shapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from semgs.model.conventions import OURS, Conventions
+
+
+@dataclass(frozen=True)
+class TransformerSettings:
+    """The transformer of one branch.
+
+    Attributes:
+        blocks: how many.
+        windows: along each side of the token map; 1 is full attention (ablation *Sw-Trans*).
+        expansion: of the feed-forward networks.
+        reduction: 2 lets the blocks work at 1/8 of the image.
+        camera_aware: camera-aware attention (ablation *C-Inj*).
+        output_transform: multiply the attention output by G; False is the paper's text.
+    """
+
+    blocks: int
+    windows: int = 2
+    expansion: int = 4
+    reduction: int = 1
+    camera_aware: bool = True
+    output_transform: bool = True
+
+
+@dataclass(frozen=True)
+class DepthSettings:
+    """Depth by plane sweep.
+
+    Attributes:
+        candidates: L.
+        width, hidden, levels, decoder_blocks: of the U-Net that turns cost into probabilities, `hidden` between its last two layers.
+        cosine_cost: correlate features that are centred in each image and of equal length, so that costs are cosines times the
+            root of d; a network that starts from random weights learns depth far sooner with it.
+        cost_prior: depth's logits are a correction of the cost itself, from normalised features; else they are free, and at a
+            high learning rate they saturate into one candidate before the features have learned to match.
+        initial_scale: factor on the random weights of depth's last layers; below 1 all candidates start alike.
+    """
+
+    candidates: int = 128
+    width: int = 128
+    hidden: int = 256
+    levels: int = 3
+    decoder_blocks: int = 2
+    cosine_cost: bool = False
+    cost_prior: bool = False
+    initial_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class MVSplatHeads:
+    """MVSplat's way from features to Gaussians: a U-Net at the Gaussians' scale corrects disparity and predicts opacity.
+
+    Attributes:
+        upsampled: channels of the features at the Gaussians' scale.
+        projected: channels of them that the U-Net sees.
+        width, levels, decoder_blocks: of the U-Net.
+        kind: which heads these are, in JSON.
+    """
+
+    upsampled: int = 128
+    projected: int = 32
+    width: int = 32
+    levels: int = 5
+    decoder_blocks: int = 2
+    kind: Literal["mvsplat"] = "mvsplat"
+
+
+@dataclass(frozen=True)
+class PaperHeads:
+    """The paper's text word by word: depth is the upsampled expectation without refinement, means lie on pixel centres, opacity is a CNN
+    on the upsampled distribution over the candidates, and the heads see the image and the upsampled transformer features alone.
+
+    Attributes:
+        opacity_hidden: width between the two layers of the opacity CNN.
+        kind: which heads these are, in JSON.
+    """
+
+    opacity_hidden: int = 32
+    kind: Literal["paper"] = "paper"
+
+
+@dataclass(frozen=True)
+class ColourSettings:
+    """The colour branch and depth.
+
+    Attributes:
+        transformer, depth, heads: its parts.
+        hidden: width between the two layers of the colour head.
+        harmonics: coefficients per colour channel that the head predicts; those beyond degree 3 are never rendered nor computed.
+        from_image: the head predicts a correction of the image's own colour.
+    """
+
+    transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=6))
+    depth: DepthSettings = field(default_factory=DepthSettings)
+    heads: MVSplatHeads | PaperHeads = field(default_factory=MVSplatHeads)
+    hidden: int = 168
+    harmonics: int = 25
+    from_image: bool = False
+
+
+@dataclass(frozen=True)
+class TwoBlocks:
+    """The paper's refinement of the class branch: two residual blocks at 1/4 of the image."""
+
+    kind: Literal["two_blocks"] = "two_blocks"
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """A pyramid of coarser maps that classifies each view by itself; the head corrects its classes.
+
+    Attributes:
+        widths: of the maps at 1/8 of the image and so on.
+        kind: which refinement this is, in JSON.
+    """
+
+    widths: tuple[int, ...]
+    kind: Literal["pyramid"] = "pyramid"
+
+
+@dataclass(frozen=True)
+class SemanticSettings:
+    """The semantic branch.
+
+    Attributes:
+        transformer, refinement: its parts.
+        own_cnn: a shallow CNN of its own; else it shares the colour branch's (ablation *Sh-Layer*).
+        hidden: width between the two layers of the semantic head.
+    """
+
+    transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
+    refinement: TwoBlocks | Pyramid = field(default_factory=TwoBlocks)
+    own_cnn: bool = False
+    hidden: int = 54
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """A whole network.
+
+    Attributes:
+        name: of the preset that it began as.
+        channels: d, of features and transformers.
+        cnn_widths: channels of the shallow CNN.
+        stride: 1 places a Gaussian per pixel, 2 one per 2x2 pixels.
+        last_kernel: side of the heads' second layer.
+        initial_sigma: size at which Gaussians start, in pixels of their own grid; None leaves it to the random weights.
+        colour: the colour branch and depth.
+        semantic: the semantic branch; None for a colour-only network.
+        conventions: of geometry.
+    """
+
+    name: str = "base"
+    channels: int = 128
+    cnn_widths: tuple[int, int, int] = (64, 96, 128)
+    stride: int = 1
+    last_kernel: int = 3
+    initial_sigma: float | None = None
+    colour: ColourSettings = field(default_factory=ColourSettings)
+    semantic: SemanticSettings | None = field(default_factory=SemanticSettings)
+    conventions: Conventions = OURS
+
+    def as_json(self) -> dict[str, Any]:
+        """The settings as plain JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, saved: Mapping[str, Any]) -> NetworkSettings:
+        """The settings that `as_json` gave, also after a way through a file.
+
+        Raises:
+            KeyError, TypeError, ValueError: these are no such settings.
+        """
+        colour, semantic = saved["colour"], saved["semantic"]
+        return cls(
+            **{
+                **saved,
+                "cnn_widths": tuple(saved["cnn_widths"]),
+                "colour": ColourSettings(
+                    **{
+                        **colour,
+                        "transformer": TransformerSettings(**colour["transformer"]),
+                        "depth": DepthSettings(**colour["depth"]),
+                        "heads": _one_of(colour["heads"], MVSplatHeads, PaperHeads),
+                    }
+                ),
+                "semantic": None if semantic is None else SemanticSettings(
+                    **{
+                        **semantic,
+                        "transformer": TransformerSettings(**semantic["transformer"]),
+                        "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid),
+                    }
+                ),
+                "conventions": Conventions(**saved["conventions"]),
+            }
+        )  # fmt: skip
+
+
+def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:
+    """The settings of the kind that they name.
+
+    Raises:
+        ValueError: they name none of these.
+    """
+    for kind in kinds:
+        if kind.kind == saved.get("kind"):
+            return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()})
+    raise ValueError(f"kind is {saved.get('kind')!r}; expected {' or '.join(kind.kind for kind in kinds)}")

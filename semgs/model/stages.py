@@ -1,0 +1,12 @@
+"""Stages: the parts of the network that take time, and what may stand around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
+STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads")
+"""In their order; depth comes twice: its probabilities, then what the heads make of it."""
+
+Stage = Callable[[str], AbstractContextManager[object]]
+"""What stands around each stage, given its name."""

@@ -1,0 +1,81 @@
+"""Switches: parts that the paper's ablation takes away, and readings of its text, as flat choices that change the settings of a preset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from semgs.model.settings import MVSplatHeads, NetworkSettings, PaperHeads, Pyramid, TwoBlocks
+
+
+@dataclass(frozen=True)
+class Switches:
+    """Parts of the network that the paper's ablation takes away, and readings of its text; of a network that is drawn at random."""
+
+    shared_layers: bool = True
+    """One shallow CNN for both branches (ablation Sh-Layer)."""
+    windows: int = 2
+    """Windows along each side of the token map; 1 is full attention (ablation Sw-Trans)."""
+    camera_aware_colour: bool = True
+    """Camera-aware attention in the colour branch (ablation C-Inj)."""
+    camera_aware_semantic: bool = True
+    """Camera-aware attention in the semantic branch (ablation C-Inj)."""
+    output_transform: bool = True
+    """Multiply the output of attention by G; off is the paper's text."""
+    paper_heads: bool = False
+    """The paper's text for the heads instead of MVSplat's."""
+    semantic_pyramid: tuple[int, ...] = ()
+    """Refine the semantic features by a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
+    supervision by pictures first: its batch norms measure there alone. Weights of another semantic branch lend all else."""
+
+
+def switches_of(settings: NetworkSettings) -> Switches:
+    """How the switches of a network are set; those of a semantic branch that it does not have, as by default."""
+    colour, semantic = settings.colour, settings.semantic
+    found = Switches(
+        windows=colour.transformer.windows,
+        camera_aware_colour=colour.transformer.camera_aware,
+        output_transform=colour.transformer.output_transform,
+        paper_heads=isinstance(colour.heads, PaperHeads),
+    )
+    if semantic is None:
+        return found
+    return replace(
+        found,
+        shared_layers=not semantic.own_cnn,
+        camera_aware_semantic=semantic.transformer.camera_aware,
+        semantic_pyramid=semantic.refinement.widths if isinstance(semantic.refinement, Pyramid) else (),
+    )
+
+
+def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
+    """The settings of a network with some of its switches set.
+
+    Args:
+        settings: of the network.
+        changes: values by the names of `Switches`; the others stay.
+
+    Raises:
+        TypeError: there is no switch of a name.
+    """
+    before = switches_of(settings)
+    now = replace(before, **changes)
+    both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
+    colour = replace(
+        settings.colour,
+        transformer=replace(settings.colour.transformer, camera_aware=now.camera_aware_colour, **both),
+    )
+    if now.paper_heads != before.paper_heads:
+        colour = replace(colour, heads=PaperHeads() if now.paper_heads else MVSplatHeads())
+    semantic = settings.semantic
+    if semantic is not None:
+        semantic = replace(
+            semantic,
+            own_cnn=not now.shared_layers,
+            transformer=replace(semantic.transformer, camera_aware=now.camera_aware_semantic, **both),
+        )
+        if now.semantic_pyramid != before.semantic_pyramid:
+            refinement = Pyramid(now.semantic_pyramid) if now.semantic_pyramid else TwoBlocks()
+            semantic = replace(semantic, refinement=refinement)
+    return replace(settings, colour=colour, semantic=semantic)
