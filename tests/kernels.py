@@ -36,13 +36,13 @@ def compile_part(part: str) -> None:
             sample(4, index, size=(48, 64), contexts=2, targets=1)
         return
     import torch
+    from networks import preset
     from posed import posed_views
 
-    from semgs.model import presets
     from semgs.rendering.render import render
 
     dtype = getattr(torch, part)
-    model, views = presets.small().to(dtype), posed_views(2, (32, 48), dtype=dtype)
+    model, views = preset("small").to(dtype), posed_views(2, (32, 48), dtype=dtype)
     rendering = render(model(views).gaussians, views.cameras, near=0.5)
     assert rendering.semantics is not None
     (rendering.images.sum() + rendering.semantics.sum() + rendering.depths.sum()).backward()

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import ast
 import importlib
-import inspect
 import re
 from dataclasses import fields
 from pathlib import Path
 
+import networks
 import pytest
+from networks import network, preset
 
 from semgs.model import presets
 from semgs.model.conventions import Conventions
-from semgs.model.semgs import SemGS
 from semgs.objectives.weights import LossWeights
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -104,7 +104,7 @@ def test_every_switch_of_the_ablation_has_the_parameters_that_the_page_says():
     rows = switches()
     assert len(rows) == 8
     for changed, count in rows:
-        assert sum(p.numel() for p in SemGS(**changed).parameters()) == count
+        assert sum(p.numel() for p in network(**changed).parameters()) == count
     assert {"shared_layers": False, "windows": 1, "camera_aware_colour": False, "camera_aware_semantic": False} in [
         changed for changed, _ in rows
     ]
@@ -112,7 +112,7 @@ def test_every_switch_of_the_ablation_has_the_parameters_that_the_page_says():
 
 def test_every_argument_on_the_page_is_one():
     known = {
-        *inspect.signature(SemGS).parameters,
+        *networks.BASE,
         *(f.name for kind in (Conventions, LossWeights) for f in fields(kind)),
     }
     assert set(arguments(PAGE)) <= known
@@ -120,5 +120,5 @@ def test_every_argument_on_the_page_is_one():
 
 def test_the_networks_have_the_parameters_that_the_page_says():
     (row,) = re.findall(r"^\| parameters \| ([\d,]+) \| ([\d,]+) \| .*: ([\d,]+) \|$", PAGE, re.MULTILINE)
-    built = (presets.base(), presets.small(), presets.mvsplat())
+    built = (presets.base(), presets.small(), preset("mvsplat"))
     assert [int(one.replace(",", "")) for one in row] == [sum(p.numel() for p in m.parameters()) for m in built]

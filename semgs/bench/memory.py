@@ -57,7 +57,7 @@ class PeakWatch:
         """Around a part."""
         self._look()
         self._open.append(part)
-        self.peaks.setdefault(part, 0.0)
+        self.peaks[part] = 0.0
         yield
         self._look()
         self._open.pop()

@@ -22,7 +22,7 @@ class Stopwatch:
         counter: of operations, None to count none.
 
     Attributes:
-        seconds: by part; a part that comes twice adds up.
+        seconds: by part.
         operations: by part, then by kind.
     """
 
@@ -41,11 +41,9 @@ class Stopwatch:
         before = self._counter.read() if self._counter else None
         start = self._now()
         yield
-        self.seconds[part] = self.seconds.get(part, 0.0) + self._now() - start
+        self.seconds[part] = self._now() - start
         if self._counter and before:
-            counts = self.operations.setdefault(part, {})
-            for kind, count in difference(self._counter.read(), before).items():
-                counts[kind] = counts.get(kind, 0.0) + count
+            self.operations[part] = difference(self._counter.read(), before)
 
     def _now(self) -> float:
         """The time at which all that was asked of the device is done."""

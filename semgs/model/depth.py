@@ -11,42 +11,50 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.geometry.plane_sweep import depth_candidates, expected_depth
+from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.conventions import Conventions
 from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.layout import beside
-from semgs.model.scene import Padded
-from semgs.model.stages import Stage
+from semgs.model.scene import Padded, widened
 from semgs.model.unet import GROUPS, UNet
 
 
 @dataclass(frozen=True)
+class Planes:
+    """The depth candidates of n views, in float32 or better.
+
+    Attributes:
+        depths: of each candidate [m].
+        bounds: near and far [m].
+    """
+
+    depths: Float[Tensor, "n l"]
+    bounds: Float[Tensor, "n 2"]
+
+    def __getitem__(self, at: slice) -> Planes:
+        """Those of some of the views."""
+        return Planes(self.depths[at], self.bounds[at])
+
+
+@dataclass(frozen=True)
 class Depth:
-    """What the plane sweep says of n views at 1/4 of the images, in float32 or better.
+    """What the plane sweep says of n views at 1/4 of the images.
 
     Attributes:
         probabilities: of the candidates.
-        planes: depth of each candidate [m].
-        bounds: near and far [m].
-        conventions: say how candidates are sampled.
+        planes: the candidates.
     """
 
     probabilities: Float[Tensor, "n l h4 w4"]
-    planes: Float[Tensor, "n l"]
-    bounds: Float[Tensor, "n 2"]
-    conventions: Conventions
+    planes: Planes
 
     def __getitem__(self, at: slice) -> Depth:
         """That of some of the views."""
-        return Depth(self.probabilities[at], self.planes[at], self.bounds[at], self.conventions)
+        return Depth(self.probabilities[at], self.planes[at])
 
     def confidences(self, factor: int) -> Float[Tensor, "n h w"]:
         """The largest probability, repeated to maps `factor` times as large."""
-        return self.probabilities.amax(1).repeat_interleave(factor, -1).repeat_interleave(factor, -2)
-
-    def expected(self) -> Float[Tensor, "n h4 w4"]:
-        """The expectation over the candidates [m]."""
-        return expected_depth(self.probabilities, self.planes, self.conventions.candidates)
+        return widened(self.probabilities.amax(1), factor)
 
 
 class PlaneSweepDepth(nn.Module):
@@ -66,34 +74,38 @@ class PlaneSweepDepth(nn.Module):
         self.cosine_cost = cosine_cost
         self.conventions = conventions
 
-    def forward(
-        self, features: Float[Tensor, "n c h4 w4"], scene: Padded, views_at_a_time: int | None, stage: Stage
-    ) -> Depth:
-        """Probabilities of the depth candidates; within autocast the regressor alone computes in half precision.
+    def cost(
+        self, features: Float[Tensor, "n c h4 w4"], scene: Padded, views_at_a_time: int | None
+    ) -> Float[Tensor, "n l h4 w4"]:
+        """The cost volume of all views.
 
         Args:
             features: of the colour transformer.
             scene: the views that they are of.
             views_at_a_time: reference views whose costs are computed together; None is all.
-            stage: stands around the stages `cost_volume` and `depth`.
         """
-        precise = torch.promote_types(features.dtype, torch.float32)
-        bounds = scene.depth_range.to(features.device, precise)
-        planes = depth_candidates(scene.depth_range, self.candidates, self.conventions.candidates).to(bounds)
-        with stage("cost_volume"):
-            matched = unit_features(features) if self.cosine_cost else features
-            cost = cost_volume(
-                matched.unflatten(0, scene.cameras.batch),
-                scene.cameras,
-                bounds[..., 0],
-                planes,
-                self.conventions,
-                views_at_a_time=views_at_a_time,
-            ).flatten(0, 1)
-        with stage("depth"):
-            logits: Tensor = self.regressor(cost, features, scene.views)
-            probabilities = logits.to(precise).softmax(1)
-        return Depth(probabilities, planes.flatten(0, 1), bounds.flatten(0, 1), self.conventions)
+        planes, batch = self.planes(features, scene), scene.cameras.batch
+        matched = unit_features(features) if self.cosine_cost else features
+        return cost_volume(
+            matched.unflatten(0, batch),
+            scene.cameras,
+            planes.bounds[:, 0].unflatten(0, batch),
+            planes.depths.unflatten(0, batch),
+            self.conventions,
+            views_at_a_time=views_at_a_time,
+        ).flatten(0, 1)
+
+    def forward(self, cost: Float[Tensor, "n l h4 w4"], features: Float[Tensor, "n c h4 w4"], scene: Padded) -> Depth:
+        """Probabilities of the depth candidates; within autocast the regressor alone computes in half precision."""
+        planes = self.planes(features, scene)
+        logits: Tensor = self.regressor(cost, features, scene.views)
+        return Depth(logits.to(planes.depths).softmax(1), planes)
+
+    def planes(self, features: Tensor, scene: Padded) -> Planes:
+        """The candidates on the features' device, and in their dtype or float32 where that is less."""
+        bounds = scene.depth_range.to(features.device, torch.promote_types(features.dtype, torch.float32))
+        depths = depth_candidates(scene.depth_range, self.candidates, self.conventions.candidates).to(bounds)
+        return Planes(depths.flatten(0, 1), bounds.flatten(0, 1))
 
 
 class CostRegressor(nn.Module):

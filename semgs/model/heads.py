@@ -203,7 +203,8 @@ class MVSplatDecoder(Decoder):
     ) -> Decode:
         """As `Decoder`; the refinement looks at all views together."""
         confidences = depth.confidences(self.factor)
-        disparities = upsampled((1 / depth.expected())[:, None], self.factor, self.conventions.pixel_centres)[:, 0]
+        coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, self.conventions.candidates)
+        disparities = upsampled(coarse[:, None], self.factor, self.conventions.pixel_centres)[:, 0]
         # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
         kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
 
@@ -211,7 +212,7 @@ class MVSplatDecoder(Decoder):
             return self.upsampler(features[at], shallow[at]) if kept is None else kept[at]
 
         projected = by_chunks(lambda at: self.refinement.project(wide(at)), len(features), views_at_a_time)
-        near, far = depth.bounds[:, :, None, None].unbind(1)
+        near, far = depth.planes.bounds[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
         refined, raw = self.refinement(scene.small, projected, disparities * unit, confidences, scene.views)
         depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
@@ -261,7 +262,7 @@ class PaperDecoder(Decoder):
             wide = upsampled(features[at], self.factor, corners)
             opacity: Tensor = self.opacity(distribution)
             return Decoded(
-                expected_depth(distribution, part.planes, sampling),
+                expected_depth(distribution, part.planes.depths, sampling),
                 opacity[:, 0].to(distribution.dtype).sigmoid(),
                 rendered_attributes(self.colour, self.harmonics, beside(scene.small[at], wide)),
                 part.confidences(self.factor),

@@ -16,6 +16,7 @@ from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoded
 from semgs.model.precision import outside_autocast
+from semgs.model.scene import widened
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
 """Range of a Gaussian's size before `SIGMA_UNIT`."""
@@ -188,8 +189,3 @@ class Placer:
     def _full(self, maps: Float[Tensor, "n h w"], size: tuple[int, int]) -> Float[Tensor, "n 1 height width"]:
         """Maps at the images' own scale."""
         return widened(maps, self.stride)[:, None, : size[0], : size[1]]
-
-
-def widened(maps: Float[Tensor, "*n h w"], stride: int) -> Float[Tensor, "*n h2 w2"]:
-    """Each pixel of the maps repeated `stride` times along both sides."""
-    return maps.repeat_interleave(stride, -1).repeat_interleave(stride, -2)

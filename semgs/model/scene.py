@@ -69,3 +69,8 @@ def shrunk(cameras: Cameras, stride: int) -> Cameras:
     scale = torch.tensor([1 / stride, 1 / stride, 1.0], dtype=torch.float64)
     height, width = cameras.size
     return replace(cameras, intrinsics=cameras.intrinsics * scale[:, None], size=(height // stride, width // stride))
+
+
+def widened(maps: Float[Tensor, "*n h w"], stride: int) -> Float[Tensor, "*n h2 w2"]:
+    """Each pixel of the maps repeated `stride` times along both sides."""
+    return maps.repeat_interleave(stride, -1).repeat_interleave(stride, -2)

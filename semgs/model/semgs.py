@@ -16,8 +16,8 @@ from semgs.model.depth import PlaneSweepDepth
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoder
 from semgs.model.layout import lay_out
-from semgs.model.placing import Placer, Rays, widened
-from semgs.model.scene import Padded, shrunk
+from semgs.model.placing import Placer, Rays
+from semgs.model.scene import Padded, shrunk, widened
 from semgs.model.semantic import SHAPE, SemanticBranch
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
@@ -111,10 +111,12 @@ class SemGS(nn.Module):
             features = self.colour.transformer(shallow, scene)
         with stage("transformer_semantic"):
             semantic = None if self.semantic is None else self.semantic(scene, shallow, self.cnn)
-        depth = self.colour.depth(features, scene, chunks.cost, stage)
+        with stage("cost_volume"):
+            cost = self.colour.depth.cost(features, scene, chunks.cost)
         with stage("depth"):
+            depth = self.colour.depth(cost, features, scene)
             decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
-        rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), depth.bounds)
+        rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), depth.planes.bounds)
 
         def placed(at: slice) -> Encoding:
             classes = None if semantic is None else semantic(at)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 
 STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads")
-"""In their order; depth comes twice: its probabilities, then what the heads make of it."""
+"""In their order."""
 
 Stage = Callable[[str], AbstractContextManager[object]]
 """What stands around each stage, given its name."""

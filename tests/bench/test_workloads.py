@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from networks import preset
 
 from semgs.bench.flops import counted
 from semgs.bench.measure import WHOLE, CannotMeasureError
@@ -17,8 +18,7 @@ from semgs.bench.scenes import context_views, generated_scene, network
 from semgs.bench.watches import Stopwatch
 from semgs.bench.workloads import command, prepare
 from semgs.geometry.cameras import project
-from semgs.model import presets
-from semgs.model.heads import SIGMA_UNIT
+from semgs.model.placing import SIGMA_UNIT
 
 TINY = (32, 48)
 ROWS = {row.name: row for row in every_row()}
@@ -65,7 +65,7 @@ def test_mvsplats_encoder_counts_what_its_own_code_does() -> None:
     Convolutions follow the number of pixels; a 25th of them are counted here. What it computes in shifted windows to be masked, 7 of
     16 products in six attentions over two views, four windows and 128 channels, we leave out as well.
     """
-    model = presets.mvsplat().eval()
+    model = preset("mvsplat").eval()
     with counted() as counter, torch.no_grad():
         model(context_views(2, (48, 64)))
         found = counter.read()

@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 import pytest
 import torch
 from golden import fill_golden
+from networks import network
 from posed import posed_cameras, posed_views
 from torch.nn.functional import normalize
 
@@ -19,7 +20,8 @@ from semgs.geometry.plane_sweep import sweep
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.conventions import MVSPLAT, OURS, Conventions
 from semgs.model.cost_volume import cost_volume
-from semgs.model.heads import Rays, points, upsampled
+from semgs.model.heads import upsampled
+from semgs.model.placing import Rays, points
 from semgs.model.semgs import SemGS
 from semgs.model.swin import Windows
 from semgs.rendering.render import render
@@ -53,7 +55,7 @@ def test_each_field_reaches_the_network(name: str):
     views = posed_views(3, SIZE, seed=4, dtype=torch.float64)
     made = []
     for conventions in (OURS, replace(OURS, **{name: theirs})):
-        model = fill_golden(SemGS(**TINY, conventions=conventions)).double()
+        model = fill_golden(network(**TINY, conventions=conventions)).double()
         with torch.inference_mode():
             made.append(model(views).gaussians)
     ours, other = made
@@ -216,14 +218,14 @@ def test_d7_a_pose_a_little_off_a_rotation_is_made_one_and_the_network_runs():
     rotation = nearly.cameras.world_from_camera[:, :3, :3]
     assert torch.allclose(rotation @ rotation.mT, torch.eye(3, dtype=torch.float64).expand(2, 3, 3), atol=1e-12)
     with torch.inference_mode():
-        assert torch.isfinite(fill_golden(SemGS(**TINY))(nearly).gaussians.means).all()
+        assert torch.isfinite(fill_golden(network(**TINY))(nearly).gaussians.means).all()
 
 
 @pytest.mark.parametrize("relative", [True, False])
 def test_d8_the_refinement_knows_no_unit_and_theirs_reads_one_over_metres(relative: bool):
     """The same numbers where the near bound is 1; elsewhere only ours scales with the world."""
-    model = fill_golden(SemGS(**TINY, conventions=replace(OURS, relative_disparity=relative))).double()
-    ours = fill_golden(SemGS(**TINY)).double()
+    model = fill_golden(network(**TINY, conventions=replace(OURS, relative_disparity=relative))).double()
+    ours = fill_golden(network(**TINY)).double()
     views = posed_views(2, SIZE, dtype=torch.float64)
 
     def depths(network: SemGS, near: float) -> torch.Tensor:

@@ -8,7 +8,7 @@ from semgs.geometry.cameras import Cameras, back_project, pixel_centres, project
 from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.conventions import MVSPLAT, OURS
 from semgs.model.cost_volume import cost_volume, unit_features
-from semgs.model.heads import CostRegressor
+from semgs.model.depth import CostRegressor
 
 
 def batched(cameras: Cameras) -> Cameras:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from golden import fill_golden
+from networks import network
 from posed import posed_cameras, posed_views
 from scipy.spatial.transform import Rotation
 
@@ -15,7 +16,8 @@ from semgs.geometry.cameras import back_project
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.geometry.rotations import covariance
 from semgs.model.conventions import OURS, Conventions
-from semgs.model.heads import Rays, colour_appearance, points, semantic_appearance, shapes, upsampled
+from semgs.model.heads import upsampled
+from semgs.model.placing import Rays, colour_appearance, points, semantic_appearance, shapes
 from semgs.model.semgs import SemGS
 from semgs.rendering import reference
 from semgs.rendering.pinhole import Pinhole
@@ -138,8 +140,8 @@ def watched(model: SemGS, **modules: str) -> dict[str, tuple]:
 
 
 def test_depth_is_the_expectation_corrected_by_the_refinement_and_opacity_its_other_channel():
-    model = fill_golden(SemGS(**TINY)).double()
-    seen = watched(model, logits="cost_regressor", refinement="depth_refinement")
+    model = fill_golden(network(**TINY)).double()
+    seen = watched(model, logits="colour.depth.regressor", refinement="colour.heads.refinement")
     views = posed_views(2, (32, 48), dtype=torch.float64)
     with torch.inference_mode():
         encoding = model(views)
@@ -160,12 +162,14 @@ def test_depth_is_the_expectation_corrected_by_the_refinement_and_opacity_its_ot
 @pytest.mark.parametrize("sampling", ["inverse", "linear"])
 def test_the_paper_s_heads_are_its_text(sampling):
     """Depth: the upsampled expectation. Means: pixel centres. Opacity: a CNN on the distribution. Heads: (image, F)."""
-    model = fill_golden(SemGS(**TINY, paper_heads=True, conventions=Conventions(candidates=sampling))).double()
-    assert not any(name.startswith(("depth_refinement", "colour_upsampler")) for name in model.state_dict())
-    assert [type(layer).__name__ for layer in model.colour_head] == ["Conv2d", "GELU", "Conv2d"]
+    model = fill_golden(network(**TINY, paper_heads=True, conventions=Conventions(candidates=sampling))).double()
+    assert not any(
+        name.startswith(("colour.heads.refinement", "colour.heads.upsampler")) for name in model.state_dict()
+    )
+    assert [type(layer).__name__ for layer in model.colour.heads.colour] == ["Conv2d", "GELU", "Conv2d"]
     seen = watched(
-        model, logits="cost_regressor", opacity="opacity_head", colour="colour_head.0", semantic="semantic_head",
-        colour_features="colour_transformer", semantic_features="semantic_transformer",
+        model, logits="colour.depth.regressor", opacity="colour.heads.opacity", colour="colour.heads.colour.0",
+        semantic="semantic.head", colour_features="colour.transformer.swin", semantic_features="semantic.transformer.swin",
     )  # fmt: skip
     views = posed_views(2, (32, 48), dtype=torch.float64)
     with torch.inference_mode():

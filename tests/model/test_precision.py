@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 from golden import fill_golden
+from networks import preset
 from posed import posed_cameras, posed_views
 
 from semgs import load, open_scene
 from semgs.data.views import Views, resized
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.plane_sweep import depth_candidates
-from semgs.model import presets
 from semgs.model.camera_attention import token_transforms
 from semgs.model.cost_volume import cost_volume
 from semgs.model.encoding import Encoding
@@ -76,7 +76,7 @@ def test_autocast_leaves_cameras_alone(device) -> None:
 
 @pytest.mark.parametrize("name", ["small", "base"])
 def test_under_autocast_gaussians_are_float32_and_lie_at_their_depth(device, name: str) -> None:
-    model = fill_golden(getattr(presets, name)()).to(device)
+    model = fill_golden(preset(name)).to(device)
     views = posed_views(2, SIZE)
     with torch.no_grad(), torch.autocast(device.type, torch.bfloat16):
         encoding = model(views)
@@ -100,7 +100,7 @@ def test_trained_weights_bear_bfloat16(device, room) -> None:
 @pytest.mark.parametrize("views", [2, 3, 4])
 @pytest.mark.parametrize("name", ["small", "base"])
 def test_the_whole_network_on_cuda_equals_the_cpu(cuda, name: str, views: int) -> None:
-    model = fill_golden(getattr(presets, name)())
+    model = fill_golden(preset(name))
     pictures = posed_views(views, SIZE)
     with torch.no_grad():
         here = model(pictures)
@@ -114,7 +114,7 @@ def test_gradients_on_cuda_equal_the_cpus(cuda) -> None:
     pictures = posed_views(2, SIZE)
     gradients = []
     for device in ("cpu", cuda):
-        model = fill_golden(presets.small()).to(device)
+        model = fill_golden(preset("small")).to(device)
         encoding = model(pictures)
         (encoding.depths.log().mean() + encoding.gaussians.colour.features.square().mean()).backward()
         gradients.append([one.grad.cpu() for one in model.parameters() if one.grad is not None])

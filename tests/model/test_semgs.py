@@ -1,29 +1,31 @@
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 import torch
 from golden import fill_golden
+from networks import network, preset
 from posed import posed_views
 
-from semgs.data.classes import SCANNET20
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
-from semgs.model import presets
+from semgs.model.build import build
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS, arguments
+from semgs.model.settings import NetworkSettings
+from semgs.model.switches import Switches, switches_of
+from semgs.model.switches import switched as with_switches
 
 SIZE = (32, 48)
 
 
 @pytest.fixture(scope="module", params=["small", "base"])
 def model(request):
-    return fill_golden(getattr(presets, request.param)()).double()
+    return fill_golden(preset(request.param)).double()
 
 
 @pytest.fixture(scope="module")
 def small():
-    return fill_golden(presets.small())
+    return fill_golden(preset("small"))
 
 
 def encode(model, views) -> Encoding:
@@ -85,7 +87,7 @@ def test_cameras_of_four_views_and_leading_axes_are_free(small):
 
 
 def test_settings_rebuild_the_network(small):
-    again = SemGS(classes=SCANNET20, **arguments(json.loads(json.dumps(small.settings))))
+    again = build(NetworkSettings.from_json(json.loads(json.dumps(small.settings.as_json()))))
     assert again.settings == small.settings
     assert {k: v.shape for k, v in again.state_dict().items()} == {k: v.shape for k, v in small.state_dict().items()}
 
@@ -110,11 +112,12 @@ CAMERA_BLIND = {"camera_aware_colour": False, "camera_aware_semantic": False}
     ids=lambda switch: ", ".join(switch),
 )
 def test_the_ablations_switches_build_and_change_the_output(switch):
-    plain, switched = fill_golden(SemGS(**TINY)), fill_golden(SemGS(**TINY, **switch))
+    plain, switched = fill_golden(network(**TINY)), fill_golden(network(**TINY, **switch))
     views = posed_views(2, SIZE)
     a, b = encode(plain, views), encode(switched, views)
     assert difference(b.gaussians.semantic.features, a.gaussians.semantic.features) > 1e-3
-    assert switched.settings == plain.settings | switch
+    assert switched.settings == with_switches(plain.settings, switch)
+    assert asdict(switches_of(switched.settings)) == asdict(Switches()) | switch
 
 
 def moved(views: Views) -> Views:
@@ -126,9 +129,9 @@ def moved(views: Views) -> Views:
 def test_without_camera_awareness_features_and_classes_are_blind_to_cameras_and_depth_sees_them_in_the_cost_volume():
     views = posed_views(2, SIZE)
     for switches, blind in (({}, False), (CAMERA_BLIND, True)):
-        model = fill_golden(SemGS(**TINY, **switches))
+        model = fill_golden(network(**TINY, **switches))
         features: list[torch.Tensor] = []
-        model.colour_transformer.register_forward_hook(lambda m, i, o, kept=features: kept.append(o))
+        model.colour.transformer.register_forward_hook(lambda m, i, o, kept=features: kept.append(o))
         a, b = encode(model, views), encode(model, moved(views))
         assert torch.equal(*features) is blind
         assert torch.equal(a.gaussians.semantic.features, b.gaussians.semantic.features) is blind
@@ -138,10 +141,10 @@ def test_without_camera_awareness_features_and_classes_are_blind_to_cameras_and_
 @pytest.mark.parametrize("branch", ["colour", "semantic"])
 def test_each_branch_has_a_camera_switch_of_its_own(branch):
     views = posed_views(2, SIZE)
-    model = fill_golden(SemGS(**TINY, **{f"camera_aware_{branch}": False}))
+    model = fill_golden(network(**TINY, **{f"camera_aware_{branch}": False}))
     features: dict[str, list[torch.Tensor]] = {"colour": [], "semantic": []}
     for name, kept in features.items():
-        model.get_submodule(f"{name}_transformer").register_forward_hook(lambda m, i, o, kept=kept: kept.append(o))
+        model.get_submodule(f"{name}.transformer").register_forward_hook(lambda m, i, o, kept=kept: kept.append(o))
     encode(model, views)
     encode(model, moved(views))
     for name, kept in features.items():
@@ -151,7 +154,7 @@ def test_each_branch_has_a_camera_switch_of_its_own(branch):
 def test_one_switch_shares_the_shallow_layers_and_another_gives_the_semantic_branch_its_own():
     views = posed_views(2, SIZE)
     for shared in (True, False):
-        model = fill_golden(SemGS(**TINY, shared_layers=shared))
+        model = fill_golden(network(**TINY, shared_layers=shared))
         before = encode(model, views).gaussians.semantic.features
         with torch.no_grad():
             model.cnn.layer3[1].conv2.weight.mul_(-1)
@@ -160,18 +163,18 @@ def test_one_switch_shares_the_shallow_layers_and_another_gives_the_semantic_bra
 
 
 def test_base_has_the_papers_sizes():
-    base = presets.base()
-    assert len(base.colour_transformer.layers) == 6
-    assert len(base.semantic_transformer.layers) == 3
-    assert base.candidates == 128
+    base = preset("base")
+    assert len(base.colour.transformer.swin.layers) == 6
+    assert len(base.semantic.transformer.swin.layers) == 3
+    assert base.colour.depth.candidates == 128
     assert base.cnn.conv2.out_channels == 128
     assert len([*base.cnn.layer1, *base.cnn.layer2, *base.cnn.layer3]) == 6
-    assert len(base.semantic_refinement) == 2
-    for two_layers in (base.cost_regressor.head, base.colour_head, base.semantic_head):
+    assert len(base.semantic.refinement.residual) == 2
+    for two_layers in (base.colour.depth.regressor.head, base.colour.heads.colour, base.semantic.head):
         assert [type(layer).__name__ for layer in two_layers] == ["Conv2d", "GELU", "Conv2d"]
     assert len(base.classes) == 20
     assert base.cnn(torch.zeros(1, 3, 32, 48)).shape == (1, 128, 8, 12)
-    for transformer in (base.colour_transformer, base.semantic_transformer):
+    for transformer in (base.colour.transformer.swin, base.semantic.transformer.swin):
         assert transformer.windows == 2
         assert all(hasattr(block, "self_attn") and hasattr(block, "cross_attn_ffn") for block in transformer.layers)
 
@@ -202,7 +205,7 @@ def test_classified_alone_a_view_knows_nothing_of_others_nor_of_cameras(model):
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize("shared", [True, False])
 def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool, alone: bool):
-    model = fill_golden(SemGS(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
+    model = fill_golden(network(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
                               cost_width=16, upsampled_channels=16, harmonics=4, shared_layers=shared))  # fmt: skip
     model.classify(posed_views(2, (16, 32)), alone)[:, 0].sum().backward()
     learning = {name for name, one in model.named_parameters() if one.grad is not None}
@@ -211,14 +214,14 @@ def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool, al
 
 def test_a_network_of_colours_alone_does_not_classify():
     with pytest.raises(ValueError, match="no semantic branch"):
-        presets.mvsplat().classify(posed_views(2, SIZE))
+        preset("mvsplat").classify(posed_views(2, SIZE))
 
 
 @pytest.mark.parametrize("pyramid", [(), (16, 24)], ids=["blocks", "pyramid"])
 def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(pyramid: tuple[int, ...]):
-    model = fill_golden(SemGS(**arguments(presets.small().settings) | {"semantic_pyramid": pyramid}))
+    model = fill_golden(preset("small", semantic_pyramid=pyramid))
     views = posed_views(2, (32, 48))
-    kernel = model.depth_refinement.project.weight
+    kernel = model.colour.heads.refinement.project.weight
     assert kernel.is_contiguous(memory_format=torch.channels_last)
     with torch.inference_mode():
         last = model(views).gaussians

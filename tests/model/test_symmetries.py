@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 from golden import fill_golden
+from networks import preset
 from posed import posed_views
 
 from semgs.data.views import Views, stack
@@ -20,7 +21,7 @@ from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.model import presets
 from semgs.model.camera_attention import token_transforms
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS, arguments
+from semgs.model.semgs import SemGS
 from semgs.model.swin import Windows
 
 SIZE = (32, 48)
@@ -30,7 +31,7 @@ LIMITS = {torch.float64: 1e-8, torch.float32: 1e-4}
 
 
 def small_with_the_papers_heads() -> SemGS:
-    return SemGS(**arguments(presets.small().settings) | {"paper_heads": True})
+    return preset("small", paper_heads=True)
 
 
 NETWORKS = {"small": presets.small, "base": presets.base, "small, paper_heads": small_with_the_papers_heads}
@@ -155,7 +156,7 @@ def test_scaling_world_and_bounds_scales_means_and_sizes(case: Case):
 
 def test_mvsplats_network_knows_the_scale_of_its_world():
     """Its refinement reads disparity in 1 / m (D8)."""
-    model = fill_golden(presets.mvsplat())
+    model = fill_golden(preset("mvsplat"))
     views = posed_views(2, SIZE)
     a, b = encode(model, views), encode(model, scaled(views, 7.0))
     assert difference(b.depths, 7 * a.depths) > 1e-2

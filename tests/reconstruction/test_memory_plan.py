@@ -15,13 +15,13 @@ from pathlib import Path
 import pytest
 import torch
 from golden import fill_golden
+from networks import network, preset
 from posed import posed_views
 from torch.autograd.profiler import profile, record_function
 
 from semgs.cli.main import main
 from semgs.data.choice import given
 from semgs.data.scene import Scene
-from semgs.model import presets
 from semgs.model.chunks import WHOLE, Chunks
 from semgs.model.semgs import STAGES, SemGS
 from semgs.reconstruction import plan as planning
@@ -35,7 +35,7 @@ NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
 
 @cache
 def model_of(name: str) -> SemGS:
-    return fill_golden(SemGS(paper_heads=True) if name == "text" else getattr(presets, name)())
+    return fill_golden(network(paper_heads=True) if name == "text" else preset(name))
 
 
 @cache
@@ -106,7 +106,7 @@ def test_memory_grows_no_faster_than_views_and_pixels_where_views_come_one_at_a_
 
 def test_no_warped_features_of_all_depths_are_ever_in_memory() -> None:
     settings, (height, width) = model_of("small").settings, (112, 160)
-    warped = 4 * settings["channels"] * settings["candidates"] * height * width / 16
+    warped = 4 * settings.channels * settings.colour.depth.candidates * height * width / 16
     assert allocated("small", 2, (height, width), WHOLE)["cost_volume"] < 0.5 * warped
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 from golden import fill_golden
+from networks import network
 
-from semgs.model.semgs import SemGS
 from semgs.objectives.losses import LossWeights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
@@ -35,7 +35,7 @@ CAMERA_BLIND = {"camera_aware_colour": False, "camera_aware_semantic": False}
     ids=lambda switch: ", ".join(switch) or "full",
 )
 def test_a_step_moves_every_parameter_that_takes_part(batch, settings, switch):
-    model = fill_golden(SemGS(**TINY, **switch))  # no norm starts at zero, which would hide what is before it
+    model = fill_golden(network(**TINY, **switch))  # no norm starts at zero, which would hide what is before it
     before = {name: value.clone() for name, value in model.named_parameters()}
     state = TrainingState.begin(model, 1e-3, settings.average_decay)
     reports = [training_step(state, [batch(0)], settings) for _ in range(2)]
@@ -50,7 +50,7 @@ def test_the_loss_weight_of_smoothness_is_the_fourth_switch(batch, settings):
     totals = {}
     for weight in (0.0, 1e3):
         torch.manual_seed(2)
-        state = TrainingState.begin(SemGS(**TINY), 1e-3, settings.average_decay)
+        state = TrainingState.begin(network(**TINY), 1e-3, settings.average_decay)
         weights = LossWeights(semantic=0.5, smoothness=weight)
         report = training_step(state, [batch(0)], replace(settings, losses=weights, depth_weight=0.0))
         assert report.smoothness > 0

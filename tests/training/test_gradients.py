@@ -6,6 +6,7 @@ import pytest
 import torch
 from golden import fill_golden
 from kinks import Kinks
+from networks import network
 from posed import posed_cameras, posed_views
 
 from semgs.data.classes import IGNORE, SCANNET20
@@ -39,7 +40,7 @@ def target() -> Views:
 
 @pytest.fixture(scope="module", params=[False, True], ids=["mvsplat heads", "paper heads"])
 def model(request) -> SemGS:
-    return fill_golden(SemGS(**SETTINGS, paper_heads=request.param)).double()
+    return fill_golden(network(**SETTINGS, paper_heads=request.param)).double()
 
 
 def terms(model: SemGS, context: Views, truth: Views) -> Losses:

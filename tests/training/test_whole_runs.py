@@ -31,7 +31,6 @@ from semgs.training.run import hold_assets
 from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
 from semgs.weights.file import read_header
 from semgs.weights.load import data_terms, load
-from semgs.weights.start import CLASS_LAYERS
 
 SETTINGS = TrainingSettings(
     model="small",
@@ -105,7 +104,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     assert moved
     assert moved <= model.semantic_parameters()
     assert any(name.startswith("cnn.") for name in moved) == (not held)
-    assert any(name.startswith("semantic_transformer.") for name in moved) == (supervision == "labels")
+    assert any(name.startswith("semantic.transformer.") for name in moved) == (supervision == "labels")
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     steps = [line for line in lines if "total" in line]
     assert all(line["psnr"] is None and line["total"] == line["semantic"] > 0 for line in steps)
@@ -137,7 +136,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
         tmp_path / "run" / "weights.safetensors", None
     ))  # fmt: skip
     for name, value in start.state_dict().items():
-        if not name.startswith(CLASS_LAYERS):
+        if name not in start.parts()["classes"]:
             torch.testing.assert_close(model.state_dict()[name], value, rtol=0.02, atol=1e-4)
     checks = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     assert [line["step"] for line in checks if "validation" in line] == [0, 1]

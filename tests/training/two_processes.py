@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import torch
 from golden import fill_golden
+from networks import network
 from posed import posed_views
 
 from semgs.data.classes import IGNORE
@@ -61,7 +62,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
     share = Share(fabric.global_rank, fabric.world_size, accumulate=2)
     found = []
     for engine, pieces in ((fabric, share.pieces(0, SCENES)), (None, Share().pieces(0, SCENES))):
-        model = fill_golden(SemGS(**TINY)).to(dtype)
+        model = fill_golden(network(**TINY)).to(dtype)
         state = TrainingState.begin(model, 1e-3, 0.9, engine)
         report = descend(state, [batch(piece, dtype) for piece in pieces], SETTINGS, 1e-3)
         found.append((gradient(model), report))
@@ -78,7 +79,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
 
 def broken(fabric) -> bool:
     """Whether both processes skip a step that is broken in one of them alone."""
-    state = TrainingState.begin(fill_golden(SemGS(**TINY)), 1e-3, 0.9, fabric)
+    state = TrainingState.begin(fill_golden(network(**TINY)), 1e-3, 0.9, fabric)
     if fabric.global_rank == 1:
         state.model.register_forward_hook(
             lambda module, inputs, encoding: replace(

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 import torch
+from networks import preset
 from safetensors.torch import load_file
 
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.model.presets import small
-from semgs.model.semgs import SemGS, arguments
 from semgs.weights.file import count_parameters, read_header, restate, save
 from semgs.weights.index import FILE_NAME, check, matching, read_index, shipped_folder, write_index
 from semgs.weights.scores import KEY, Figure, Score, read_scores, scores_text
@@ -67,7 +67,7 @@ def test_a_broken_index_is_told_of(folder: Path, text: str):
 
 def test_a_header_tells_its_scores_as_they_were_put_there(tmp_path: Path):
     path = tmp_path / "scored.safetensors"
-    model = SemGS(**arguments(small().settings) | {"semantic_pyramid": (16, 24)})
+    model = preset("small", semantic_pyramid=(16, 24))
     save(path, model, {KEY: scores_text([SCORE])})
     assert read_scores(path) == (SCORE,)
     assert count_parameters(path) == sum(parameter.numel() for parameter in model.parameters())

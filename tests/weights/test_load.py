@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -9,8 +10,9 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import FURNISHED, ROOMS, SCANNET, TermsWarning, terms_text
 from semgs.files.errors import InputError
 from semgs.model import presets
+from semgs.model.build import build
 from semgs.model.conventions import Conventions
-from semgs.model.semgs import SemGS, arguments
+from semgs.model.switches import switched
 from semgs.weights.file import is_ours, read_header, save
 from semgs.weights.load import DATA_TERMS, data_terms, find, shipped, table_of
 
@@ -37,11 +39,9 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
 
 
 def test_weights_of_an_ablation_bring_its_switches_back(tmp_path):
-    settings = arguments(presets.small().settings) | {
-        "conventions": Conventions(candidates="linear"), "paper_heads": True,
-        "windows": 1, "shared_layers": False, "camera_aware_semantic": False,
-    }  # fmt: skip
-    model = SemGS(**settings)
+    switches = {"paper_heads": True, "windows": 1, "shared_layers": False, "camera_aware_semantic": False}
+    settings = replace(presets.small(), conventions=Conventions(candidates="linear"))
+    model = build(switched(settings, switches))
     save(tmp_path / "ablation.safetensors", model, {})
     again = load("small", weights=tmp_path / "ablation.safetensors")
     assert again.settings == model.settings
@@ -62,7 +62,7 @@ def test_weights_are_found_by_name_or_by_path(written, tmp_path):
 def test_a_file_says_which_class_table_it_is_for(written, tmp_path):
     assert table_of(written) == SCANNET20
     table = ClassTable("mine", ("wall", "floor"), ((1, 2, 3), (4, 5, 6)), (1, 2))
-    save(tmp_path / "mine.safetensors", presets.small(table), {})
+    save(tmp_path / "mine.safetensors", build(presets.small(), table), {})
     assert table_of(tmp_path / "mine.safetensors") == table
 
 
@@ -94,7 +94,7 @@ def test_weights_of_another_network_are_refused(written):
 def test_weights_of_another_class_table_are_refused(tmp_path):
     table = ClassTable("mine", ("wall", "floor"), ((1, 2, 3), (4, 5, 6)), (1, 2))
     path = tmp_path / "mine.safetensors"
-    save(path, presets.small(table), {})
+    save(path, build(presets.small(), table), {})
     with pytest.raises(InputError, match=r"scannet20 \(20 classes\), found mine \(2 classes\)"):
         load("small", weights=path)
     assert load("small", weights=path, classes=table).classes == table
@@ -103,14 +103,14 @@ def test_weights_of_another_class_table_are_refused(tmp_path):
 def test_weights_of_another_shape_are_refused(written, tmp_path):
     header = read_header(written)
     tensors = load_file(written)
-    tensors["semantic_head.2.bias"] = torch.zeros(5)
+    tensors["semantic.head.2.bias"] = torch.zeros(5)
     path = tmp_path / "shape.safetensors"
-    settings = json.dumps(presets.small().settings)
+    settings = json.dumps(presets.small().as_json())
     classes = json.dumps(
         {"name": SCANNET20.name, "names": SCANNET20.names, "colours": SCANNET20.colours, "raw_ids": SCANNET20.raw_ids}
     )
-    save_file(tensors, path, {"semgs": "1", "settings": settings, "classes": classes, **header.metadata})
-    with pytest.raises(InputError, match=r"semantic_head\.2\.bias: expected shape \(27,\), found \(5,\)"):
+    save_file(tensors, path, {"semgs": "2", "settings": settings, "classes": classes, **header.metadata})
+    with pytest.raises(InputError, match=r"semantic\.head\.2\.bias: expected shape \(27,\), found \(5,\)"):
         load("small", weights=path)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from golden import golden_tensor
+from networks import preset
 from safetensors.torch import save_file
 
 from semgs import load
@@ -15,7 +16,6 @@ from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.harmonics import basis
 from semgs.geometry.rotations import covariance
-from semgs.model import presets
 from semgs.weights.file import fill
 from semgs.weights.mvsplat import our_name, renamed
 
@@ -63,9 +63,9 @@ def activations(checkpoint, fixture):
         return hook
 
     model.cnn.register_forward_hook(keep(cnn=lambda i, o: o))
-    model.colour_transformer.register_forward_hook(keep(transformer=lambda i, o: o.transpose(0, 1)))
-    model.cost_regressor.register_forward_hook(keep(cost_volume=lambda i, o: i[0], depth_logits=lambda i, o: o))
-    model.depth_refinement.register_forward_hook(keep(refine_unet=lambda i, o: o[0]))
+    model.colour.transformer.swin.register_forward_hook(keep(transformer=lambda i, o: o.transpose(0, 1)))
+    model.colour.depth.regressor.register_forward_hook(keep(cost_volume=lambda i, o: i[0], depth_logits=lambda i, o: o))
+    model.colour.heads.refinement.register_forward_hook(keep(refine_unet=lambda i, o: o[0]))
     with torch.inference_mode():
         encoding = model(views)
     gaussians = encoding.gaussians
@@ -100,9 +100,9 @@ def test_colours_are_the_authors_from_every_direction(activations, fixture):
 def test_all_471_names_and_shapes_are_ours_too_and_base_s(state):
     assert len(state) == 471
     shapes = {our_name(name): tensor.shape for name, tensor in state.items()}
-    assert shapes == {name: tensor.shape for name, tensor in presets.mvsplat().state_dict().items()}
-    base = {name: tensor.shape for name, tensor in presets.base().state_dict().items()}
-    assert {name: shape for name, shape in base.items() if not name.startswith("semantic_")} == shapes
+    assert shapes == {name: tensor.shape for name, tensor in preset("mvsplat").state_dict().items()}
+    base = {name: tensor.shape for name, tensor in preset("base").state_dict().items()}
+    assert {name: shape for name, shape in base.items() if not name.startswith("semantic.")} == shapes
 
 
 def test_safetensors_of_the_same_names_load_alike(state, checkpoint, tmp_path):
@@ -118,7 +118,7 @@ def test_base_takes_all_tensors_and_draws_its_semantic_branch(state, checkpoint)
     assert "all 471 tensors of MVSplat taken" in base.origin
     own = base.state_dict()
     assert all(torch.equal(own[our_name(name)], tensor) for name, tensor in state.items())
-    semantic = [name for name in own if name.startswith("semantic_")]
+    semantic = [name for name in own if name.startswith("semantic.")]
     assert semantic
     assert all(torch.equal(own[name], fresh.state_dict()[name]) for name in semantic)
 
@@ -126,7 +126,7 @@ def test_base_takes_all_tensors_and_draws_its_semantic_branch(state, checkpoint)
 def test_every_one_of_the_471_is_missed_by_its_name_and_measured(state, monkeypatch):
     """On a network whose tensors take no memory: what is missing or of another shape is told before any is looked at."""
     with torch.device("meta"):
-        model = presets.mvsplat()
+        model = preset("mvsplat")
     wanted = model.state_dict()
     monkeypatch.setattr(model, "state_dict", lambda: wanted)
     tensors = renamed(state, Path("re10k.ckpt"))

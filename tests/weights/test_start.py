@@ -9,9 +9,10 @@ import torch
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
+from semgs.model.switches import switched
 from semgs.weights.file import save
 from semgs.weights.load import load, shipped
-from semgs.weights.start import CLASS_LAYERS, start
+from semgs.weights.start import start
 
 FIVE = ClassTable("five", ("wall", "floor", "seat", "bed", "lamp"), tuple((k, k, k) for k in range(5)), tuple(range(5)))
 
@@ -21,10 +22,10 @@ def test_other_classes_keep_all_but_the_layers_that_predict_them():
     there, here = load("small").state_dict(), model.state_dict()
     assert model.classes == FIVE
     other = [name for name in here if here[name].shape != there[name].shape or not torch.equal(here[name], there[name])]
-    assert other == [name for name in here if name.startswith(CLASS_LAYERS)]
+    assert set(other) == model.parts()["classes"]
     assert len(other) == 4
     for name in other:
-        kept = 7 if name.startswith("semantic_head.") else 0
+        kept = 7 if name.startswith("semantic.head.") else 0
         assert len(here[name]) == kept + 5
         assert torch.equal(here[name][:kept], there[name][:kept]), (
             "sizes and axes of the Gaussians are those of the weights"
@@ -59,9 +60,9 @@ def test_weights_that_are_not_there_are_refused(init: str, told: str):
 def test_weights_lend_a_network_with_another_semantic_branch_all_else():
     model = start("small", "small", seed=3, switches={"semantic_pyramid": (16, 24), "windows": 2})
     there, here = load("small").state_dict(), model.state_dict()
-    assert model.settings == load("small").settings | {"semantic_pyramid": [16, 24]}
-    kept = {name for name in here if not name.startswith("semantic_")}
-    assert kept == {name for name in there if not name.startswith("semantic_")}
+    assert model.settings == switched(load("small").settings, {"semantic_pyramid": (16, 24)})
+    kept = {name for name in here if not name.startswith("semantic.")}
+    assert kept == {name for name in there if not name.startswith("semantic.")}
     assert all(torch.equal(here[name], there[name]) for name in kept)
     assert f"small.safetensors: {len(kept)} of {len(here)} tensors kept" in model.origin
     assert "the semantic branch drawn anew with seed 3" in model.origin
@@ -72,7 +73,7 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
     there = load("small").state_dict()
     drawn = {name for name, tensor in model.state_dict().items() if not torch.equal(tensor, there[name])}
     assert drawn
-    assert all(name.startswith("semantic_") for name in drawn)
+    assert all(name.startswith("semantic.") for name in drawn)
 
 
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
@@ -92,7 +93,7 @@ def test_weights_of_another_network_are_refused():
 
 def test_switches_make_another_network_and_must_be_those_of_the_weights(tmp_path: Path):
     plain, full = start("small", "random", seed=2), start("small", "random", seed=2, switches={"windows": 1})
-    assert plain.settings | {"windows": 1} == full.settings
+    assert switched(plain.settings, {"windows": 1}) == full.settings
     assert all(torch.equal(value, full.state_dict()[name]) for name, value in plain.state_dict().items())
     save(tmp_path / "full.safetensors", full, {})
     again = start("small", str(tmp_path / "full.safetensors"))
