@@ -36,7 +36,8 @@ ATTENTION = "semgs/model/camera_attention.py"
 SWIN = "semgs/model/swin.py"
 COST = "semgs/model/cost_volume.py"
 HEADS = "semgs/model/heads.py"
-NETWORK = "semgs/model/semgs.py"
+PLACING = "semgs/model/placing.py"
+SCENE = "semgs/model/scene.py"
 REFERENCE = "semgs/rendering/reference.py"
 RENDER = "semgs/rendering/render.py"
 PINHOLE = "semgs/rendering/pinhole.py"
@@ -259,55 +260,55 @@ MUTANTS = (
     ),
     # Dual Gaussians
     Mutant(
-        "depth is the distance along the ray", HEADS,
+        "depth is the distance along the ray", PLACING,
         "if not conventions.z_depth:", "if conventions.z_depth:", OF_PLACEMENT,
     ),
     Mutant(
-        "Gaussians lie half a pixel beside their pixel", HEADS,
+        "Gaussians lie half a pixel beside their pixel", PLACING,
         "(offsets.sigmoid() - 0.5)", "offsets.sigmoid()", OF_PLACEMENT,
     ),
     Mutant(
-        "sizes do not grow with depth", HEADS,
+        "sizes do not grow with depth", PLACING,
         "rays.pixel[:, None, None] * depths", "rays.pixel[:, None, None] * torch.ones_like(depths)", OF_PLACEMENT,
     ),
     Mutant(
-        "the network's quaternions are read with w first", HEADS,
+        "the network's quaternions are read with w first", PLACING,
         "(quaternions / length).roll(1, dims=1)", "(quaternions / length)", OF_PLACEMENT,
     ),
     Mutant(
-        "axes are turned by the camera on the wrong side", HEADS,
+        "axes are turned by the camera on the wrong side", PLACING,
         "quaternion_product(rays.quaternion[:, None, None], own)", "quaternion_product(own, rays.quaternion[:, None, None])",
         OF_PLACEMENT,
     ),
     Mutant(
-        "harmonics stay in the frame of their camera", HEADS,
+        "harmonics stay in the frame of their camera", PLACING,
         "(harmonics * damping[:, None]).flatten(1, 2), rays.rotation,",
         "(harmonics * damping[:, None]).flatten(1, 2), torch.eye(3).to(rays.rotation).expand_as(rays.rotation),", OF_PLACEMENT,
     ),
     Mutant(
-        "MVSplat's harmonics are read as ours", HEADS,
+        "MVSplat's harmonics are read as ours", PLACING,
         "mvsplat_basis=not conventions.standard_harmonics", "mvsplat_basis=False", OF_PLACEMENT,
     ),
     Mutant(
-        "classes are a softmax over pixels", HEADS,
+        "classes are a softmax over pixels", PLACING,
         "raw[:, 7:].softmax(1)", "raw[:, 7:].softmax(2)", OF_PLACEMENT,
     ),
     Mutant(
-        "smaller pictures keep their camera", NETWORK,
+        "smaller pictures keep their camera", SCENE,
         "intrinsics=cameras.intrinsics * scale[:, None]", "intrinsics=cameras.intrinsics", OF_NETWORK,
     ),
     Mutant(
-        "Gaussians come column by column", NETWORK,
+        "Gaussians come column by column", PLACING,
         "return maps[:, : kept[0], : kept[1]].flatten(1, 2)",
         "return maps[:, : kept[0], : kept[1]].transpose(1, 2).flatten(1, 2)", OF_NETWORK,
     ),
     Mutant(
-        "the refinement reads disparity in 1/m", NETWORK,
+        "the refinement reads disparity in 1/m", HEADS,
         "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", ("tests/model/test_near_bounds.py",),
     ),
     Mutant(
-        "the near bound is that of the first view alone", NETWORK,
-        "depth_range[..., 0].amin(-1),", "depth_range[..., 0, 0],", ("tests/model/test_near_bounds.py",),
+        "the near bound is that of the first view alone", SCENE,
+        "depth_range[..., 0].amin(-1)", "depth_range[..., 0, 0]", ("tests/model/test_near_bounds.py",),
     ),
     # Splatting
     Mutant(

@@ -12,7 +12,6 @@ import networks
 import pytest
 from networks import network, preset
 
-from semgs.model import presets
 from semgs.model.conventions import Conventions
 from semgs.objectives.weights import LossWeights
 
@@ -120,5 +119,5 @@ def test_every_argument_on_the_page_is_one():
 
 def test_the_networks_have_the_parameters_that_the_page_says():
     (row,) = re.findall(r"^\| parameters \| ([\d,]+) \| ([\d,]+) \| .*: ([\d,]+) \|$", PAGE, re.MULTILINE)
-    built = (presets.base(), presets.small(), preset("mvsplat"))
+    built = (preset("base"), preset("small"), preset("mvsplat"))
     assert [int(one.replace(",", "")) for one in row] == [sum(p.numel() for p in m.parameters()) for m in built]

@@ -18,7 +18,6 @@ from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
-from semgs.model import presets
 from semgs.model.camera_attention import token_transforms
 from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
@@ -34,7 +33,9 @@ def small_with_the_papers_heads() -> SemGS:
     return preset("small", paper_heads=True)
 
 
-NETWORKS = {"small": presets.small, "base": presets.base, "small, paper_heads": small_with_the_papers_heads}
+NETWORKS = {
+    "small": lambda: preset("small"), "base": lambda: preset("base"), "small, paper_heads": small_with_the_papers_heads
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ def test_changing_only_one_other_view_changes_depth_and_classes(case: Case, what
 @pytest.mark.parametrize("branch", ["colour", "semantic"])
 def test_every_key_view_twice_changes_nothing_in_cross_attention_and_one_of_two_twice_does(model, dtype, branch):
     """The layer with shifted windows, so that the mask takes part; each key view brings its own camera."""
-    layer = model.get_submodule(f"{branch}_transformer").layers[1].cross_attn_ffn
+    layer = model.get_submodule(f"{branch}.transformer.swin").layers[1].cross_attn_ffn
     channels = layer.q_proj.in_features
     grid = (8, 12)
     views = posed_views(3, SIZE, dtype=dtype)

@@ -12,7 +12,6 @@ from safetensors.torch import load_file
 
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
-from semgs.model.presets import small
 from semgs.weights.file import count_parameters, read_header, restate, save
 from semgs.weights.index import FILE_NAME, check, matching, read_index, shipped_folder, write_index
 from semgs.weights.scores import KEY, Figure, Score, read_scores, scores_text
@@ -78,7 +77,7 @@ def test_a_header_tells_its_scores_as_they_were_put_there(tmp_path: Path):
 @pytest.mark.parametrize("scores", ["{", "[1]", '[{"data": "rooms"}]', json.dumps([{"figures": {"miou": 0.5}}])])
 def test_scores_of_another_form_are_refused(tmp_path: Path, scores: str):
     path = tmp_path / "scored.safetensors"
-    save(path, small(), {KEY: scores})
+    save(path, preset("small"), {KEY: scores})
     with pytest.raises(InputError, match="scores: expected scores as JSON"):
         read_scores(path)
 
@@ -88,7 +87,7 @@ def test_the_hash_of_the_index_is_that_of_the_file(folder: Path):
 
 
 def test_restating_changes_the_header_alone(tmp_path: Path):
-    path, model = tmp_path / "a.safetensors", small()
+    path, model = tmp_path / "a.safetensors", preset("small")
     save(path, model, {"seed": "3", "licence": "none"})
     restate(path, tmp_path / "b.safetensors", {"licence": "Apache-2.0"})
     assert read_header(tmp_path / "b.safetensors").metadata == {"seed": "3", "licence": "Apache-2.0"}
