@@ -17,6 +17,7 @@ from semgs.training import presets
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
+from semgs.training.supervision import supervision_of
 
 TARGETS = (5, 6)
 """Frames that are rendered."""
@@ -41,7 +42,7 @@ def measured(model: SemGS, settings: TrainingSettings, batch: Batch, device: str
         gaussians = model(batch.context).gaussians
         encode = milliseconds(lambda: model(batch.context), device, rounds)
         draw = milliseconds(lambda: render(gaussians, cameras, near=0.5), device, rounds)
-    state = TrainingState.begin(model, 1e-6, 0.99)
+    state = TrainingState.begin(model, supervision_of(settings), 1e-6, 0.99)
     return [encode, draw, milliseconds(lambda: training_step(state, [batch], settings), device, rounds)]
 
 

@@ -27,6 +27,7 @@ from semgs.training.engine import launched
 from semgs.training.presets import small
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
+from semgs.training.supervision import supervision_of
 from semgs.weights.load import load
 
 BLOCK = 10
@@ -69,7 +70,9 @@ if __name__ == "__main__":
     )
     with tempfile.TemporaryDirectory() as folder:
         fabric = launched("cpu", 1, 1, "32")
-        state = TrainingState.begin(load("small"), settings.learning_rate, settings.average_decay, fabric)
+        state = TrainingState.begin(
+            load("small"), supervision_of(settings), settings.learning_rate, settings.average_decay, fabric
+        )
         data = surveyed(settings, Path(folder))
         stream = iter(training_batches(settings, data, 0, given.workers, Path(folder)))
         filling = 4 * WINDOW * (given.reuse > 1)

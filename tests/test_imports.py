@@ -150,6 +150,11 @@ def test_optional_libraries_are_imported_in_functions_only():
     assert at_heads((*OPTIONAL, "trimesh")) == {}
 
 
+def test_the_command_line_alone_imports_its_parser():
+    users = {package_of(name) for name, path in modules(ROOT).items() if "tyro" in imported(name, path)}
+    assert users == {"cli"}
+
+
 def test_numba_is_imported_at_the_head_of_kernels_and_of_the_back_end_that_holds_them_only():
     assert [name for name in at_heads(("numba",)) if not name.endswith(("_kernels", "_backend"))] == []
 

@@ -223,11 +223,13 @@ def _training(row: Row) -> Workload:
     from semgs.training import presets
     from semgs.training.state import TrainingState
     from semgs.training.step import training_step
+    from semgs.training.supervision import supervision_of
     from semgs.weights.load import load
 
     settings = presets.PRESETS[row.network]()
     batch = training_batch(row.views, row.size, settings.targets)
-    state = TrainingState.begin(load(row.network, "random").to(row.device), 1e-6, 0.99)
+    model = load(row.network, "random").to(row.device)
+    state = TrainingState.begin(model, supervision_of(settings), 1e-6, 0.99)
 
     def run(watch: Watch) -> None:
         with watch(WHOLE):

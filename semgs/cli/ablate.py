@@ -12,7 +12,7 @@ import tyro
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.train import PresetSettings
+from semgs.cli.training_options import PresetSettings
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 

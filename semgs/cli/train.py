@@ -10,25 +10,7 @@ import tyro
 
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
-from semgs.training import presets
-from semgs.training.settings import TrainingSettings
-
-
-def _preset(name: str) -> object:
-    """A preset as a subcommand, with its other name."""
-    preset = presets.PRESETS[name]
-    other = presets.OTHER_NAMES.get(name)
-    return tyro.conf.subcommand(
-        name, default=preset(), description=preset.__doc__, aliases=None if other is None else [other]
-    )
-
-
-PresetSettings = (
-    Annotated[TrainingSettings, _preset("small")]
-    | Annotated[TrainingSettings, _preset("base")]
-    | Annotated[TrainingSettings, _preset("paper")]
-)
-"""A preset's name, then what shall differ from it."""
+from semgs.cli.training_options import PresetSettings
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)

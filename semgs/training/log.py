@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from semgs.files.atomic import write_text
 from semgs.training.step import StepReport
-from semgs.training.validation import Validation
+from semgs.training.validation import Verdict
 
 EVERY = 20
 """Steps whose means make one line of the log."""
@@ -99,14 +99,10 @@ class RunLog:
         if len(self._reports) >= EVERY or step == self._steps:
             self._flush()
 
-    def validation(self, step: int, result: Validation) -> None:
+    def validation(self, step: int, result: Verdict) -> None:
         """Take note of a validation."""
-        numbers = {name: getattr(result, name) for name in ("psnr", "miou", "accuracy")}
-        self._write({"step": step, "validation": numbers}, result.pictures)
-        told = [f"PSNR {result.psnr:.2f} dB"] if math.isfinite(result.psnr) else []
-        if result.miou is not None:
-            told += [f"mIoU {result.miou:.3f}", f"accuracy {result.accuracy:.3f}"]
-        self.say(f"step {step}: validation {', '.join(told)}")
+        self._write({"step": step, "validation": result.numbers}, result.pictures)
+        self.say(f"step {step}: validation {', '.join(result.told)}")
 
     def say(self, sentence: str) -> None:
         """Show a sentence on the console."""

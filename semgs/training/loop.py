@@ -41,9 +41,9 @@ from semgs.training.presets import from_preset
 from semgs.training.run import alone, claim, export_weights, hold_assets, network
 from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
-from semgs.training.state import TrainingState, hold_statistics
+from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.validation import validate
+from semgs.training.supervision import supervision_of
 
 WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
 
@@ -114,18 +114,15 @@ def train(
         model = network(out, settings)
         where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
         tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
-        if settings.supervision != "rendered":
-            learning = model.semantic_parameters(not settings.hold_shared, settings.supervision == "pictures")
-            for name, parameter in model.named_parameters():
-                parameter.requires_grad_(name in learning)
-        state = TrainingState.begin(model.to(fabric.device), settings.learning_rate, settings.average_decay, fabric)
-        if settings.supervision != "pictures":  # batches of few scenes, whose views are alike
-            hold_statistics(state.model)
+        supervision = supervision_of(replace(settings, class_weights=data.class_weights))
+        state = TrainingState.begin(
+            model.to(fabric.device), supervision, settings.learning_rate, settings.average_decay, fabric
+        )
         resume(state, out, console)
         share = Share(fabric.global_rank, fabric.world_size, accumulate)
         outcome = fit(
             state,
-            replace(settings, class_weights=data.class_weights),
+            settings,
             out,
             training_batches(settings, data, state.step, workers, out / "rooms", share),
             validation_batches(settings, data) if fabric.is_global_zero else [],
@@ -190,7 +187,7 @@ def fit(
     ):
         known = BadScenes(scenes, log.say, bad)
         if validation and state.step == 0 and settings.init != "random":
-            _check(state, validation, out, log, settings.supervision)  # what the weights to start from are worth
+            _check(state, validation, out, log)  # what the weights to start from are worth
         for portion, waited in timed(batches):
             if portion.failure is not None:
                 raise portion.failure
@@ -201,7 +198,7 @@ def fit(
             if state.skipped_in_a_row >= TOLERATED_IN_A_ROW:
                 raise broken_down(out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank)
             if validation and state.step % settings.validate_every == 0:
-                _check(state, validation, out, log, settings.supervision)
+                _check(state, validation, out, log)
                 checked = state.step
             if _any(fabric, sitting.over):
                 break
@@ -209,22 +206,21 @@ def fit(
                 sitting.saved(lambda: save_checkpoint(folder, state))
         finished = state.step >= settings.steps
         if finished and validation and checked < state.step:
-            _check(state, validation, out, log, settings.supervision)
+            _check(state, validation, out, log)
         if leads and state.step > first:
             save_checkpoint(folder, state)
     return Outcome(state.step, finished, state.skipped)
 
 
-def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog, supervision: str) -> None:
+def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog) -> None:
     """Validate the averaged weights, show how they do, and keep them if they are the best so far."""
-    result = validate(state.average.module, validation, supervision)
+    result = state.supervision.validate(state.average.module, validation)
     log.validation(state.step, result)
     if result.pictures is not None:
         (out / "validation").mkdir(exist_ok=True)
         write_png(out / "validation" / f"{state.step:08d}.png", result.pictures)
-    score = result.psnr if result.miou is None else result.miou
-    if math.isfinite(score) and score > state.best_score:
-        state.best_step, state.best_score = state.step, score
+    if math.isfinite(result.score) and result.score > state.best_score:
+        state.best_step, state.best_score = state.step, result.score
         save_checkpoint(out / "checkpoints", state)
 
 

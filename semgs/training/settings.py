@@ -7,50 +7,16 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from fractions import Fraction
 from pathlib import PurePath
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import tyro
-
-from semgs.data.class_files import read_class_file
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
 from semgs.rooms.style import Style
 
-
-def _size(given: list[str]) -> tuple[int, int]:
-    """(height, width) of "240x320".
-
-    Raises:
-        ValueError: it is written otherwise.
-    """
-    match = re.fullmatch(r"(\d{1,5})[x×X](\d{1,5})", given[0])
-    if not match:
-        raise ValueError(f"expected height x width in pixels, such as 240x320, found {given[0]!r}")
-    return int(match[1]), int(match[2])
-
-
 VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; no training may use it."""
-
-HEIGHT_BY_WIDTH = tyro.constructors.PrimitiveConstructorSpec(
-    nargs=1,
-    metavar="HxW",
-    instance_from_str=_size,
-    is_instance=lambda value: isinstance(value, tuple) and len(value) == 2,
-    str_from_instance=lambda size: [f"{size[0]}x{size[1]}"],
-)
-"""How a size is written on the command line, here as everywhere."""
-
-CLASS_FILE = tyro.constructors.PrimitiveConstructorSpec(
-    nargs=1,
-    metavar="FILE",
-    instance_from_str=lambda given: None if given[0] == "None" else read_class_file(given[0]).table,
-    is_instance=lambda value: value is None or isinstance(value, ClassTable),
-    str_from_instance=lambda table: ["None" if table is None else table.name],
-)
-"""A class table is named by its file; from there on the table itself travels."""
 
 ROOMS = "rooms"
 """The name of data that are drawn live."""
@@ -120,7 +86,7 @@ class TrainingSettings:
     rounding at most, and a run may go on otherwise.
     """
 
-    model: Annotated[str, tyro.conf.Suppress]
+    model: str
     """The network: small or base."""
     steps: int
     """Length of the run in optimiser steps; the learning rate falls to zero at its end."""
@@ -131,7 +97,7 @@ class TrainingSettings:
     """Of the folders, take the scenes of a list: one that comes with semgs (scannet-1000-without-sray), or a text file with a name a line."""
     batch: int = 2
     """Scenes per step, over all processes."""
-    size: Annotated[tuple[int, int], HEIGHT_BY_WIDTH] = (240, 320)
+    size: tuple[int, int] = (240, 320)
     """Height and width of the pictures [px]."""
     contexts: tuple[int, int] = (2, 4)
     """Fewest and most input views; each step draws its own number, equal for all scenes of its batch."""
@@ -170,7 +136,7 @@ class TrainingSettings:
     checkpoint does for base."""
     semantic_branch: Literal["kept", "drawn"] = "kept"
     """Of the weights to start from: keep all, or draw the semantic branch anew and keep depth and colour."""
-    classes: Annotated[ClassTable | None, CLASS_FILE] = None
+    classes: ClassTable | None = None
     """One's own table of classes (JSON); scenes of other tables are read by the names of their classes. Weights of another table
     keep all but their class head."""
     network: Switches = field(default_factory=Switches)
@@ -182,7 +148,7 @@ class TrainingSettings:
     in RUN/rooms, which costs less and shows fewer rooms."""
     style: Style = "home"
     """The world that the rooms of the training are of: home or plain; other is held out. Validation rooms are always homes."""
-    assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    assets: tuple[str, ...] = ()
     """Folder of meshes and pictures for the rooms, see semgs rooms --help; again for another one. Validation rooms get pieces
     that no training sees."""
     validation: str = ROOMS
@@ -191,7 +157,7 @@ class TrainingSettings:
     """Steps between validations."""
     validation_scenes: int = 16
     """Fixed samples of validation, never among those trained on."""
-    preset: Annotated[str, tyro.conf.Suppress] = field(default="", compare=False)
+    preset: str = field(default="", compare=False)
     """The preset that these began as; it decides nothing."""
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from semgs.training.engine import launched
-from semgs.training.objective import Objective
+from semgs.training.objective import Objective, Supervision
 
 
 @dataclass
@@ -20,6 +20,7 @@ class TrainingState:
 
     Attributes:
         model: what learns.
+        supervision: what it learns from.
         fabric: the engine; it knows the other processes.
         objective: the network with its loss as the engine wrapped them: what batches go through.
         average: the moving average of its weights; `average.module` is a network like `model`.
@@ -32,6 +33,7 @@ class TrainingState:
     """
 
     model: nn.Module
+    supervision: Supervision
     fabric: Any
     objective: nn.Module
     average: AveragedModel
@@ -44,21 +46,35 @@ class TrainingState:
     best_score: float = -math.inf
 
     @classmethod
-    def begin(cls, model: nn.Module, learning_rate: float, average_decay: float, fabric: Any = None) -> TrainingState:
-        """The state before the first step.
+    def begin(
+        cls,
+        model: nn.Module,
+        supervision: Supervision,
+        learning_rate: float,
+        average_decay: float,
+        fabric: Any = None,
+    ) -> TrainingState:
+        """The state before the first step; parameters that do not learn are frozen, and batch norms that do not measure too.
 
         Args:
             model: on the device where it is to learn.
+            supervision: what it learns from.
             learning_rate: of Adam, until a step sets it.
             average_decay: of the moving average.
             fabric: the engine, launched; None is one for this process alone.
         """
+        learning = supervision.learning(model)
+        for name, parameter in model.named_parameters():
+            parameter.requires_grad_(name in learning)
         model.train()
         fabric = fabric or launched(next(model.parameters()).device.type)
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
         optimizer = torch.optim.Adam(model.parameters(), lr=learning_rate)
-        return cls(model, fabric, fabric.setup_module(Objective(model)), average, optimizer)
+        objective = fabric.setup_module(Objective(model, supervision))
+        if not supervision.measures:
+            hold_statistics(model)
+        return cls(model, supervision, fabric, objective, average, optimizer)
 
     def tensors(self) -> dict[str, Tensor]:
         """Copies of every tensor: weights (`model.`), their average (`average.`), Adam's moments (`optimizer.`)."""

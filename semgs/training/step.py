@@ -47,7 +47,7 @@ def training_step(state: TrainingState, pieces: Sequence[Batch], settings: Train
     Args:
         state: of the training; it is changed.
         pieces: what this process sees of the batch, in equal pieces; every process has as many, of that size.
-        settings: of the training.
+        settings: of the training; of these, the learning rate's schedule and the clip.
     """
     rate = learning_rate(state.step, settings.steps, settings.learning_rate, settings.warmup)
     for group in state.optimizer.param_groups:
@@ -69,7 +69,7 @@ def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSet
     for piece in pieces:
         # Gradients meet once, after the last piece.
         with state.fabric.no_backward_sync(state.objective, enabled=piece is not pieces[-1]):
-            terms = state.objective(piece, settings)
+            terms = state.objective(piece)
             state.fabric.backward(terms["total"] / len(pieces))
         measured.append(torch.stack([terms[name].detach() for name in TERMS]))
     norm = nn.utils.clip_grad_norm_(state.model.parameters(), settings.clip)

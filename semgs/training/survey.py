@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from semgs.files.errors import InputError
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
 from semgs.training.settings import CLASS_WEIGHTINGS, ROOMS, Source, TrainingSettings
+from semgs.training.supervision import supervision_of
 from semgs.weights.load import data_terms, trained_scenes
 
 RECORD = "data.json"
@@ -256,15 +257,10 @@ def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: 
         InputError: as `_check_tables`, or there are no labels at all although classes are to be learned.
     """
     _check_tables(settings, scenes, classes)
-    by_labels = settings.supervision != "rendered"
-    wanted = by_labels or settings.losses.semantic or settings.losses.smoothness
+    advice = supervision_of(replace(settings, class_weights=None)).without_labels
     labelled = any(scene.classes is not None for scene in scenes)
-    if wanted and not labelled and not any(source.is_rooms for source in settings.sources):
-        raise InputError(
-            scenes[0].path, "scenes with labels, to learn classes from", "none with any",
-            advice="give --supervision rendered" if by_labels
-            else "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0",
-        )  # fmt: skip
+    if advice is not None and not labelled and not any(source.is_rooms for source in settings.sources):
+        raise InputError(scenes[0].path, "scenes with labels, to learn classes from", "none with any", advice=advice)
 
 
 def _started_on(settings: TrainingSettings) -> tuple[str, ...]:

@@ -1,27 +1,54 @@
-"""Validation: the averaged weights on rooms that no training sees."""
+"""Validation: the averaged weights on scenes that no training sees."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from semgs.data.views import Batch
-from semgs.objectives.metrics import accuracy, confusion_matrix, miou, psnr
+from semgs.data.views import Batch, Views
+from semgs.objectives.metrics import accuracy, confusion_matrix, miou
 from semgs.rendering.rendering import likeliest
-from semgs.training.objective import render_targets
-from semgs.training.pictures import class_strip, strip
 
 PICTURED = 4
 """Scenes in the strip of pictures."""
 
 
+class Verdict(ABC):
+    """What a validation found, whatever it measured.
+
+    Attributes:
+        pictures: a row for each of the first scenes; uint8 [h w 3]; None without scenes.
+    """
+
+    pictures: np.ndarray | None
+
+    @property
+    @abstractmethod
+    def score(self) -> float:
+        """Decides which checkpoint is kept as the best: higher is better; not a number if nothing was measured."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> dict[str, float | None]:
+        """What the log gets, by name."""
+
+    @property
+    @abstractmethod
+    def told(self) -> list[str]:
+        """What the console gets, a phrase for each number."""
+
+
 @dataclass(frozen=True)
-class Validation:
-    """What the fixed rooms say.
+class Validation(Verdict):
+    """How well views and their classes agree with the truth.
 
     Attributes:
         psnr: mean over target views [dB]; not a number where nothing was rendered.
@@ -35,27 +62,61 @@ class Validation:
     accuracy: float | None
     pictures: np.ndarray | None
 
+    @property
+    def score(self) -> float:
+        """Mean IoU, or PSNR where there are no classes."""
+        return self.psnr if self.miou is None else self.miou
+
+    @property
+    def numbers(self) -> dict[str, float | None]:
+        """PSNR, mean IoU and accuracy."""
+        return {"psnr": self.psnr, "miou": self.miou, "accuracy": self.accuracy}
+
+    @property
+    def told(self) -> list[str]:
+        """Those of the numbers that there are."""
+        rendered = [f"PSNR {self.psnr:.2f} dB"] if math.isfinite(self.psnr) else []
+        return rendered + ([] if self.miou is None else [f"mIoU {self.miou:.3f}", f"accuracy {self.accuracy:.3f}"])
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Views of one batch next to the truth.
+
+    Attributes:
+        target: the true views.
+        semantics: class distributions of their pixels; None without classes.
+        row: pictures of the first view; uint8 [h w 3].
+        psnr: of each view [dB]; None where nothing was rendered.
+    """
+
+    target: Views
+    semantics: Float[Tensor, "*batch v class h w"] | None
+    row: np.ndarray
+    psnr: Float[Tensor, "*batch v"] | None = None
+
 
 @torch.no_grad()
-def validate(model: Any, batches: Sequence[Batch], supervision: str = "rendered") -> Validation:
-    """Encode and render each batch and compare its target views; with supervision by labels or pictures, the classes of the input views alone."""
-    decibels: list[torch.Tensor] = []
+def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch], Comparison]) -> Validation:
+    """Compare each batch, and score all of them together.
+
+    Args:
+        model: the network, in evaluation mode.
+        batches: of validation.
+        compare: of the network and a batch.
+    """
+    decibels: list[Tensor] = []
     confusion = None
     rows: list[np.ndarray] = []
     for batch in batches:
-        if supervision != "rendered":
-            target = batch.context
-            semantics = model.classify(target, supervision == "pictures")
-            row = class_strip(semantics, target)
-        else:
-            rendering, target = render_targets(model(batch.context), batch)
-            decibels.append(psnr(rendering.images, target.images).flatten())
-            semantics, row = rendering.semantics, strip(rendering, target)
-        if semantics is not None and target.labels is not None:
-            counts = confusion_matrix(likeliest(semantics), target.labels, len(target.classes))
+        found = compare(model, batch)
+        if found.psnr is not None:
+            decibels.append(found.psnr.flatten())
+        if found.semantics is not None and found.target.labels is not None:
+            counts = confusion_matrix(likeliest(found.semantics), found.target.labels, len(found.target.classes))
             confusion = counts if confusion is None else confusion + counts
         if len(rows) < PICTURED:
-            rows.append(row)
+            rows.append(found.row)
     return Validation(
         psnr=float(torch.cat(decibels).mean()) if decibels else float("nan"),
         miou=None if confusion is None or not confusion.any() else float(miou(confusion)),

@@ -116,8 +116,9 @@ def test_more_than_5_percent_bad_scenes_end_a_training():
 
 def test_bad_scenes_that_a_worker_found_end_the_loop(network, batch, settings, tmp_path):
     from semgs.training.state import TrainingState
+    from semgs.training.supervision import supervision_of
 
-    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     seen = [Portion((batch(0),)), Portion((batch(1),), bad=(("x", "cut short"),)), Portion((batch(2),))]
     with pytest.raises(InputError, match="bad scenes"):
         fit(state, settings, tmp_path, seen, [], scenes=19)

@@ -21,6 +21,7 @@ from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
 from semgs.training.loop import fit, resume
 from semgs.training.state import TrainingState
+from semgs.training.supervision import supervision_of
 from semgs.training.validation import Validation
 
 
@@ -42,7 +43,7 @@ def sitting(network, batch, settings, tmp_path):
         **options,
     ) -> TrainingState:
         out.mkdir(exist_ok=True)
-        state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+        state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
         resume(state, out)
 
         def batches() -> Iterator[Portion]:
@@ -124,7 +125,7 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, net
     folder.mkdir()
     (folder / ".00000001.safetensors.abcd.part").write_bytes(b"half")
     (folder / "00000002.safetensors").write_bytes(b"without its record")
-    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     for state.step in (3, 5, 7, 9):
         save_checkpoint(folder, state)
     assert sorted(path.name for path in folder.iterdir()) == [
@@ -135,7 +136,7 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, net
 def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(sitting, tmp_path, monkeypatch):
     scores = iter([0.2, 0.5, 0.4, 0.3])
     monkeypatch.setattr(
-        "semgs.training.loop.validate", lambda model, batches, supervision: Validation(20.0, next(scores), 0.5, None)
+        "semgs.training.supervision.Rendered.validate", lambda *given: Validation(20.0, next(scores), 0.5, None)
     )
     sitting(tmp_path / "run", save_minutes=0.0, every=3)
     folder = tmp_path / "run" / "checkpoints"
@@ -145,7 +146,7 @@ def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(sitting,
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, settings, tmp_path, monkeypatch):
-    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     state.step = 4
     save_checkpoint(tmp_path, state)
 
@@ -163,11 +164,14 @@ def test_the_state_of_another_network_is_refused_by_name(sitting, settings, tmp_
     sitting(tmp_path, minutes=0.0)
     other = torch.nn.Conv2d(3, 5, 1)
     with pytest.raises(InputError, match="expected states of this network, found those of another one"):
-        resume(TrainingState.begin(other, settings.learning_rate, settings.average_decay), tmp_path)
+        resume(
+            TrainingState.begin(other, supervision_of(settings), settings.learning_rate, settings.average_decay),
+            tmp_path,
+        )
 
 
 def test_ten_broken_steps_in_a_row_end_the_run_and_keep_the_batch(network, batch, settings, tmp_path):
-    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     state.model.register_forward_hook(lambda module, inputs, e: replace(e, depths=e.depths * float("nan")))
     with pytest.raises(FloatingPointError, match="10 steps in a row up to step 10"):
         fit(state, settings, tmp_path, (Portion((batch(step),)) for step in range(12)), [])

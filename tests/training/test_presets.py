@@ -11,6 +11,7 @@ from semgs.objectives.weights import LossWeights
 from semgs.training.presets import PRESETS, base, paper, small
 from semgs.training.settings import Augmentation, Switches
 from semgs.training.state import TrainingState
+from semgs.training.supervision import supervision_of
 
 
 def test_paper_is_the_papers_training():
@@ -44,6 +45,6 @@ def test_base_trains_with_the_papers_numbers(network):
     assert settings.class_weights is None
     assert settings.depth_weight == 0
     assert not settings.context_targets
-    state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     assert type(state.optimizer) is torch.optim.Adam
     assert state.optimizer.defaults["weight_decay"] == 0

@@ -17,6 +17,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.training.batches import Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
+from semgs.training.supervision import supervision_of
 
 
 def parts(batch: Batch, count: int) -> list[Batch]:
@@ -37,7 +38,7 @@ def parts(batch: Batch, count: int) -> list[Batch]:
 def test_pieces_of_a_batch_have_the_gradient_of_the_whole(network, batch, settings):
     whole, found = batch(0, scenes=4), []
     for pieces in ([whole], parts(whole, 2), parts(whole, 4)):
-        state = TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+        state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
         report = descend(state, pieces, settings, 1e-3)
         found.append((torch.cat([one.grad.flatten() for one in state.model.parameters()]), report))
     for gradient, report in found[1:]:

@@ -11,10 +11,11 @@ import torch
 from semgs.training.objective import render_targets
 from semgs.training.state import TrainingState
 from semgs.training.step import learning_rate, training_step
+from semgs.training.supervision import supervision_of
 
 
 def begin(network, settings) -> TrainingState:
-    return TrainingState.begin(network(), settings.learning_rate, settings.average_decay)
+    return TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
 
 
 def weights(state: TrainingState) -> torch.Tensor:
@@ -35,7 +36,8 @@ def test_the_total_is_the_paper_s_plus_the_weighted_depth_term(network, batch, s
     expected = 0.5 * report.semantic + report.colour + 0.1 * report.smoothness + 0.1 * report.depth
     assert report.total == pytest.approx(expected, rel=1e-5)
     assert report.depth > 0
-    off = training_step(begin(network, settings), [batch(1)], replace(settings, depth_weight=0.0))
+    without = replace(settings, depth_weight=0.0)
+    off = training_step(begin(network, without), [batch(1)], without)
     assert off.depth == 0
 
 

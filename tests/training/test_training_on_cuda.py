@@ -17,7 +17,7 @@ from semgs.training.loop import train
 from semgs.training.run import export_weights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.validation import validate
+from semgs.training.supervision import supervision_of
 from semgs.weights.load import load
 
 pytestmark = [pytest.mark.gpu, pytest.mark.usefixtures("real_rendering", "gsplat")]
@@ -35,9 +35,10 @@ def labelled(seed: int) -> Batch:
 def test_a_step_measures_the_same_on_both_devices(cuda) -> None:
     reports = []
     for device in ("cpu", cuda):
-        state = TrainingState.begin(fill_golden(networks.small()).to(device), 1e-3, 0.99)
+        supervision = supervision_of(presets.small())
+        state = TrainingState.begin(fill_golden(networks.small()).to(device), supervision, 1e-3, 0.99)
         reports.append(training_step(state, [labelled(0)], presets.small()))
-        assert validate(state.average.module, [labelled(1)]).pictures is not None
+        assert supervision.validate(state.average.module, [labelled(1)]).pictures is not None
     here, there = reports
     assert there.moved
     for name in ("total", "semantic", "colour", "smoothness", "depth", "psnr"):

@@ -10,12 +10,12 @@ from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rendering.rendering import Rendering
 from semgs.training.objective import render_targets
 from semgs.training.pictures import strip
-from semgs.training.validation import validate
+from semgs.training.supervision import Rendered
 
 
 def test_scores_are_those_of_all_target_pixels_together(network, batch):
     model, batches = network(), [batch(step, scenes=1) for step in range(3)]
-    result = validate(model, batches)
+    result = Rendered().validate(model, batches)
     predicted, truth, decibels = [], [], []
     with torch.no_grad():
         for one in batches:
@@ -37,7 +37,7 @@ def test_scores_are_those_of_all_target_pixels_together(network, batch):
 
 
 def test_without_scenes_there_is_nothing_to_say(network):
-    result = validate(network(), [])
+    result = Rendered().validate(network(), [])
     assert np.isnan(result.psnr)
     assert (result.miou, result.accuracy, result.pictures) == (None, None, None)
 

@@ -23,6 +23,7 @@ from semgs.training.engine import launched
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
+from semgs.training.supervision import supervision_of
 
 SIZE, SCENES = (16, 32), 4
 TINY = {
@@ -63,7 +64,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
     found = []
     for engine, pieces in ((fabric, share.pieces(0, SCENES)), (None, Share().pieces(0, SCENES))):
         model = fill_golden(network(**TINY)).to(dtype)
-        state = TrainingState.begin(model, 1e-3, 0.9, engine)
+        state = TrainingState.begin(model, supervision_of(SETTINGS), 1e-3, 0.9, engine)
         report = descend(state, [batch(piece, dtype) for piece in pieces], SETTINGS, 1e-3)
         found.append((gradient(model), report))
     (shared, said), (whole, alone) = found
@@ -79,7 +80,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
 
 def broken(fabric) -> bool:
     """Whether both processes skip a step that is broken in one of them alone."""
-    state = TrainingState.begin(fill_golden(network(**TINY)), 1e-3, 0.9, fabric)
+    state = TrainingState.begin(fill_golden(network(**TINY)), supervision_of(SETTINGS), 1e-3, 0.9, fabric)
     if fabric.global_rank == 1:
         state.model.register_forward_hook(
             lambda module, inputs, encoding: replace(

@@ -1,0 +1,216 @@
+"""Supervision: what a network learns from, and how it is validated. One class for each value of the setting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from semgs.data.classes import IGNORE
+from semgs.data.views import Batch, Views
+from semgs.model.encoding import Encoding
+from semgs.objectives.losses import cross_entropy, depth_error, losses
+from semgs.objectives.metrics import psnr
+from semgs.objectives.weights import LossWeights
+from semgs.training.objective import TERMS, Supervision, all_views, render_targets
+from semgs.training.pictures import class_strip, strip
+from semgs.training.settings import TrainingSettings
+from semgs.training.validation import Comparison, Validation, validate
+
+
+def supervision_of(settings: TrainingSettings) -> Supervision:
+    """The supervision that the settings ask for.
+
+    Raises:
+        ValueError: the class weights are still a rule; `Survey.class_weights` has their numbers.
+    """
+    weights = settings.class_weights
+    if isinstance(weights, str):
+        raise ValueError(f"class_weights is {weights}; expected its numbers, which the survey of the data gives")
+    if settings.supervision == "labels":
+        return Labels(weights, settings.hold_shared)
+    if settings.supervision == "pictures":
+        return Pictures(weights, settings.hold_shared)
+    return Rendered(settings.losses, weights, settings.depth_weight, settings.context_targets)
+
+
+@dataclass(frozen=True)
+class Rendered(Supervision):
+    """Rendered views, as in the paper: every parameter learns.
+
+    Attributes:
+        losses: weights of the paper's three terms.
+        class_weights: factor of each class in the cross-entropy; None is 1 for all.
+        depth_weight: weight of the error of log depth of the input views.
+        context_targets: render and compare the input views as well.
+    """
+
+    losses: LossWeights = field(default_factory=LossWeights)
+    class_weights: tuple[float, ...] | None = None
+    depth_weight: float = 0.0
+    context_targets: bool = False
+
+    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+        """The paper's terms and the depth error; all are NaN if the Gaussians cannot be drawn."""
+        encoding = network(batch.context)
+        if not _can_be_drawn(encoding):
+            return _broken(encoding)
+        rendering, target = render_targets(encoding, batch, self.context_targets)
+        terms = losses(rendering, target, self.losses, class_weights=self.class_weights)
+        depth = torch.zeros_like(terms.total)
+        if self.depth_weight and batch.context.depths is not None:
+            depth = depth_error(encoding.depths, batch.context.depths.to(encoding.depths.device))
+        found = {
+            "semantic": terms.semantic,
+            "colour": terms.colour,
+            "smoothness": terms.smoothness,
+            "depth": depth,
+            "psnr": psnr(rendering.images, target.images).mean(),
+            "unlabelled": terms.total.new_tensor(float(terms.unlabelled)),
+        }
+        return {"total": terms.total + self.depth_weight * depth} | {
+            name: term.detach() for name, term in found.items()
+        }
+
+    def learning(self, network: Any) -> set[str]:
+        """All of them."""
+        return {name for name, _ in network.named_parameters()}
+
+    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+        """Scores of the rendered target views."""
+        return validate(network, batches, _rendered)
+
+    @property
+    def without_labels(self) -> str | None:
+        """Leave out the terms that need labels."""
+        classes = self.losses.semantic or self.losses.smoothness
+        return "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0" if classes else None
+
+
+@dataclass(frozen=True)
+class Labels(Supervision):
+    """The classes of the input views' own pixels: nothing is rendered, and the semantic branch learns alone.
+
+    Attributes:
+        class_weights: factor of each class in the cross-entropy; None is 1 for all.
+        hold_shared: keep the layers that both branches share as they are.
+    """
+
+    class_weights: tuple[float, ...] | None = None
+    hold_shared: bool = False
+
+    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+        """The cross-entropy of the input views.
+
+        Raises:
+            ValueError: they have no labels.
+        """
+        return _label_terms(network.classify(batch.context), batch.context, self.class_weights, "labels")
+
+    def learning(self, network: Any) -> set[str]:
+        """The semantic branch, and the shared layers unless they are held."""
+        return network.semantic_parameters(not self.hold_shared)
+
+    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+        """Scores of the input views' classes."""
+        return validate(network, batches, lambda model, batch: _classified(model.classify(batch.context), batch))
+
+    @property
+    def without_labels(self) -> str | None:
+        """Labels are all that it learns from."""
+        return "give --supervision rendered"
+
+
+@dataclass(frozen=True)
+class Pictures(Supervision):
+    """As `Labels`, but of all views of a sample, each by itself: no view learns from another.
+
+    Its batches have enough unlike pictures for batch norms to measure.
+    """
+
+    measures: ClassVar[bool] = True
+
+    class_weights: tuple[float, ...] | None = None
+    hold_shared: bool = False
+
+    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+        """The cross-entropy of all views.
+
+        Raises:
+            ValueError: they have no labels.
+        """
+        views = all_views(batch)
+        return _label_terms(network.classify(views, alone=True), views, self.class_weights, "pictures")
+
+    def learning(self, network: Any) -> set[str]:
+        """As for labels, without the layers that compare views."""
+        return network.semantic_parameters(not self.hold_shared, alone=True)
+
+    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+        """Scores of the input views' classes, each view by itself."""
+        return validate(
+            network, batches, lambda model, batch: _classified(model.classify(batch.context, alone=True), batch)
+        )
+
+    @property
+    def without_labels(self) -> str | None:
+        """Labels are all that it learns from."""
+        return "give --supervision rendered"
+
+
+def _label_terms(
+    distributions: Tensor, views: Views, class_weights: tuple[float, ...] | None, supervision: str
+) -> dict[str, Tensor]:
+    """The terms if only the classes of the views' own pixels count; nothing is rendered, so there is no PSNR.
+
+    Raises:
+        ValueError: the views have no labels.
+    """
+    if views.labels is None:
+        raise ValueError(f"the scenes have no labels; supervision by {supervision} needs them")
+    labels = views.labels.to(distributions.device).flatten(end_dim=-3)
+    total = cross_entropy(distributions.flatten(end_dim=-4), labels, class_weights).mean()
+    none = total.new_zeros(())
+    unlabelled = (labels == IGNORE).flatten(1).all(1).sum().to(total)
+    found = dict.fromkeys(TERMS, none) | {"semantic": total.detach(), "psnr": none + torch.nan}
+    return found | {"total": total, "unlabelled": unlabelled}
+
+
+def _rendered(network: Any, batch: Batch) -> Comparison:
+    """The target views as rendered, next to the truth."""
+    rendering, target = render_targets(network(batch.context), batch)
+    decibels = psnr(rendering.images, target.images)
+    return Comparison(target, rendering.semantics, strip(rendering, target), decibels)
+
+
+def _classified(distributions: Tensor, batch: Batch) -> Comparison:
+    """The classes of the input views, next to the truth."""
+    return Comparison(batch.context, distributions, class_strip(distributions, batch.context))
+
+
+def _can_be_drawn(encoding: Encoding) -> bool:
+    """Whether every number of the Gaussians is finite."""
+    finite: list[bool] = []
+
+    def look(tensor: Tensor) -> Tensor:
+        finite.append(bool(torch.isfinite(tensor.detach()).all()))
+        return tensor
+
+    encoding.gaussians.map(look)
+    return all(finite)
+
+
+def _broken(encoding: Encoding) -> dict[str, Tensor]:
+    """NaN for every term, with a gradient to everything, so that processes that share a step agree that it is none."""
+    held: list[Tensor] = [encoding.depths]
+
+    def hold(tensor: Tensor) -> Tensor:
+        held.append(tensor)
+        return tensor
+
+    encoding.gaussians.map(hold)
+    total = torch.stack([tensor.sum() for tensor in held]).sum() * torch.nan
+    return {name: total if name == "total" else total.detach() for name in TERMS}
