@@ -132,7 +132,7 @@ def _attention(transformer: TransformerSettings, features: float, views: int) ->
 def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
     """The transformer of the semantic branch or its refinement, whichever takes more."""
     if settings.semantic is None:
-        return 0
+        return 0.0
     pyramid = 0.0
     if isinstance(settings.semantic.refinement, Pyramid):
         # Its finest level, whose residual block is one of a U-Net; the features and the picture that go into it.

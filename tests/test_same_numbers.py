@@ -1,0 +1,41 @@
+"""Numbers that a change of structure must leave as they are: what a seed draws, and what twenty steps lead to."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from semgs.rooms.demo import demo_scene
+from semgs.training.loop import train
+from semgs.training.presets import small
+from semgs.weights.load import load
+
+
+@pytest.mark.parametrize(
+    ("name", "digest"), [("small", "0cba790f45ead4a2"), ("base", "c26a4f601ce4e73e"), ("mvsplat", "e3529c2f84f92480")]
+)
+def test_a_seed_draws_the_weights_that_it_always_drew(name: str, digest: str):
+    """The order in which modules are built is the order in which they take numbers, and that of their tensors."""
+    found = hashlib.sha256()
+    for tensor in load(name, "random", seed=0).state_dict().values():
+        found.update(tensor.contiguous().numpy().tobytes())
+    assert found.hexdigest()[:16] == digest
+
+
+def test_twenty_steps_of_small_lead_where_they_always_led(tmp_path: Path):
+    """The norm that clips a gradient is summed in the order of the parameters, so it is a number to keep as well."""
+    settings = replace(
+        small(), steps=20, size=(32, 48), batch=2, contexts=(2, 2), targets=1, validation_scenes=0, data=(str(demo_scene()),)
+    )  # fmt: skip
+    train(settings, tmp_path / "run", workers=0)
+    last = json.loads((tmp_path / "run" / "log.jsonl").read_text().splitlines()[-1])
+    assert last["step"] == 20
+    expected = {
+        "total": 0.23585, "semantic": 1.9164, "colour": 0.016291, "smoothness": 0.019899, "depth": 0.27899, "psnr": 18.782,
+        "gradient_norm": 0.6173,
+    }  # fmt: skip
+    assert {name: last[name] for name in expected} == pytest.approx(expected, rel=1e-3)
