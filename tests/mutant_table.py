@@ -256,7 +256,7 @@ MUTANTS = (
     ),
     Mutant(
         "windows of one size change places", SWIN,
-        "zip(places, out.unflatten(3, sides)", "zip(reversed(places), out.unflatten(3, sides)", OF_SWIN,
+        "zip(places, torch.unflatten(out, 3, sides)", "zip(reversed(places), torch.unflatten(out, 3, sides)", OF_SWIN,
     ),
     # Dual Gaussians
     Mutant(

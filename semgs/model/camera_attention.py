@@ -64,7 +64,7 @@ class TokenTransforms:
         b, v, h, w, d = x.shape
         tokens = x.to(right.dtype)
         projective = (tokens[..., : d // 2].reshape(b, v, -1, 4) @ right).reshape(b, v, h, w, d // 2)
-        halves = tokens[..., d // 2 :].unflatten(-1, (2, 2, d // 8))
+        halves = torch.unflatten(tokens[..., d // 2 :], -1, (2, 2, d // 8))
         swapped = halves.flip(-2).flatten(-3)
         turned = torch.addcmul(tokens[..., d // 2 :] * self.cosines, swapped, self.sines, value=sign)
         return torch.cat((projective, turned), dim=-1).to(x.dtype)
@@ -98,7 +98,7 @@ def normalised_projections(
     zero, one = torch.zeros_like(fx), torch.ones_like(fx)
 
     def matrix(*rows: Tensor) -> Tensor:
-        return torch.stack(rows, dim=-1).unflatten(-1, (4, 4))
+        return torch.unflatten(torch.stack(rows, dim=-1), -1, (4, 4))
 
     lift = matrix(fx, zero, cx, zero, zero, fy, cy, zero, zero, zero, one, zero, zero, zero, zero, one)
     drop = matrix(

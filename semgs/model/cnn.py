@@ -69,7 +69,8 @@ class FeatureCNN(nn.Module):
         """Features of pictures in 0..1; both sides must be multiples of 4."""
         x = (images - self.mean) / self.std
         x = torch.relu(self.norm1(self.conv1(x)))
-        return self.conv2(self.layer3(self.layer2(self.layer1(x))))
+        features: Tensor = self.conv2(self.layer3(self.layer2(self.layer1(x))))
+        return features
 
 
 def instance_norm(channels: int) -> nn.GroupNorm:

@@ -1,5 +1,7 @@
 """The plane sweep's correlation as one differentiable operation on the CPU, without the warped features in memory."""
 
+from typing import Any
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -41,8 +43,16 @@ def _correlate(
     return sums, seen
 
 
-@torch.library.register_fake(_correlate)
-def _(reference, source, matrices, offsets, depths, smallest, mask_unseen):
+@torch.library.register_fake(_correlate)  # type: ignore[untyped-decorator]
+def _(
+    reference: Tensor,
+    source: Tensor,
+    matrices: Tensor,
+    offsets: Tensor,
+    depths: Tensor,
+    smallest: Tensor,
+    mask_unseen: bool,
+) -> tuple[Tensor, Tensor]:
     n, h, w, _ = reference.shape
     sums = reference.new_empty(n, depths.shape[1], h, w)
     return sums, torch.empty_like(sums)
@@ -67,17 +77,26 @@ def _correlate_backward(
     return d_reference, d_source
 
 
-@torch.library.register_fake(_correlate_backward)
-def _(reference, source, matrices, offsets, depths, smallest, mask_unseen, grad):
+@torch.library.register_fake(_correlate_backward)  # type: ignore[untyped-decorator]
+def _(
+    reference: Tensor,
+    source: Tensor,
+    matrices: Tensor,
+    offsets: Tensor,
+    depths: Tensor,
+    smallest: Tensor,
+    mask_unseen: bool,
+    grad: Tensor,
+) -> tuple[Tensor, Tensor]:
     return torch.empty_like(reference), torch.empty_like(source)
 
 
-def _setup(ctx, inputs, output) -> None:
+def _setup(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, Tensor]) -> None:
     *tensors, ctx.mask_unseen = inputs
     ctx.save_for_backward(*tensors)
 
 
-def _backward(ctx, grad, _):
+def _backward(ctx: Any, grad: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
     d_reference, d_source = _correlate_backward(*ctx.saved_tensors, ctx.mask_unseen, grad)
     return d_reference, d_source, None, None, None, None, None
 
@@ -85,5 +104,5 @@ def _backward(ctx, grad, _):
 torch.library.register_autograd(_correlate, _backward, setup_context=_setup)
 
 
-def _arrays(*tensors: torch.Tensor) -> tuple:
+def _arrays(*tensors: torch.Tensor) -> tuple[Any, ...]:
     return tuple(tensor.detach().contiguous().numpy() for tensor in tensors)

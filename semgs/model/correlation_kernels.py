@@ -1,11 +1,15 @@
 """Compiled kernels of the plane sweep: bilinear sampling and the product of features in one pass, and its gradient."""
 
+from typing import Any
+
 import numba
 import numpy as np
 
+Array = np.ndarray[Any, Any]
+
 
 @numba.njit(cache=True)
-def _taps(u, v, h, w, mask_unseen):
+def _taps(u: float, v: float, h: int, w: int, mask_unseen: bool) -> tuple[Any, ...]:
     """The four texels around a position, their weights (0 outside the map unless its border extends)."""
     left, top = int(np.floor(u)), int(np.floor(v))
     a, b = u - left, v - top
@@ -26,7 +30,17 @@ def _taps(u, v, h, w, mask_unseen):
 
 
 @numba.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
-def correlate(reference, source, matrices, offsets, depths, smallest, mask_unseen, sums, seen):
+def correlate(
+    reference: Array,
+    source: Array,
+    matrices: Array,
+    offsets: Array,
+    depths: Array,
+    smallest: Array,
+    mask_unseen: bool,
+    sums: Array,
+    seen: Array,
+) -> None:
     """sums[n, l, y, x] = <reference[n, y, x], source sampled at plane l>; seen = 1 where the source sees the point."""
     n, h, w, c = reference.shape
     planes = depths.shape[1]
@@ -59,8 +73,17 @@ def correlate(reference, source, matrices, offsets, depths, smallest, mask_unsee
 
 @numba.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
 def correlate_backward(
-    reference, source, matrices, offsets, depths, smallest, mask_unseen, grad, d_reference, d_source
-):
+    reference: Array,
+    source: Array,
+    matrices: Array,
+    offsets: Array,
+    depths: Array,
+    smallest: Array,
+    mask_unseen: bool,
+    grad: Array,
+    d_reference: Array,
+    d_source: Array,
+) -> None:
     """Gradients of `correlate` in both feature maps, which must come in as zeros; each pair is one job, so no writes race."""
     n, h, w, c = reference.shape
     planes = depths.shape[1]

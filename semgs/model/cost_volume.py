@@ -151,7 +151,7 @@ def correlate(
     rays = torch.einsum("nij,hwj->nhwi", matrices, texels)
     limit = smallest[:, None, None, None]
     sums, seen = [], []
-    for chunk in depths.split(CHUNK, dim=1):
+    for chunk in torch.split(depths, CHUNK, dim=1):
         points = rays[:, None] * chunk[:, :, None, None, None] + offsets[:, None, None, None]
         z = points[..., 2]
         u, v = (points[..., axis] / z.clamp(min=limit) for axis in (0, 1))
@@ -162,7 +162,8 @@ def correlate(
             mode="bilinear",
             padding_mode="border" if mask_unseen else "zeros",
             align_corners=False,
-        ).unflatten(2, (-1, h))
+        )
+        warped = torch.unflatten(warped, 2, (-1, h))
         product = (reference[:, :, None] * warped).sum(1)
         visible = (z > limit) & (u >= -0.5) & (u <= w - 0.5) & (v >= -0.5) & (v <= h - 0.5)
         sums.append(product * visible if mask_unseen else product)

@@ -87,10 +87,10 @@ class PlaneSweepDepth(nn.Module):
         planes, batch = self.planes(features, scene), scene.cameras.batch
         matched = unit_features(features) if self.cosine_cost else features
         return cost_volume(
-            matched.unflatten(0, batch),
+            torch.unflatten(matched, 0, batch),
             scene.cameras,
-            planes.bounds[:, 0].unflatten(0, batch),
-            planes.depths.unflatten(0, batch),
+            torch.unflatten(planes.bounds[:, 0], 0, batch),
+            torch.unflatten(planes.depths, 0, batch),
             self.conventions,
             views_at_a_time=views_at_a_time,
         ).flatten(0, 1)
@@ -154,6 +154,5 @@ class CostRegressor(nn.Module):
         x = beside(cost, features)
         conv, norm, activation, unet, last = self.refine
         refined = last(unet(activation(norm(conv(x))), views)) + self.residual(x)
-        if self.norm is None:
-            return self.head(refined)
-        return cost + self.head(self.norm(refined))
+        logits: Tensor = self.head(refined) if self.norm is None else cost + self.head(self.norm(refined))
+        return logits

@@ -274,7 +274,8 @@ class PaperDecoder(Decoder):
 def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
     """The output of a head whose last channels are `harmonics` coefficients a colour, without those never drawn."""
     if harmonics <= RENDERED_HARMONICS:
-        return head(x)
+        everything: Tensor = head(x)
+        return everything
     first, activation, last = head
     assert isinstance(last, nn.Conv2d)
     assert last.bias is not None

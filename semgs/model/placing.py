@@ -119,7 +119,7 @@ def colour_appearance(
     """
     raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
-    harmonics = raw[:, 7:].unflatten(1, (3, -1)).permute(0, 3, 4, 2, 1)
+    harmonics = torch.unflatten(raw[:, 7:], 1, (3, -1)).permute(0, 3, 4, 2, 1)
     terms = harmonics.shape[-2]
     degrees = torch.arange(terms, device=raw.device, dtype=raw.dtype).sqrt().floor()
     damping = torch.where(degrees == 0, 1, 0.1 * 0.25**degrees)
@@ -158,7 +158,7 @@ class Placer:
     def __call__(
         self,
         decoded: Decoded,
-        classes: Float[Tensor, "n channel h w"] | None,
+        raw: Float[Tensor, "n channel h w"] | None,
         small: Float[Tensor, "n 3 h w"],
         rays: Rays,
         size: tuple[int, int],
@@ -167,7 +167,7 @@ class Placer:
 
         Args:
             decoded: of the n views.
-            classes: what the semantic head says; None leaves the Gaussians without semantics.
+            raw: what the semantic head says; None leaves the Gaussians without semantics.
             small: the images at the Gaussians' scale.
             rays: of their cameras.
             size: (height, width) of the images before they were padded [px].
@@ -176,7 +176,7 @@ class Placer:
         means = points(depths, decoded.offsets, rays, self.conventions)
         shown = small if self.from_image else None
         appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
-        semantic = None if classes is None else semantic_appearance(classes, depths, rays)
+        semantic = None if raw is None else semantic_appearance(raw, depths, rays)
         kept = tuple((side + self.stride - 1) // self.stride for side in size)
 
         def gathered(tensor: Tensor) -> Tensor:

@@ -58,7 +58,8 @@ class WindowAttention(nn.Module):
         message = self.norm1(self.merge(message))
         if self.mlp is not None:
             message = self.norm2(self.mlp(torch.cat((source, message), dim=-1)))
-        return source + message
+        known: Tensor = source + message
+        return known
 
 
 class Block(nn.Module):
@@ -74,7 +75,8 @@ class Block(nn.Module):
     ) -> Float[Tensor, "b v h w d"]:
         """All views in lock-step: each attends to the other views as they were at the input of this block."""
         own = self.self_attn(tokens, tokens, windows, transforms, cross=False)
-        return self.cross_attn_ffn(own, tokens, windows, transforms, cross=True)
+        known: Tensor = self.cross_attn_ffn(own, tokens, windows, transforms, cross=True)
+        return known
 
 
 class Windows:
@@ -123,8 +125,9 @@ class Windows:
                 keys, values = (x[:, others].transpose(2, 3).flatten(3, 4) for x in (keys, values))
             out = nn.functional.scaled_dot_product_attention(
                 own.flatten(0, 1), keys.flatten(0, 1), values.flatten(0, 1)
-            ).unflatten(0, (b, views))
-            done.update(zip(places, out.unflatten(3, sides).unbind(2), strict=True))
+            )
+            out = torch.unflatten(out, 0, (b, views))
+            done.update(zip(places, torch.unflatten(out, 3, sides).unbind(2), strict=True))
         rows = (
             torch.cat([done[row, column] for column in range(len(self.columns))], dim=3)
             for row in range(len(self.rows))
@@ -181,7 +184,7 @@ class MultiViewSwin(nn.Module):
         plain = Windows(grid, self.windows, False)
         shifted = Windows(grid, self.windows, True)
         x = x + sine_positions(plain.size, x.shape[1], x).repeat(1, self.windows, self.windows)
-        tokens = x.unflatten(0, (b, v)).permute(0, 1, 3, 4, 2)
+        tokens = torch.unflatten(x, 0, (b, v)).permute(0, 1, 3, 4, 2)
         for index, block in enumerate(self.layers):
             tokens = block(tokens, shifted if index % 2 else plain, transforms)
         x = tokens.permute(0, 1, 4, 2, 3)
@@ -189,7 +192,7 @@ class MultiViewSwin(nn.Module):
             x = nn.functional.interpolate(
                 self.expand(x.flatten(0, 1)), scale_factor=self.reduction, mode="bilinear", align_corners=False
             )
-            x = features + x.unflatten(0, (b, v))
+            x = features + torch.unflatten(x, 0, (b, v))
         return x
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -34,5 +35,5 @@ class CameraTransformer(nn.Module):
                 scene.cameras, scene.near, grid, features.shape[1], features, self.output_transform
             )
         batch = scene.cameras.batch
-        transformed: Tensor = self.swin(features.unflatten(0, batch), transforms)
+        transformed: Tensor = self.swin(torch.unflatten(features, 0, batch), transforms)
         return transformed.flatten(0, 1)

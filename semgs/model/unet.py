@@ -26,7 +26,8 @@ class ResBlock(nn.Module):
 
     def forward(self, x: Float[Tensor, "n c h w"], views: int) -> Float[Tensor, "n d h w"]:
         """Features of the same size; `views` is for the attention blocks alone."""
-        return self.skip_connection(x) + self.out_layers(self.in_layers(x))
+        changed: Tensor = self.skip_connection(x) + self.out_layers(self.in_layers(x))
+        return changed
 
 
 class CrossViewAttention(nn.Module):
@@ -48,7 +49,8 @@ class CrossViewAttention(nn.Module):
         q, k, v = parts.contiguous().unbind(2)
         out = nn.functional.scaled_dot_product_attention(q, k, v)
         out = self.proj_out(out.transpose(-1, -2).flatten(1, 2))
-        return x + self.norm(out.unflatten(2, (views, h * w)).transpose(1, 2).reshape(n, c, h, w))
+        message: Tensor = self.norm(out.unflatten(2, (views, h * w)).transpose(1, 2).reshape(n, c, h, w))
+        return x + message
 
 
 class Downsample(nn.Module):
@@ -60,7 +62,8 @@ class Downsample(nn.Module):
 
     def forward(self, x: Float[Tensor, "n c h w"], views: int) -> Float[Tensor, "n c h2 w2"]:
         """Features of half the size."""
-        return self.op(x)
+        halved: Tensor = self.op(x)
+        return halved
 
 
 class Upsample(nn.Module):
@@ -72,7 +75,8 @@ class Upsample(nn.Module):
 
     def forward(self, x: Float[Tensor, "n c h w"], views: int) -> Float[Tensor, "n c h2 w2"]:
         """Features of twice the size."""
-        return self.conv(nn.functional.interpolate(x, scale_factor=2, mode="nearest"))
+        doubled: Tensor = self.conv(nn.functional.interpolate(x, scale_factor=2, mode="nearest"))
+        return doubled
 
 
 class Stem(nn.Conv2d):
@@ -138,7 +142,8 @@ class UNet(nn.Module):
             x = beside(x, skip)
             for block in blocks:  # type: ignore[attr-defined]
                 x = block(x, views)
-        return self.out(x)
+        features: Tensor = self.out(x)
+        return features
 
 
 def zero_norm(channels: int) -> nn.GroupNorm:
