@@ -114,6 +114,10 @@ MUTANTS = (
         "torch.meshgrid(columns, rows, indexing=\"xy\")", "torch.meshgrid(rows, columns, indexing=\"ij\")", OF_CAMERAS,
     ),
     Mutant(
+        "pixels move on the wrong side of K", CAMERAS,
+        "new_from_old @ self.intrinsics", "self.intrinsics @ new_from_old", ("tests/data/test_views.py",),
+    ),
+    Mutant(
         "quaternions are read with w last", ROTATIONS,
         "w, x, y, z = torch.nn.functional.normalize", "x, y, z, w = torch.nn.functional.normalize",
         ("tests/geometry/test_rotations.py",),

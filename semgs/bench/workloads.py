@@ -151,9 +151,7 @@ def _frame(row: Row) -> Workload:
     chunks = _chunks(row, model, views)
     if row.batch > 1:
         views = stack([views] * row.batch)
-        camera = Cameras(
-            camera.world_from_camera.expand(row.batch, 1, 4, 4), camera.intrinsics.expand(row.batch, 1, 3, 3), row.size
-        )
+        camera = camera.arranged(lambda array: array.expand(row.batch, *array.shape))
     # On the device once, as a program that has its pictures there would have it.
     views = views.to(row.device)
     half = row.precision == "bfloat16"

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 from torch.utils.data import DataLoader, Dataset
 
-from semgs.data.classes import SCANNET20
-from semgs.data.scene import joined
-from semgs.data.views import Views
+from semgs.data.views import Views, joined
 from semgs.data.workers import settle_worker
 from semgs.evaluation.baselines import copied, majority, warped
 from semgs.evaluation.plan import Plan, Task
@@ -116,9 +114,8 @@ def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> di
 
 def inputs_of(task: Task, views: Mapping[int, Views]) -> Inputs:
     """What a method is given of `read_views`: neither labels nor depths."""
-    contexts = joined([views[index] for index in task.sample.contexts], task.scene.classes or SCANNET20)
-    given = Views(contexts.images, contexts.cameras, contexts.depth_range, classes=contexts.classes)
-    return Inputs(task, given, views[task.sample.target].cameras)
+    contexts = joined([views[index] for index in task.sample.contexts]).changed(labels=None, depths=None)
+    return Inputs(task, contexts, views[task.sample.target].cameras)
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,7 +177,7 @@ def _shown(
     """Views beside their renderings; labels of another table than the model's are not compared."""
     comparable = views
     if views.labels is not None and views.classes != classes:
-        comparable = Views(views.images, views.cameras, views.depth_range, depths=views.depths)
+        comparable = views.changed(labels=None)
     names = tuple(scene.frames[position].name for position in positions)
     return Shown(tuple(positions), names, views, rendering, scores(rendering, comparable))
 

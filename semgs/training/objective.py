@@ -8,8 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from semgs.data.classes import IGNORE
-from semgs.data.views import Batch, Views
-from semgs.geometry.cameras import Cameras
+from semgs.data.views import Batch, Views, joined
 from semgs.model.encoding import Encoding
 from semgs.objectives.losses import cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
@@ -116,19 +115,4 @@ def _broken(encoding: Encoding) -> dict[str, Tensor]:
 
 def _joined(first: Views, second: Views) -> Views:
     """The views of both, of the same scenes, along the view axis."""
-
-    def join(a: Tensor | None, b: Tensor | None, axis: int) -> Tensor | None:
-        return None if a is None or b is None else torch.cat((a, b), dim=axis)
-
-    return Views(
-        images=torch.cat((first.images, second.images), dim=-4),
-        cameras=Cameras(
-            torch.cat((first.cameras.world_from_camera, second.cameras.world_from_camera), dim=-3),
-            torch.cat((first.cameras.intrinsics, second.cameras.intrinsics), dim=-3),
-            first.size,
-        ),
-        depth_range=torch.cat((first.depth_range, second.depth_range), dim=-2),
-        labels=join(first.labels, second.labels, -3),
-        depths=join(first.depths, second.depths, -3),
-        classes=first.classes,
-    )
+    return joined([first, second])
