@@ -12,6 +12,7 @@ import numpy as np
 from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
+from semgs.data.parallax import Seen
 from semgs.data.views import Views, joined
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
@@ -96,14 +97,20 @@ class Scene:
             )
         return position
 
-    def depth_range(self, frames: Sequence[int | str] | None = None) -> DepthRange:
+    def depth_range(
+        self, frames: Sequence[int | str] | None = None, features: dict[int, Seen] | None = None
+    ) -> DepthRange:
         """Near and far for some frames (None: for all), with the reason.
+
+        Args:
+            frames: positions or names.
+            features: those found before by positions, for a caller who asks several times; new ones are added.
 
         Raises:
             ValueError: no frame has that position or name, or none is asked for.
             InputError: the scale has to be found from pictures and one cannot be read.
         """
-        return depth_range(self.frames, self._asked(frames), self.unit, self.points)
+        return depth_range(self.frames, self._asked(frames), self.unit, self.points, features)
 
     def _asked(self, frames: Sequence[int | str] | None) -> Sequence[int]:
         """The positions of frames, None being all.
@@ -116,19 +123,25 @@ class Scene:
             raise ValueError(f"no frames are asked for; {self.path} has {len(self)}")
         return asked
 
-    def read(self, frames: Sequence[int | str], size: Sequence[int] | None = None) -> Views:
+    def read(
+        self,
+        frames: Sequence[int | str],
+        size: Sequence[int] | None = None,
+        depth_range: DepthRange | None = None,
+    ) -> Views:
         """Read frames as views: distortion undone, near and far filled in, labels and depths where all of them have them.
 
         Args:
             frames: positions or names, in the order wanted.
             size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the pictures at their own size.
+            depth_range: near and far to give them; None is `depth_range` of these frames.
 
         Raises:
             ValueError: no frame has that position or name, none is asked for, or sizes differ and `size` is None.
             InputError: a picture, depth or label file cannot be used.
         """
         chosen = [self.frames[index] for index in self._asked(frames)]
-        bounds = self.depth_range(frames)
+        bounds = depth_range or self.depth_range(frames)
         if size is None:
             for frame in chosen[1:]:
                 if frame.lens.size != chosen[0].lens.size:

@@ -68,7 +68,6 @@ class Reconstruction:
     Attributes:
         scene: where the frames are from.
         choice: which frames, and why.
-        depth_range: near and far that the model looked between, and why.
         native_size: (height, width) of the first context frame on disk [px].
         encoding: the model's answer; its Gaussians are in the scene's world frame.
         classes: the table of the Gaussians' classes; None for a colour-only model.
@@ -81,7 +80,6 @@ class Reconstruction:
 
     scene: Scene
     choice: Choice
-    depth_range: DepthRange
     native_size: tuple[int, int]
     encoding: Encoding
     classes: ClassTable | None
@@ -90,6 +88,11 @@ class Reconstruction:
     target: Shown | None
     notes: tuple[str, ...]
     plan: Plan | None = None
+
+    @property
+    def depth_range(self) -> DepthRange:
+        """Near and far that the model looked between, and why."""
+        return self.choice.depth_range
 
     @property
     def size(self) -> tuple[int, int]:
@@ -129,13 +132,12 @@ def reconstruct(
         ValueError: fewer than two context frames, or a position outside the scene.
     """
     stages = stages or Stages()
-    native = scene.frames[choice.context[0]].camera.size
+    native = scene.frames[choice.context[0]].lens.size
     wanted = default_size(native) if size is None else tuple(size)
     count = len(choice.context) + len(choice.targets)
     with stages("read", f"Reading {count} frames at {wanted[0]}x{wanted[1]} (height x width)"):
-        bounds = scene.depth_range(choice.context)
-        context = scene.read(choice.context, wanted)
-        target = scene.read(choice.targets, wanted) if choice.targets else None
+        context = scene.read(choice.context, wanted, choice.depth_range)
+        target = scene.read(choice.targets, wanted, choice.depth_range) if choice.targets else None
     with stages("encode", f"Encoding {len(context)} views with {model.name}"), torch.no_grad():
         planned = plan(model, context, target) if isinstance(model, SemGS) else None
         encoded = model(context, planned.chunks) if isinstance(model, SemGS) and planned else model(context)
@@ -148,7 +150,6 @@ def reconstruct(
     return Reconstruction(
         scene=scene,
         choice=choice,
-        depth_range=bounds,
         native_size=native,
         encoding=encoding,
         classes=model.classes,
