@@ -313,6 +313,10 @@ MUTANTS = (
         "the near bound is that of the first view alone", NETWORK,
         "depth_range[..., 0].amin(-1),", "depth_range[..., 0, 0],", ("tests/model/test_near_bounds.py",),
     ),
+    Mutant(
+        "a scene is rendered with the near bound of its first view", "semgs/model/encoding.py",
+        "self.depth_range[..., 0].amin(-1, keepdim=True)", "self.depth_range[..., :1, 0]", ("tests/model/test_encoding.py",),
+    ),
     # Splatting
     Mutant(
         "the camera of splatting turns the wrong way", PINHOLE,

@@ -147,7 +147,6 @@ def _frame(row: Row) -> Workload:
     """Views to Gaussians, and one target drawn from them with colour, classes and depth."""
     model = network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
-    near = float(views.depth_range[:, 0].min())
     chunks = _chunks(row, model, views)
     if row.batch > 1:
         views = stack([views] * row.batch)
@@ -161,7 +160,7 @@ def _frame(row: Row) -> Workload:
             with torch.autocast(row.device, torch.bfloat16, enabled=half):
                 encoding = model(views, chunks, watch)
             with watch("render"):
-                render(encoding.gaussians, camera, near=near)
+                encoding.render(camera)
 
     return Workload(run)
 

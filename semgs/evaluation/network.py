@@ -10,7 +10,6 @@ import torch
 from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.figures.classes import SEEN_ALPHA
 from semgs.reconstruction.reconstruct import Network
-from semgs.rendering.render import render
 from semgs.rendering.rendering import likeliest
 
 
@@ -36,8 +35,7 @@ class NetworkMethod:
         start = self._now()
         encoding = self._network(inputs.contexts)
         encoded = self._now()
-        near = float(inputs.contexts.depth_range[:, 0].min())
-        rendering = render(encoding.gaussians, inputs.camera, near=near)
+        rendering = encoding.render(inputs.camera)
         rendered = self._now()
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
         return Prediction(

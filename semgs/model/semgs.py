@@ -315,7 +315,8 @@ class SemGS(nn.Module):
         rays = Rays.of(_shrunk(cameras, self.stride).flatten(), bounds)
 
         def placed(at: slice) -> Encoding:
-            return self._placed(decode(at), small[at], semantic, confidences[at], rays[at], at, size)
+            bounded = depth_range.flatten(0, 1)[at]
+            return self._placed(decode(at), small[at], semantic, confidences[at], rays[at], at, size, bounded)
 
         with stage("heads"):
             encoding = by_chunks(placed, b * v, chunks.heads)
@@ -386,6 +387,7 @@ class SemGS(nn.Module):
         rays: Rays,
         at: slice,
         size: tuple[int, int],
+        depth_range: Float[Tensor, "n 2"],
     ) -> Encoding:
         """Some of the views, each as a scene of its own, cropped to `size`; `at` says which of all they are."""
         depths = decoded.depths
@@ -406,7 +408,7 @@ class SemGS(nn.Module):
             return wide[:, None, : size[0], : size[1]]
 
         flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, classes)
-        return Encoding(flat.map(gathered), full(depths), full(confidences))
+        return Encoding(flat.map(gathered), full(depths), full(confidences), depth_range[:, None])
 
     def _transformed(
         self,

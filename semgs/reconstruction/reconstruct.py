@@ -18,7 +18,6 @@ from semgs.model.semgs import SemGS
 from semgs.reconstruction.plan import Plan, plan
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
-from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 
 NO_PARALLAX = 0.01
@@ -144,9 +143,8 @@ def reconstruct(
         encoding = _on_cpu(encoded)
         del encoded
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
-        near = float(context.depth_range[:, 0].min())
-        own = render(encoding.gaussians, context.cameras, near=near)
-        held_out = render(encoding.gaussians, target.cameras, near=near) if target is not None else None
+        own = encoding.render(context.cameras)
+        held_out = encoding.render(target.cameras) if target is not None else None
     return Reconstruction(
         scene=scene,
         choice=choice,
@@ -165,11 +163,7 @@ def reconstruct(
 
 def _on_cpu(encoding: Encoding) -> Encoding:
     """The encoding in float32 on the CPU."""
-    return Encoding(
-        encoding.gaussians.to("cpu", torch.float32),
-        encoding.depths.to("cpu", torch.float32),
-        encoding.confidences.to("cpu", torch.float32),
-    )
+    return encoding.to("cpu", torch.float32)
 
 
 def _shown(

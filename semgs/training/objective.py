@@ -12,7 +12,6 @@ from semgs.data.views import Batch, Views, joined
 from semgs.model.encoding import Encoding
 from semgs.objectives.losses import cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
-from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.training.settings import TrainingSettings
 
@@ -83,8 +82,7 @@ def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = Fal
     The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device.
     """
     target = _joined(batch.target, batch.context) if context_targets else batch.target
-    near = batch.context.depth_range[..., 0].amin(-1, keepdim=True)
-    rendering = render(encoding.gaussians, target.cameras, near=near.expand(target.cameras.batch))
+    rendering = encoding.render(target.cameras)
     return rendering, target.to(rendering.images.device)
 
 

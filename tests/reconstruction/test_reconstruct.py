@@ -100,6 +100,6 @@ def test_a_reconstruction_has_one_near_and_far(wall_scene: Callable[..., Scene],
     result = reconstruct(scene, given(scene, [0, 3]), oracle)
     assert result.target is not None
     near, far = result.depth_range.near, result.depth_range.far
-    for bounds in (result.context.views, result.target.views):
+    for bounds in (result.context.views, result.target.views, result.encoding):
         assert bounds.depth_range.tolist() == [[near, far]] * 2
     assert result.depth_range == scene.depth_range([0, 3])
