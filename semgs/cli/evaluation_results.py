@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from semgs.cli.errors import what_fits
 from semgs.cli.progress import show_progress, show_stage
 from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
@@ -62,10 +63,11 @@ def evaluate_into(
 
     Raises:
         InputError: a frame, a prediction or the folder cannot be used.
+        UsageError: the network needs more memory than there is.
         OSError: the disk is full.
     """
     with own_folder(out, overwrite) as folder:
-        with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
+        with what_fits(), show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
             rows = evaluate(plan, method, folder, save=predictions is None, workers=workers, done=done)
         evaluation = Evaluation(
             subject=subject,

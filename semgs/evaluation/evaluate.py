@@ -19,6 +19,7 @@ from semgs.evaluation.protocols import nearest_first
 from semgs.evaluation.scores import FrameScores, score
 from semgs.evaluation.similarity import perceptual_distance
 from semgs.files.errors import InputError
+from semgs.reconstruction.plan import NotEnoughMemoryError
 
 PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""
@@ -66,6 +67,7 @@ def evaluate(
 
     Raises:
         InputError: a frame or prediction cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
         OSError: the disk is full.
     """
     targets = DataLoader(
@@ -131,7 +133,7 @@ class _Judged:
 class _Targets(Dataset):
     """The targets of a plan, judged when they are asked for.
 
-    A file that cannot be used, or a full disk, is returned and not raised: a loader hands on no more than an error's text.
+    A file that cannot be used, a full disk, or too little memory is returned and not raised: a loader hands on no more than an error's text.
     """
 
     def __init__(self, plan: Plan, method: Method, folder: Path, save: bool) -> None:
@@ -141,11 +143,11 @@ class _Targets(Dataset):
     def __len__(self) -> int:
         return len(self._plan.tasks)
 
-    def __getitem__(self, index: int) -> _Judged | InputError | OSError:
+    def __getitem__(self, index: int) -> _Judged | InputError | OSError | NotEnoughMemoryError:
         """Judge a target."""
         try:
             return self._judge(self._plan.tasks[index])
-        except (InputError, OSError) as error:
+        except (InputError, OSError, NotEnoughMemoryError) as error:
             return error
 
     def _judge(self, task: Task) -> _Judged:

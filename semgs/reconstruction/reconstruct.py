@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import torch
 
@@ -14,31 +13,14 @@ from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS
-from semgs.reconstruction.plan import Plan, plan
+from semgs.reconstruction.encode import Network, encode
+from semgs.reconstruction.plan import Plan
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
 
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this part of the near bound show no parallax."""
-
-
-@runtime_checkable
-class Network(Protocol):
-    """What reconstructs: `SemGS`, or whatever else turns views into Gaussians.
-
-    Attributes:
-        name: to call it by.
-        classes: the table of its class distributions; None if it knows colour only.
-    """
-
-    name: str
-    classes: ClassTable | None
-
-    def __call__(self, views: Views) -> Encoding:
-        """The Gaussians of two or more views."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -115,7 +97,7 @@ def reconstruct(
 ) -> Reconstruction:
     """Reconstruct a scene from its context frames and look at it from these and from the held-out ones.
 
-    Where memory is short, `SemGS` takes fewer views at a time, as `plan` says; the numbers are the same but for rounding.
+    Where memory is short, fewer views are encoded at a time, as for `semgs.reconstruction.encode.encode`.
 
     Args:
         scene: an open scene.
@@ -137,11 +119,9 @@ def reconstruct(
     with stages("read", f"Reading {count} frames at {wanted[0]}x{wanted[1]} (height x width)"):
         context = scene.read(choice.context, wanted, choice.depth_range)
         target = scene.read(choice.targets, wanted, choice.depth_range) if choice.targets else None
-    with stages("encode", f"Encoding {len(context)} views with {model.name}"), torch.no_grad():
-        planned = plan(model, context, target) if isinstance(model, SemGS) else None
-        encoded = model(context, planned.chunks) if isinstance(model, SemGS) and planned else model(context)
-        encoding = _on_cpu(encoded)
-        del encoded
+    with stages("encode", f"Encoding {len(context)} views with {model.name}"):
+        encoded = encode(model, context, target)
+        encoding = encoded.encoding
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
         own = encoding.render(context.cameras)
         held_out = encoding.render(target.cameras) if target is not None else None
@@ -156,14 +136,9 @@ def reconstruct(
         target=None
         if target is None or held_out is None
         else _shown(scene, choice.targets, target, held_out, model.classes),
-        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(planned)),
-        plan=planned,
+        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(encoded.plan)),
+        plan=encoded.plan,
     )
-
-
-def _on_cpu(encoding: Encoding) -> Encoding:
-    """The encoding in float32 on the CPU."""
-    return encoding.to("cpu", torch.float32)
 
 
 def _shown(
