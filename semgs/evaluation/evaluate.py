@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from semgs.evaluation.predictions import Inputs, Method, Prediction, write_maps,
 from semgs.evaluation.protocols import nearest_first
 from semgs.evaluation.scores import FrameScores, score
 from semgs.evaluation.similarity import perceptual_distance
+from semgs.evaluation.summary import extremes
 from semgs.files.errors import InputError
 from semgs.reconstruction.plan import NotEnoughMemoryError
 
@@ -25,6 +26,8 @@ PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""
 TRUTH = "truth"
 """Folder of the true labels at the size of the evaluation."""
+SHOWN = 10
+"""So many of the best targets and of the worst are shown in the report, for each number of views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +41,14 @@ class Rows:
             lacks the truth for has fewer targets, or is absent.
         truth: a hash of the true labels and depths that the targets were compared with; not of the pictures, whose
             resizing may differ in the last bit between machines.
+        shown: what the method said of the `SHOWN` best and worst targets, by scene and target.
     """
 
     views: int
     method: tuple[FrameScores, ...]
     trivial: dict[str, tuple[FrameScores, ...]]
     truth: str
+    shown: dict[tuple[str, str], Prediction] = field(default_factory=dict)
 
 
 def evaluate(
@@ -78,13 +83,18 @@ def evaluate(
         multiprocessing_context="forkserver" if workers else None,
         worker_init_fn=settle_worker,
     )
-    judged = []
-    for one in targets:
+    judged: dict[int, list[_Judged]] = {views: [] for views in plan.views}
+    shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
+    for count, one in enumerate(targets, 1):
         if isinstance(one, Exception):
             raise one
-        judged.append(one)
-        done(len(judged))
-    return [_rows(views, [one for one in judged if len(one.method.contexts) == views]) for views in plan.views]
+        found, prediction = one
+        views = len(found.method.contexts)
+        judged[views].append(found)
+        # A copy: what another process sent stays a file of shared memory, which would be kept open.
+        shown[views] = _kept([*shown[views], (found.method, prediction.copy())])
+        done(count)
+    return [_rows(views, judged[views], shown[views]) for views in plan.views]
 
 
 def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
@@ -143,14 +153,14 @@ class _Targets(Dataset):
     def __len__(self) -> int:
         return len(self._plan.tasks)
 
-    def __getitem__(self, index: int) -> _Judged | InputError | OSError | NotEnoughMemoryError:
-        """Judge a target."""
+    def __getitem__(self, index: int) -> tuple[_Judged, Prediction] | InputError | OSError | NotEnoughMemoryError:
+        """Judge a target: its scores, and what the method said."""
         try:
             return self._judge(self._plan.tasks[index])
         except (InputError, OSError, NotEnoughMemoryError) as error:
             return error
 
-    def _judge(self, task: Task) -> _Judged:
+    def _judge(self, task: Task) -> tuple[_Judged, Prediction]:
         """Read, predict, write, score."""
         views = read_views(task, self._plan.depth_range)
         target = views[task.sample.target]
@@ -161,15 +171,22 @@ class _Targets(Dataset):
             write_maps(self._folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
         ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
         moved = warped(ordered, target)
-        return _Judged(
+        judged = _Judged(
             method=score(task, prediction, target, self._perceptual),
             copy=score(task, copied(ordered[0]), target, self._perceptual),
             warp=None if moved is None else score(task, moved, target, self._perceptual),
             truth=_digest(target),
         )
+        return judged, prediction
 
 
-def _rows(views: int, judged: Sequence[_Judged]) -> Rows:
+def _kept(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
+    """Those of the frames so far that may be shown at the end."""
+    best, worst = extremes([frame for frame, _ in frames], SHOWN)
+    return [frames[position] for position in sorted([*best, *worst])]
+
+
+def _rows(views: int, judged: Sequence[_Judged], shown: Sequence[tuple[FrameScores, Prediction]]) -> Rows:
     """The rows of one number of views."""
     trivial = {"copy": tuple(one.copy for one in judged)}
     if any(one.warp is not None for one in judged):
@@ -182,7 +199,8 @@ def _rows(views: int, judged: Sequence[_Judged]) -> Rows:
             for (frame, truth), matrix in zip(labelled, matrices, strict=True)
         )
     together = hashlib.sha256("".join(one.truth for one in judged).encode()).hexdigest()
-    return Rows(views, tuple(one.method for one in judged), trivial, together)
+    said = {(frame.scene, frame.target): prediction for frame, prediction in shown}
+    return Rows(views, tuple(one.method for one in judged), trivial, together, said)
 
 
 def _digest(view: Views) -> str:
