@@ -88,10 +88,10 @@ class Reconstruct:
         self._check()
         with show_stage("Starting"):
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
-            from semgs.data.scenes import open_scene
+            from semgs.data.scenes import open_asked
 
         device = chosen_device(self.device)
-        scene = open_scene(self.scene, self.reading.as_peers, **vars(self.reading.asked()))
+        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked)
         stages = Stages(show_stage)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
