@@ -115,6 +115,10 @@ MUTANTS = (
         "torch.meshgrid(columns, rows, indexing=\"xy\")", "torch.meshgrid(rows, columns, indexing=\"ij\")", OF_CAMERAS,
     ),
     Mutant(
+        "pixels move on the wrong side of K", CAMERAS,
+        "new_from_old @ self.intrinsics", "self.intrinsics @ new_from_old", ("tests/data/test_views.py",),
+    ),
+    Mutant(
         "quaternions are read with w last", ROTATIONS,
         "w, x, y, z = torch.nn.functional.normalize", "x, y, z, w = torch.nn.functional.normalize",
         ("tests/geometry/test_rotations.py",),
@@ -295,7 +299,7 @@ MUTANTS = (
     ),
     Mutant(
         "smaller pictures keep their camera", SCENE,
-        "intrinsics=cameras.intrinsics * scale[:, None]", "intrinsics=cameras.intrinsics", OF_NETWORK,
+        "return cameras.adjusted(scale,", "return cameras.adjusted(torch.eye(3, dtype=torch.float64),", OF_NETWORK,
     ),
     Mutant(
         "Gaussians come column by column", PLACING,
@@ -309,6 +313,10 @@ MUTANTS = (
     Mutant(
         "the near bound is that of the first view alone", SCENE,
         "depth_range[..., 0].amin(-1)", "depth_range[..., 0, 0]", ("tests/model/test_near_bounds.py",),
+    ),
+    Mutant(
+        "a scene is rendered with the near bound of its first view", "semgs/model/encoding.py",
+        "self.depth_range[..., 0].amin(-1, keepdim=True)", "self.depth_range[..., :1, 0]", ("tests/model/test_encoding.py",),
     ),
     # Splatting
     Mutant(

@@ -41,8 +41,7 @@ def network(name: str) -> SemGS:
 @cache
 def context_views(count: int, size: tuple[int, int]) -> Views:
     """The first frames of the embedded room, without what is only for training."""
-    views = open_scene(demo_scene()).read(list(range(count)), size)
-    return Views(views.images, views.cameras, views.depth_range)
+    return open_scene(demo_scene()).read(list(range(count)), size).changed(labels=None, depths=None)
 
 
 @cache

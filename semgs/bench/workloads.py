@@ -147,13 +147,10 @@ def _frame(row: Row) -> Workload:
     """Views to Gaussians, and one target drawn from them with colour, classes and depth."""
     model = network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
-    near = float(views.depth_range[:, 0].min())
     chunks = _chunks(row, model, views)
     if row.batch > 1:
         views = stack([views] * row.batch)
-        camera = Cameras(
-            camera.world_from_camera.expand(row.batch, 1, 4, 4), camera.intrinsics.expand(row.batch, 1, 3, 3), row.size
-        )
+        camera = camera.arranged(lambda array: array.expand(row.batch, *array.shape))
     # On the device once, as a program that has its pictures there would have it.
     views = views.to(row.device)
     half = row.precision == "bfloat16"
@@ -163,7 +160,7 @@ def _frame(row: Row) -> Workload:
             with torch.autocast(row.device, torch.bfloat16, enabled=half):
                 encoding = model(views, chunks, watch)
             with watch("render"):
-                render(encoding.gaussians, camera, near=near)
+                encoding.render(camera)
 
     return Workload(run)
 

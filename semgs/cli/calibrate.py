@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.arguments import parse_size
-from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.evaluate import check_protocol, labelled_scenes, plan_of
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
@@ -89,7 +89,7 @@ class Calibrate:
             if self.out is None and held is None:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
             model = load(network, path, classes=classes)
-        with show_progress("Reconstructing", len(plan.tasks)) as done:
+        with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
             said = statements(plan, model, done=done)
         known = held if self.out is None else None
         found = {kind: calibration(said[kind], known[kind] if known else None) for kind in KINDS}

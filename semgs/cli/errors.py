@@ -23,3 +23,18 @@ def what_the_user_gave() -> Iterator[None]:
         yield
     except ValueError as error:
         raise UsageError(str(error)) from error
+
+
+@contextmanager
+def what_fits() -> Iterator[None]:
+    """Around a reconstruction, which may need more memory than there is.
+
+    Raises:
+        UsageError: in place of a NotEnoughMemoryError.
+    """
+    from semgs.reconstruction.plan import NotEnoughMemoryError  # torch takes seconds to import
+
+    try:
+        yield
+    except NotEnoughMemoryError as error:
+        raise UsageError(f"{error}; see --size and --views") from error

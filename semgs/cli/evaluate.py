@@ -185,7 +185,7 @@ def labelled_scenes(data: Path, reading: SceneOptions, wanted: str = "") -> tupl
     from semgs.data.scene_lists import read_list
     from semgs.data.scenes import open_scenes
 
-    scenes = open_scenes(data, reading.as_peers, reading.asked(), read_list(wanted) if wanted else None)
+    scenes = open_scenes(data, reading.as_peers, reading.asked, read_list(wanted) if wanted else None)
     labelled = [scene for scene in scenes if scene.classes is not None]
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:

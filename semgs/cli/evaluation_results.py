@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from semgs.cli.errors import what_fits
 from semgs.cli.progress import show_progress, show_stage
 from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
@@ -16,9 +17,9 @@ from semgs.evaluation.network import NetworkMethod
 from semgs.evaluation.notes import notes
 from semgs.evaluation.plan import Plan, frame_list
 from semgs.evaluation.predictions import Method
-from semgs.evaluation.report import Evaluation, Subject, read_report, report_numbers, timing
+from semgs.evaluation.report import Evaluation, SavedReport, Subject, report_numbers, saved_report, timing
 from semgs.evaluation.report_page import report_page
-from semgs.evaluation.saved import TIMING, SavedPredictions
+from semgs.evaluation.saved import TIMING
 from semgs.evaluation.tables import printed
 from semgs.files.atomic import write_json, write_text
 from semgs.files.folders import own_folder
@@ -62,10 +63,11 @@ def evaluate_into(
 
     Raises:
         InputError: a frame, a prediction or the folder cannot be used.
+        UsageError: the network needs more memory than there is.
         OSError: the disk is full.
     """
     with own_folder(out, overwrite) as folder:
-        with show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
+        with what_fits(), show_progress(f"Evaluating {subject.name}", len(plan.tasks)) as done:
             rows = evaluate(plan, method, folder, save=predictions is None, workers=workers, done=done)
         evaluation = Evaluation(
             subject=subject,
@@ -78,8 +80,8 @@ def evaluate_into(
             notes=(*remarks, *notes(plan, scenes, rows, workers)),
         )
         with show_stage("Writing the report"):
-            write_results(folder, evaluation, predictions)
-            return summary(folder, evaluation, out)
+            report = write_results(folder, evaluation, predictions)
+            return summary(report, evaluation, out)
 
 
 def network_method(
@@ -123,7 +125,7 @@ def remarks_on_seen_rooms(weights: str | Path, plan: Plan, allowed: bool = False
     return []
 
 
-def write_results(folder: Path, evaluation: Evaluation, predictions: Path | None) -> None:
+def write_results(folder: Path, evaluation: Evaluation, predictions: Path | None) -> SavedReport:
     """Write the report and the list of frames into an existing folder that holds the maps.
 
     Args:
@@ -131,25 +133,30 @@ def write_results(folder: Path, evaluation: Evaluation, predictions: Path | None
         evaluation: that is done.
         predictions: where they are, if they are somebody else's.
 
+    Returns:
+        What `read_report` finds in the folder.
+
     Raises:
         OSError: a file cannot be written.
     """
+    numbers = report_numbers(evaluation)
     write_json(folder / "frames.json", frame_list(evaluation.plan))
-    write_json(folder / "report.json", report_numbers(evaluation))
+    write_json(folder / "report.json", numbers)
     if predictions is None:
         for rows in evaluation.rows:
             times = timing(rows.method)
             kept = {name: times[name] for name in ("seconds_encode", "seconds_render")}
             write_json(folder / PREDICTIONS / f"N{rows.views}" / TIMING, kept)
-    saved = SavedPredictions(predictions or folder / PREDICTIONS, evaluation.subject.name)
-    write_text(folder / "report.html", report_page(evaluation, read_report(folder), saved))
+    report = saved_report(folder / "report.json", numbers)
+    write_text(folder / "report.html", report_page(evaluation, report))
+    return report
 
 
-def summary(folder: Path, evaluation: Evaluation, out: Path) -> str:
+def summary(report: SavedReport, evaluation: Evaluation, out: Path) -> str:
     """What the user reads at the end: the table, what it must not be read without, and where everything is."""
     return "\n".join(
         [
-            printed(overview_grid(read_report(folder), BRIEF), "text"),
+            printed(overview_grid(report, BRIEF), "text"),
             "",
             *(f"note  {sentence}" for sentence in evaluation.notes),
             *([""] if evaluation.notes else []),

@@ -13,7 +13,7 @@ import tyro
 
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
-from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.evaluate import NETWORKS, check_protocol, labelled_scenes, plan_of
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
@@ -100,7 +100,7 @@ class Figure:
             raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)
         blocks, numbers = [], []
         shown: list[Compared] = []
-        with show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
+        with what_fits(), show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
             for part in parts:
                 frames = part.compare(partial(_after, len(shown), done))
                 titled = len(parts) > 1 or bool(self.names)

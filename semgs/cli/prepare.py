@@ -72,7 +72,7 @@ class Prepare:
             from semgs.data.scene_lists import read_list
 
             found = sources(self.src, read_list(self.scenes) if self.scenes else None)
-        settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked())
+        settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked)
         with what_the_user_gave():
             check(self.out, settings, reading)
         with show_stage("Estimating the space"):

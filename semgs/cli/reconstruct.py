@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
-from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.folders import check_folder, own_folder
@@ -88,10 +88,10 @@ class Reconstruct:
         self._check()
         with show_stage("Starting"):
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
-            from semgs.data.scenes import open_scene
+            from semgs.data.scenes import open_asked
 
         device = chosen_device(self.device)
-        scene = open_scene(self.scene, self.reading.as_peers, **vars(self.reading.asked()))
+        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked)
         stages = Stages(show_stage)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
@@ -99,14 +99,11 @@ class Reconstruct:
             model, origin = self._model(device)
 
         from semgs.cli.results import summary, write_results
-        from semgs.reconstruction.plan import NotEnoughMemoryError
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
-            try:
+            with what_fits():
                 result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages, notes=self._notes())
-            except NotEnoughMemoryError as error:
-                raise UsageError(f"{error}; see --size and --views") from error
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import tyro
@@ -39,12 +40,13 @@ class SceneOptions:
         Raises:
             UsageError: a number cannot be, or there is no reading of a name.
         """
-        self.asked()
+        _ = self.asked
         with what_the_user_gave():
             check_readings(self.as_peers)
 
+    @cached_property
     def asked(self) -> Asked:
-        """As readers take it.
+        """As readers take it, converted once.
 
         Raises:
             UsageError: a number cannot be.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semgs.data.depth_range import DepthRange
+from semgs.data.parallax import Seen
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -44,11 +45,14 @@ class Choice:
         context: positions of the input views, ascending unless the user gave another order.
         targets: positions of the held-out views, ascending; may be empty.
         reason: why, one sentence.
+        depth_range: near and far of the input views, by which targets were chosen and with which everything is reconstructed; of a
+            training sample, those of its whole scene.
     """
 
     context: tuple[int, ...]
     targets: tuple[int, ...]
     reason: str
+    depth_range: DepthRange
 
 
 def choose(scene: Scene, count: int) -> Choice:
@@ -61,7 +65,8 @@ def choose(scene: Scene, count: int) -> Choice:
         ValueError: `count` is less than 2 or more than there are usable frames.
     """
     _check_count(scene, count)
-    bounds = scene.depth_range()
+    features: dict[int, Seen] = {}
+    bounds = scene.depth_range(features=features)
     few = np.unique(np.linspace(0, len(scene) - 1, min(len(scene), max(CANDIDATES, count))).round().astype(int))
     geometry = _Geometry(scene, bounds.middle, few)
     overlaps, baselines = geometry.overlaps(), geometry.baselines()
@@ -75,7 +80,7 @@ def choose(scene: Scene, count: int) -> Choice:
         fit[chosen] = -1
         chosen.append(int(np.argmax(fit)))
     context = tuple(sorted(int(few[index]) for index in chosen))
-    return _with_targets(scene, context, bounds, "chosen: ")
+    return _with_targets(scene, context, scene.depth_range(context, features), "chosen: ")
 
 
 def given(scene: Scene, context: Sequence[int | str]) -> Choice:
@@ -127,7 +132,7 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
     while len(others) < targets:
         others.append(_one_of((shared >= LEAST_SEEN).astype(float), shared, [*chosen, *others], rng))
     context = tuple(sorted(int(few[index]) for index in chosen))
-    return Choice(context, tuple(sorted(int(few[index]) for index in others)), "drawn")
+    return Choice(context, tuple(sorted(int(few[index]) for index in others)), "drawn", bounds)
 
 
 def _beside(scene: Scene, first: int, bounds: DepthRange, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -224,7 +229,7 @@ def _with_targets(scene: Scene, context: tuple[int, ...], bounds: DepthRange, pr
         distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
         nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
         targets = sorted(_seen_enough(scene, context, nearest, bounds)[:TARGETS])
-    return Choice(context, tuple(targets), prefix + _reason(scene, context, bounds))
+    return Choice(context, tuple(targets), prefix + _reason(scene, context, bounds), bounds)
 
 
 def _seen_enough(scene: Scene, context: Sequence[int], frames: Sequence[int], bounds: DepthRange) -> list[int]:

@@ -50,7 +50,11 @@ class DepthRange:
 
 
 def depth_range(
-    frames: Sequence[Frame], asked: Sequence[int], unit: str, points: np.ndarray | None = None
+    frames: Sequence[Frame],
+    asked: Sequence[int],
+    unit: str,
+    points: np.ndarray | None = None,
+    features: dict[int, Seen] | None = None,
 ) -> DepthRange:
     """Near and far for some frames of a scene.
 
@@ -59,6 +63,7 @@ def depth_range(
         asked: positions of those that the range is for.
         unit: "metric" or "unknown".
         points: the scene's sparse points [n 3] in the world, or None.
+        features: of frames by their positions, found before; those that are found now are added.
     """
     if unit == "metric":
         return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric and rooms are between these")
@@ -66,7 +71,7 @@ def depth_range(
         inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in asked])
         if len(inverse) >= FEW_POINTS:
             return _around(inverse, unit, f"from {len(inverse)} sightings of the scene's sparse points")
-    pictures: dict[int, Seen] = {}
+    pictures = {} if features is None else features
     for pairs in (_pairs_among(asked), _pairs_beside(frames, asked)):
         inverse = _triangulated(frames, pairs, pictures)
         if len(inverse) >= FEW_POINTS:

@@ -66,7 +66,7 @@ class Frame:
         size: Sequence[int] | None = None,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """The frame as one view, distortion undone.
+        """The frame as one view, distortion undone, every number checked.
 
         Args:
             depth_range: near and far to give the view.
@@ -76,6 +76,22 @@ class Frame:
 
         Raises:
             InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
+            ValueError: as `Views`.
+        """
+        return self.view(depth_range, classes, size=size, maps=maps).checked()
+
+    def view(
+        self,
+        depth_range: tuple[float, float],
+        classes: ClassTable | None = None,
+        *,
+        size: Sequence[int] | None = None,
+        maps: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> Views:
+        """As `read`, but trusted: for those that join several frames and check them together.
+
+        Raises:
+            InputError: as `read`.
         """
         image, depths = self.read_image(), self.read_depths()
         labels = None if classes is None else self.read_labels(classes)
@@ -84,10 +100,10 @@ class Frame:
             image = self.lens.undistorted(image, maps)
             depths = None if depths is None else self.lens.undistorted(depths, maps, nearest=True)
             labels = None if labels is None else self.lens.undistorted(labels, maps, nearest=True)
-        view = Views(
+        view = Views.trusted(
             images=torch.from_numpy(image).permute(2, 0, 1)[None].float() / 255,
             cameras=Cameras(self.world_from_camera[None], self.lens.intrinsics[None], self.lens.size),
-            depth_range=[depth_range],
+            depth_range=torch.tensor([depth_range], dtype=torch.float64),
             labels=None if labels is None else torch.from_numpy(labels)[None],
             depths=None if depths is None else torch.from_numpy(depths)[None],
             classes=classes or SCANNET20,

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
-from semgs.data.views import Views
+from semgs.data.parallax import Seen
+from semgs.data.views import Views, joined
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 
@@ -98,31 +97,51 @@ class Scene:
             )
         return position
 
-    def depth_range(self, frames: Sequence[int | str] | None = None) -> DepthRange:
+    def depth_range(
+        self, frames: Sequence[int | str] | None = None, features: dict[int, Seen] | None = None
+    ) -> DepthRange:
         """Near and far for some frames (None: for all), with the reason.
+
+        Args:
+            frames: positions or names.
+            features: those found before by positions, for a caller who asks several times; new ones are added.
 
         Raises:
             ValueError: no frame has that position or name, or none is asked for.
             InputError: the scale has to be found from pictures and one cannot be read.
         """
+        return depth_range(self.frames, self._asked(frames), self.unit, self.points, features)
+
+    def _asked(self, frames: Sequence[int | str] | None) -> Sequence[int]:
+        """The positions of frames, None being all.
+
+        Raises:
+            ValueError: no frame has that position or name, or none is asked for.
+        """
         asked = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
         if not asked:
             raise ValueError(f"no frames are asked for; {self.path} has {len(self)}")
-        return depth_range(self.frames, asked, self.unit, self.points)
+        return asked
 
-    def read(self, frames: Sequence[int | str], size: Sequence[int] | None = None) -> Views:
+    def read(
+        self,
+        frames: Sequence[int | str],
+        size: Sequence[int] | None = None,
+        depth_range: DepthRange | None = None,
+    ) -> Views:
         """Read frames as views: distortion undone, near and far filled in, labels and depths where all of them have them.
 
         Args:
             frames: positions or names, in the order wanted.
             size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the pictures at their own size.
+            depth_range: near and far to give them; None is `depth_range` of these frames.
 
         Raises:
             ValueError: no frame has that position or name, none is asked for, or sizes differ and `size` is None.
             InputError: a picture, depth or label file cannot be used.
         """
-        chosen = [self.frames[self.index(frame)] for frame in frames]
-        bounds = self.depth_range(frames)
+        chosen = [self.frames[index] for index in self._asked(frames)]
+        bounds = depth_range or self.depth_range(frames)
         if size is None:
             for frame in chosen[1:]:
                 if frame.lens.size != chosen[0].lens.size:
@@ -135,26 +154,5 @@ class Scene:
             if frame.lens != lens and not frame.lens.is_pinhole:
                 lens, maps = frame.lens, frame.lens.maps()
             given = None if frame.lens.is_pinhole else maps
-            views.append(frame.read((bounds.near, bounds.far), self.classes, size=size, maps=given))
-        return joined(views, self.classes or SCANNET20)
-
-
-def joined(views: Sequence[Views], classes: ClassTable) -> Views:
-    """Unbatched views of one size, one after the other; labels and depths only where all have them."""
-
-    def together(maps: Sequence[Tensor | None]) -> Tensor | None:
-        held = [one for one in maps if one is not None]
-        return torch.cat(held) if len(held) == len(maps) else None
-
-    return Views(
-        images=torch.cat([one.images for one in views]),
-        cameras=Cameras(
-            torch.cat([one.cameras.world_from_camera for one in views]),
-            torch.cat([one.cameras.intrinsics for one in views]),
-            views[0].size,
-        ),
-        depth_range=torch.cat([one.depth_range for one in views]),
-        labels=together([one.labels for one in views]),
-        depths=together([one.depths for one in views]),
-        classes=classes,
-    )
+            views.append(frame.view((bounds.near, bounds.far), self.classes, size=size, maps=given))
+        return joined(views).checked()

@@ -87,10 +87,19 @@ def open_scene(
             a reading is asked for that its layout does not have, or something is told that it does not leave open.
         ValueError: there is no reading of that name, or what is told cannot be.
     """
+    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit))
+
+
+def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked) -> Scene:
+    """As `open_scene`, with all that is told of the scene as one.
+
+    Raises:
+        InputError, ValueError: as `open_scene`.
+    """
     check_readings(as_peers)
     path = Path(path).expanduser()
     existing_folder(path)
-    scene = _opened(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit))
+    scene = _opened(path, as_peers, asked)
     if scene is None:
         raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
     return scene

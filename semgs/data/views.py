@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ from jaxtyping import Float, Float64, Int64, UInt8
 from torch import Tensor
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
-from semgs.geometry.cameras import Arrays, Cameras, as_float64
+from semgs.geometry.cameras import Arrays, Cameras, as_float64, checked_size
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
 """Near and far of rooms in metres, where nothing better is known."""
@@ -24,6 +25,9 @@ DEFAULT_PIXELS = 76_800
 @dataclass(frozen=True, init=False)
 class Views:
     """Posed pictures of one scene, or of a batch of scenes.
+
+    The constructor checks every number. Views that follow from checked ones (`map`, `arranged`, `changed`, and all that uses them)
+    are trusted: nothing is checked twice.
 
     Attributes:
         images: 0..1, RGB.
@@ -54,16 +58,9 @@ class Views:
         classes: ClassTable = SCANNET20,
     ) -> None:
         bounds = as_float64(depth_range)
-        held = {
-            "images": images,
-            "cameras": cameras,
-            "depth_range": bounds,
-            "labels": labels,
-            "depths": depths,
-            "classes": classes,
-        }
-        for name, value in held.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(
+            images=images, cameras=cameras, depth_range=bounds, labels=labels, depths=depths, classes=classes
+        )
         if images.ndim < 4 or images.shape[-3] != 3:
             raise ValueError(f"images are {tuple(images.shape)}; expected [... view 3 height width]")
         leading, size = tuple(images.shape[:-3]), tuple(images.shape[-2:])
@@ -96,6 +93,23 @@ class Views:
                 )
         if depths is not None and not (torch.isfinite(depths).all() and (depths >= 0).all()):
             raise ValueError("depths hold a number that is negative or not finite; expected z-depths, 0 where unknown")
+
+    @classmethod
+    def trusted(
+        cls,
+        images: Tensor,
+        cameras: Cameras,
+        depth_range: Tensor,
+        labels: Tensor | None = None,
+        depths: Tensor | None = None,
+        classes: ClassTable = SCANNET20,
+    ) -> Views:
+        """Views as the constructor makes them, without its checks: for parts that were checked, or that will be, joined to others."""
+        views = object.__new__(cls)
+        vars(views).update(
+            images=images, cameras=cameras, depth_range=depth_range, labels=labels, depths=depths, classes=classes
+        )
+        return views
 
     @classmethod
     def from_arrays(
@@ -140,34 +154,68 @@ class Views:
         """Image (height, width) [px]."""
         return self.cameras.size
 
+    def checked(self) -> Views:
+        """These views, every number checked.
+
+        Raises:
+            ValueError: as the constructor.
+        """
+        return replace(self)
+
+    def changed(self, **parts: Any) -> Views:
+        """These views with other parts, which are trusted; `dataclasses.replace` does the same and checks them."""
+        return Views.trusted(**(vars(self) | parts))
+
+    def map(
+        self,
+        maps: Callable[[Tensor], Tensor],
+        images: Callable[[Tensor], Tensor] | None = None,
+        cameras: Cameras | None = None,
+    ) -> Views:
+        """These views with a function applied to their pixels.
+
+        Args:
+            maps: for labels and depths, where there are some, and for the images too, unless they have a function of their own.
+            images: for the images.
+            cameras: of the new pixels; None keeps those there are.
+        """
+        return self.changed(
+            images=(images or maps)(self.images),
+            cameras=cameras or self.cameras,
+            labels=None if self.labels is None else maps(self.labels),
+            depths=None if self.depths is None else maps(self.depths),
+        )
+
+    def arranged(self, function: Callable[..., Tensor], *others: Views) -> Views:
+        """Views in another arrangement: `function` indexes, joins or reshapes the leading axes of every array, the cameras' too.
+
+        Args:
+            function: given the array of these views, then that of each of the others.
+            others: of the same size, labelled in the same table. Labels and depths are kept only where all have them.
+        """
+        every = (self, *others)
+
+        def together(maps: Sequence[Tensor | None]) -> Tensor | None:
+            return None if any(one is None for one in maps) else function(*maps)
+
+        return self.changed(
+            images=function(*(one.images for one in every)),
+            cameras=self.cameras.arranged(function, *(one.cameras for one in others)),
+            depth_range=function(*(one.depth_range for one in every)),
+            labels=together([one.labels for one in every]),
+            depths=together([one.depths for one in every]),
+        )
+
     def select(self, indices: Sequence[int]) -> Views:
         """The views at these positions of the view axis, in this order."""
-        picked = torch.as_tensor(list(indices), dtype=torch.int64)
-
-        def pick(maps: Tensor, axis: int) -> Tensor:
-            return maps.index_select(axis, picked.to(maps.device))
-
-        return Views(
-            images=pick(self.images, -4),
-            cameras=Cameras(
-                pick(self.cameras.world_from_camera, -3), pick(self.cameras.intrinsics, -3), self.cameras.size
-            ),
-            depth_range=pick(self.depth_range, -2),
-            labels=None if self.labels is None else pick(self.labels, -3),
-            depths=None if self.depths is None else pick(self.depths, -3),
-            classes=self.classes,
-        )
+        picked, axis = torch.as_tensor(list(indices), dtype=torch.int64), self.images.ndim - 4
+        return self.arranged(lambda array: array.index_select(axis, picked.to(array.device)))
 
     def to(self, device: torch.device | str) -> Views:
         """These views with pictures, labels and depths on a device; cameras and bounds stay on the CPU."""
-        maps = (self.images, self.labels, self.depths)
-        if all(one is None or one.device == torch.device(device) for one in maps):
+        if all(one is None or one.device == torch.device(device) for one in (self.images, self.labels, self.depths)):
             return self
-
-        def moved(maps: Tensor | None) -> Tensor | None:
-            return None if maps is None else maps.to(device)
-
-        return replace(self, images=self.images.to(device), labels=moved(self.labels), depths=moved(self.depths))
+        return self.map(lambda maps: maps.to(device))
 
 
 @dataclass(frozen=True)
@@ -187,21 +235,13 @@ class Batch:
 
 def stack(views: Sequence[Views]) -> Views:
     """Views of several scenes as one batch, with a new leading axis; labels and depths only where all have them."""
-    first = views[0]
-    labels = [one.labels for one in views if one.labels is not None]
-    depths = [one.depths for one in views if one.depths is not None]
-    return Views(
-        images=torch.stack([one.images for one in views]),
-        cameras=Cameras(
-            torch.stack([one.cameras.world_from_camera for one in views]),
-            torch.stack([one.cameras.intrinsics for one in views]),
-            first.size,
-        ),
-        depth_range=torch.stack([one.depth_range for one in views]),
-        labels=torch.stack(labels) if len(labels) == len(views) else None,
-        depths=torch.stack(depths) if len(depths) == len(views) else None,
-        classes=first.classes,
-    )
+    return views[0].arranged(lambda *arrays: torch.stack(arrays), *views[1:])
+
+
+def joined(views: Sequence[Views]) -> Views:
+    """Views of the same scenes, one after the other along the view axis; labels and depths only where all have them."""
+    axis = views[0].images.ndim - 4
+    return views[0].arranged(lambda *arrays: torch.cat(arrays, dim=axis), *views[1:])
 
 
 def resized(views: Views, size: Sequence[int]) -> Views:
@@ -218,27 +258,21 @@ def resized(views: Views, size: Sequence[int]) -> Views:
     Raises:
         ValueError: the size is not two positive integers.
     """
-    cameras = Cameras(views.cameras.world_from_camera, views.cameras.intrinsics, size)  # refuses an impossible size
-    height, width = cameras.size
-    if cameras.size == views.size:
+    size = height, width = checked_size(size)
+    if size == views.size:
         return views
     stretch = torch.diag(torch.tensor([width / views.size[1], height / views.size[0], 1.0], dtype=torch.float64))
-    rows, columns = (_resampling(old, new).to(views.images) for old, new in zip(views.size, cameras.size, strict=True))
-    nearest = [_nearest(old, new) for old, new in zip(views.size, cameras.size, strict=True)]
+    rows, columns = (_resampling(old, new).to(views.images) for old, new in zip(views.size, size, strict=True))
+    nearest = [_nearest(old, new) for old, new in zip(views.size, size, strict=True)]
 
-    def picked(maps: Tensor | None) -> Tensor | None:
-        if maps is None:
-            return None
+    def picked(maps: Tensor) -> Tensor:
         row, column = (index.to(maps.device) for index in nearest)
         return maps.index_select(-2, row).index_select(-1, column)
 
-    return Views(
-        images=(rows @ views.images @ columns.mT).clamp(0, 1),
-        cameras=Cameras(cameras.world_from_camera, stretch @ cameras.intrinsics, cameras.size),
-        depth_range=views.depth_range,
-        labels=picked(views.labels),
-        depths=picked(views.depths),
-        classes=views.classes,
+    return views.map(
+        picked,
+        images=lambda images: (rows @ images @ columns.mT).clamp(0, 1),
+        cameras=views.cameras.adjusted(stretch, size),
     )
 
 
@@ -263,14 +297,7 @@ def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
     window = (..., slice(top, top + height), slice(left, left + width))
     shift = torch.eye(3, dtype=torch.float64)
     shift[0, 2], shift[1, 2] = -left, -top
-    return Views(
-        images=views.images[window],
-        cameras=Cameras(views.cameras.world_from_camera, shift @ views.cameras.intrinsics, (height, width)),
-        depth_range=views.depth_range,
-        labels=None if views.labels is None else views.labels[window],
-        depths=None if views.depths is None else views.depths[window],
-        classes=views.classes,
-    )
+    return views.map(lambda maps: maps[window], cameras=views.cameras.adjusted(shift, (height, width)))
 
 
 def default_size(size: Sequence[int]) -> tuple[int, int]:

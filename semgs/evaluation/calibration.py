@@ -12,6 +12,7 @@ from torch import Tensor
 from semgs.data.classes import IGNORE
 from semgs.evaluation.evaluate import inputs_of, read_views
 from semgs.evaluation.plan import Plan
+from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
 from semgs.objectives.calibration import (
     Bin,
@@ -20,7 +21,7 @@ from semgs.objectives.calibration import (
     reliability,
     tempered,
 )
-from semgs.rendering.render import render
+from semgs.reconstruction.encode import encode
 from semgs.weights.temperatures import KINDS
 
 PIXELS = 2048
@@ -71,6 +72,7 @@ def statements(
 
     Raises:
         InputError: a frame cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
     """
     generator = torch.Generator().manual_seed(seed)
     found: dict[str, list[Statements]] = {kind: [] for kind in KINDS}
@@ -78,15 +80,28 @@ def statements(
         views = read_views(task, plan.depth_range)
         inputs = inputs_of(task, views)
         with torch.no_grad():
-            near = float(inputs.contexts.depth_range[:, 0].min())
-            rendering = render(network(inputs.contexts).gaussians, inputs.camera, near=near)
-            own = network.classify(inputs.contexts)
+            encoding = encode(network, inputs.contexts).encoding
+            rendering = encoding.render(inputs.camera)
         if rendering.semantics is not None:
             found["rendered"] += _drawn(rendering.semantics, [views[task.sample.target].labels], pixels, generator)
         labels = [views[position].labels for position in task.sample.contexts]
-        found["gaussians"] += _drawn(own, labels, pixels, generator)
+        found["gaussians"] += _drawn(own_classes(encoding, network.stride), labels, pixels, generator)
         done(index + 1)
     return {kind: _joined(some, len(network.classes or ())) for kind, some in found.items()}
+
+
+def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]:
+    """The distribution over classes of every context pixel by its own Gaussian: what `SemGS.classify` gives, to rounding.
+
+    Args:
+        encoding: of one scene, by a network that knows classes.
+        stride: pixels of a side for which a Gaussian stands.
+    """
+    assert encoding.gaussians.semantic is not None
+    views, height, width = encoding.depths.shape
+    grid = (views, -(-height // stride), -(-width // stride))
+    maps = encoding.gaussians.semantic.features.unflatten(0, grid).permute(0, 3, 1, 2)
+    return maps.repeat_interleave(stride, -2).repeat_interleave(stride, -1)[..., :height, :width]
 
 
 def calibration(said: Statements, temperature: float | None = None) -> Calibration:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from torch.utils.data import DataLoader, Dataset
 
-from semgs.data.classes import SCANNET20
-from semgs.data.scene import joined
-from semgs.data.views import Views
+from semgs.data.views import Views, joined
 from semgs.data.workers import settle_worker
 from semgs.evaluation.baselines import copied, majority, warped
 from semgs.evaluation.plan import Plan, Task
@@ -20,12 +18,16 @@ from semgs.evaluation.predictions import Inputs, Method, Prediction, write_maps,
 from semgs.evaluation.protocols import nearest_first
 from semgs.evaluation.scores import FrameScores, score
 from semgs.evaluation.similarity import perceptual_distance
+from semgs.evaluation.summary import extremes
 from semgs.files.errors import InputError
+from semgs.reconstruction.plan import NotEnoughMemoryError
 
 PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""
 TRUTH = "truth"
 """Folder of the true labels at the size of the evaluation."""
+SHOWN = 10
+"""So many of the best targets and of the worst are shown in the report, for each number of views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +41,14 @@ class Rows:
             lacks the truth for has fewer targets, or is absent.
         truth: a hash of the true labels and depths that the targets were compared with; not of the pictures, whose
             resizing may differ in the last bit between machines.
+        shown: what the method said of the `SHOWN` best and worst targets, by scene and target.
     """
 
     views: int
     method: tuple[FrameScores, ...]
     trivial: dict[str, tuple[FrameScores, ...]]
     truth: str
+    shown: dict[tuple[str, str], Prediction] = field(default_factory=dict)
 
 
 def evaluate(
@@ -68,6 +72,7 @@ def evaluate(
 
     Raises:
         InputError: a frame or prediction cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
         OSError: the disk is full.
     """
     targets = DataLoader(
@@ -78,13 +83,18 @@ def evaluate(
         multiprocessing_context="forkserver" if workers else None,
         worker_init_fn=settle_worker,
     )
-    judged = []
-    for one in targets:
+    judged: dict[int, list[_Judged]] = {views: [] for views in plan.views}
+    shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
+    for count, one in enumerate(targets, 1):
         if isinstance(one, Exception):
             raise one
-        judged.append(one)
-        done(len(judged))
-    return [_rows(views, [one for one in judged if len(one.method.contexts) == views]) for views in plan.views]
+        found, prediction = one
+        views = len(found.method.contexts)
+        judged[views].append(found)
+        # A copy: what another process sent stays a file of shared memory, which would be kept open.
+        shown[views] = _kept([*shown[views], (found.method, prediction.copy())])
+        done(count)
+    return [_rows(views, judged[views], shown[views]) for views in plan.views]
 
 
 def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
@@ -116,9 +126,8 @@ def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> di
 
 def inputs_of(task: Task, views: Mapping[int, Views]) -> Inputs:
     """What a method is given of `read_views`: neither labels nor depths."""
-    contexts = joined([views[index] for index in task.sample.contexts], task.scene.classes or SCANNET20)
-    given = Views(contexts.images, contexts.cameras, contexts.depth_range, classes=contexts.classes)
-    return Inputs(task, given, views[task.sample.target].cameras)
+    contexts = joined([views[index] for index in task.sample.contexts]).changed(labels=None, depths=None)
+    return Inputs(task, contexts, views[task.sample.target].cameras)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +143,7 @@ class _Judged:
 class _Targets(Dataset):
     """The targets of a plan, judged when they are asked for.
 
-    A file that cannot be used, or a full disk, is returned and not raised: a loader hands on no more than an error's text.
+    A file that cannot be used, a full disk, or too little memory is returned and not raised: a loader hands on no more than an error's text.
     """
 
     def __init__(self, plan: Plan, method: Method, folder: Path, save: bool) -> None:
@@ -144,14 +153,14 @@ class _Targets(Dataset):
     def __len__(self) -> int:
         return len(self._plan.tasks)
 
-    def __getitem__(self, index: int) -> _Judged | InputError | OSError:
-        """Judge a target."""
+    def __getitem__(self, index: int) -> tuple[_Judged, Prediction] | InputError | OSError | NotEnoughMemoryError:
+        """Judge a target: its scores, and what the method said."""
         try:
             return self._judge(self._plan.tasks[index])
-        except (InputError, OSError) as error:
+        except (InputError, OSError, NotEnoughMemoryError) as error:
             return error
 
-    def _judge(self, task: Task) -> _Judged:
+    def _judge(self, task: Task) -> tuple[_Judged, Prediction]:
         """Read, predict, write, score."""
         views = read_views(task, self._plan.depth_range)
         target = views[task.sample.target]
@@ -162,15 +171,22 @@ class _Targets(Dataset):
             write_maps(self._folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
         ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
         moved = warped(ordered, target)
-        return _Judged(
+        judged = _Judged(
             method=score(task, prediction, target, self._perceptual),
             copy=score(task, copied(ordered[0]), target, self._perceptual),
             warp=None if moved is None else score(task, moved, target, self._perceptual),
             truth=_digest(target),
         )
+        return judged, prediction
 
 
-def _rows(views: int, judged: Sequence[_Judged]) -> Rows:
+def _kept(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
+    """Those of the frames so far that may be shown at the end."""
+    best, worst = extremes([frame for frame, _ in frames], SHOWN)
+    return [frames[position] for position in sorted([*best, *worst])]
+
+
+def _rows(views: int, judged: Sequence[_Judged], shown: Sequence[tuple[FrameScores, Prediction]]) -> Rows:
     """The rows of one number of views."""
     trivial = {"copy": tuple(one.copy for one in judged)}
     if any(one.warp is not None for one in judged):
@@ -183,7 +199,8 @@ def _rows(views: int, judged: Sequence[_Judged]) -> Rows:
             for (frame, truth), matrix in zip(labelled, matrices, strict=True)
         )
     together = hashlib.sha256("".join(one.truth for one in judged).encode()).hexdigest()
-    return Rows(views, tuple(one.method for one in judged), trivial, together)
+    said = {(frame.scene, frame.target): prediction for frame, prediction in shown}
+    return Rows(views, tuple(one.method for one in judged), trivial, together, said)
 
 
 def _digest(view: Views) -> str:

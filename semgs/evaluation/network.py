@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from time import perf_counter
 
 import torch
 
 from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.figures.classes import SEEN_ALPHA
-from semgs.reconstruction.reconstruct import Network
-from semgs.rendering.render import render
+from semgs.reconstruction.encode import Network, encode, now
 from semgs.rendering.rendering import likeliest
 
 
@@ -30,23 +28,25 @@ class NetworkMethod:
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
-        """Encode, then render; each timed by itself, without the reading of files."""
+        """Encode, then render; each timed by itself, without the reading of files.
+
+        Raises:
+            NotEnoughMemoryError: it would not fit into memory.
+        """
         if isinstance(self._network, torch.nn.Module):
             self._network.to(self._device)
-        start = self._now()
-        encoding = self._network(inputs.contexts)
-        encoded = self._now()
-        near = float(inputs.contexts.depth_range[:, 0].min())
-        rendering = render(encoding.gaussians, inputs.camera, near=near)
-        rendered = self._now()
+        encoded = encode(self._network, inputs.contexts, device=None)  # what renders on a GPU finds it there
+        start = now()
+        rendering = encoded.encoding.render(inputs.camera)
+        seconds = now() - start
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
         return Prediction(
             labels=classes,
             image=rendering.images[0].float().clamp(0, 1).cpu(),
             depths=rendering.depths[0].float().cpu(),
             unseen=rendering.alphas[0].cpu() < SEEN_ALPHA,
-            seconds_encode=encoded - start,
-            seconds_render=rendered - encoded,
+            seconds_encode=encoded.seconds,
+            seconds_render=seconds,
         )
 
     def __getstate__(self) -> dict[str, object]:
@@ -61,9 +61,3 @@ class NetworkMethod:
         held = state["_network"]
         assert isinstance(held, bytes)
         self._network = pickle.loads(held)
-
-    def _now(self) -> float:
-        """The time at which all that was asked of the device is done."""
-        if self._device != "cpu":
-            torch.cuda.synchronize()
-        return perf_counter()

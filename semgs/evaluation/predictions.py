@@ -15,9 +15,9 @@ All are at the size of the evaluation. `semgs evaluate` writes its own in the sa
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -65,6 +65,11 @@ class Prediction:
     unseen: Bool[Tensor, "h w"] | None = None
     seconds_encode: float | None = None
     seconds_render: float | None = None
+
+    def copy(self) -> Prediction:
+        """The same in memory of its own."""
+        held: dict[str, Any] = {name: value.clone() for name, value in vars(self).items() if isinstance(value, Tensor)}
+        return replace(self, **held)
 
 
 @runtime_checkable

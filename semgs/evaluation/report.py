@@ -247,13 +247,21 @@ def read_report(path: str | Path) -> SavedReport:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise InputError(path, f"a report of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")
     try:
-        return _saved(path, content)
+        return saved_report(path, content)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise InputError(path, "a whole report of semgs evaluate", f"{type(error).__name__}: {error}") from error
 
 
-def _saved(path: Path, content: dict[str, Any]) -> SavedReport:
-    """The report in a JSON object."""
+def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
+    """The report that a file holds or will hold.
+
+    Args:
+        path: of the file.
+        content: as `report_numbers` makes it.
+
+    Raises:
+        KeyError, TypeError, ValueError, IndexError, AttributeError: it is no whole report.
+    """
     classes = content["classes"]
     count = len(classes["names"]) if classes else 0
     for entry in content["results"]:

@@ -11,13 +11,12 @@ from semgs.data.classes import ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
 from semgs.evaluation.baselines import NAMES
 from semgs.evaluation.compare import BRIEF, MARKED, ROWS, overview_grid
-from semgs.evaluation.evaluate import read_frame
+from semgs.evaluation.evaluate import SHOWN, Rows, read_frame
 from semgs.evaluation.plan import Task
 from semgs.evaluation.predictions import Prediction
 from semgs.evaluation.report import Evaluation, SavedReport, SavedResult, data_name
-from semgs.evaluation.saved import SavedPredictions
 from semgs.evaluation.scores import FrameScores
-from semgs.evaluation.summary import METRICS, summary, total_confusion
+from semgs.evaluation.summary import METRICS, extremes, summary, total_confusion
 from semgs.evaluation.texts import TITLES, shown_number
 from semgs.figures.classes import LegendEntry, class_picture, true_class_picture
 from semgs.figures.depth import (
@@ -45,22 +44,18 @@ from semgs.figures.page import (
 )
 from semgs.reconstruction.renders import as_bytes
 
-SHOWN = 10
-"""Frames in the galleries of the best and of the worst."""
-
 PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")
 
 
-def report_page(evaluation: Evaluation, report: SavedReport, pictures: SavedPredictions) -> str:
+def report_page(evaluation: Evaluation, report: SavedReport) -> str:
     """The report as one self-contained HTML page.
 
     Args:
         evaluation: that is done.
-        report: its numbers, as they were written.
-        pictures: where what was predicted lies.
+        report: its numbers.
 
     Raises:
-        InputError: a frame or a predicted picture cannot be read again.
+        InputError: a frame cannot be read again.
     """
     scenes = evaluation.plan.scenes
     targets = len(next(iter(report.results.values())).frames)
@@ -69,8 +64,8 @@ def report_page(evaluation: Evaluation, report: SavedReport, pictures: SavedPred
         Section("Results", _results_lead(), (_overview(report),)),
         Section("What was measured", "", (_facts(evaluation, report),)),
     ]
-    for views, result in report.results.items():
-        sections += _sections_of(views, result, evaluation, pictures)
+    for rows in evaluation.rows:
+        sections += _sections_of(rows, report.results[rows.views], evaluation)
     return html_page(
         title=f"{evaluation.subject.name} on {_data_name(evaluation)}",
         lead=f"{targets} targets of {len(scenes)} scene{'s' * (len(scenes) > 1)}, protocol {evaluation.plan.protocol}, "
@@ -153,9 +148,9 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> Facts:
     return Facts(tuple(rows))
 
 
-def _sections_of(views: int, result: SavedResult, evaluation: Evaluation, pictures: SavedPredictions) -> list[Section]:
+def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> list[Section]:
     """All that is told of one number of views."""
-    numbers, classes = result.numbers, evaluation.classes
+    views, numbers, classes = rows.views, result.numbers, evaluation.classes
     blocks: list[Block] = [_metrics(result, evaluation.subject.name)]
     if len(numbers["per_scene"]) > 1:
         blocks.append(_scene_table(numbers))
@@ -171,7 +166,7 @@ def _sections_of(views: int, result: SavedResult, evaluation: Evaluation, pictur
                 (_bars(result, classes), _matrix(result, classes)),
             )
         )
-    galleries = _galleries(views, result, evaluation, pictures)
+    galleries = _galleries(rows, result, evaluation)
     if galleries:
         sections.append(
             Section(f"Best and worst frames from {views} views", "", galleries, folded=len(evaluation.rows) > 1)
@@ -239,34 +234,27 @@ def _matrix(result: SavedResult, classes: ClassTable) -> Matrix:
     )
 
 
-def _galleries(
-    views: int, result: SavedResult, evaluation: Evaluation, pictures: SavedPredictions
-) -> tuple[Block, ...]:
-    """The best and the worst frames with their pictures: by mean IoU, or by PSNR where no classes are scored."""
-    metric = "miou_per_image" if any(frame.confusion is not None for frame in result.frames) else "psnr"
-    pairs = list(zip(evaluation.plan.of(views), result.frames, strict=True))
-    judged = [(value, pair) for pair in pairs if (value := summary([pair[1]]).get(metric)) is not None]
-    judged.sort(key=lambda entry: -entry[0])
-    best = judged[: min(SHOWN, (len(judged) + 1) // 2)]
-    worst = judged[len(best) :][::-1][:SHOWN]
-    rows: list[Gallery] = []
-    for which, entries in (("Best", best), ("Worst", worst)):
-        for rank, (_, (task, frame)) in enumerate(entries, 1):
-            rows.append(
-                _gallery(f"{which} {rank}: {task.scene.name}, {task.target}", task, frame, evaluation, pictures)
-            )
+def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple[Block, ...]:
+    """The best and the worst frames with their pictures."""
+    tasks = evaluation.plan.of(rows.views)
+    galleries: list[Gallery] = []
+    for which, places in zip(("Best", "Worst"), extremes(result.frames, SHOWN), strict=True):
+        for rank, place in enumerate(places, 1):
+            task, frame = tasks[place], result.frames[place]
+            said = rows.shown[frame.scene, frame.target]
+            heading = f"{which} {rank}: {task.scene.name}, {task.target}"
+            galleries.append(_gallery(heading, task, frame, said, evaluation.classes))
     keys: list[Block] = []
-    if rows and evaluation.classes is not None and metric == "miou_per_image":
+    if galleries and evaluation.classes is not None and any(frame.confusion is not None for frame in result.frames):
         keys.append(_legend(result, evaluation.classes))
     scale = Scale(
         Picture(depth_error_bar(), "colours of the depth error"),
         ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more"),
         "depth error, |z − truth| / truth; grey without truth",
     )
-    has_depth = any(frame.depth is not None for _, (_, frame) in judged)
-    if rows and has_depth:
+    if galleries and any(frame.depth is not None for frame in result.frames):
         keys.append(scale)
-    return (*keys, *rows)
+    return (*keys, *galleries)
 
 
 def _legend(result: SavedResult, classes: ClassTable) -> Legend:
@@ -282,11 +270,11 @@ def _legend(result: SavedResult, classes: ClassTable) -> Legend:
     )
 
 
-def _gallery(heading: str, task: Task, frame: FrameScores, evaluation: Evaluation, saved: SavedPredictions) -> Gallery:
+def _gallery(
+    heading: str, task: Task, frame: FrameScores, predicted: Prediction, classes: ClassTable | None
+) -> Gallery:
     """The pictures of one target."""
     truth = read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)
-    predicted: Prediction = saved.read(task)
-    classes = evaluation.classes
     shown = [Picture(as_bytes(truth.images[0]), "photo (truth)", lossy=True)]
     if predicted.image is not None:
         shown.append(Picture(as_bytes(predicted.image), "picture", lossy=True))

@@ -14,6 +14,7 @@ Means over classes are over those that the truth shows: in the whole set, or in 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -79,6 +80,18 @@ def summary(frames: Sequence[FrameScores]) -> dict[str, float]:
     for part in parts(frames):
         values |= part.once()
     return {name: values[name] for name in METRICS if name in values}
+
+
+def extremes(frames: Sequence[FrameScores], most: int) -> tuple[list[int], list[int]]:
+    """Positions of the best frames and of the worst ones, up to `most` of each and none in both, the best and the worst first.
+
+    By mean IoU, or by PSNR where no classes are scored; frames without that number are left out.
+    """
+    metric = "psnr" if all(frame.confusion is None for frame in frames) else "miou_per_image"
+    values = [summary([frame]).get(metric, math.nan) for frame in frames]
+    order = sorted((i for i, value in enumerate(values) if math.isfinite(value)), key=lambda i: -values[i])
+    best = order[: min(most, (len(order) + 1) // 2)]
+    return best, order[len(best) :][::-1][:most]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ optical axis passes through its middle has cx = W / 2. A point X of the world is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,12 +53,36 @@ class Cameras:
                 f"world_from_camera is {tuple(poses.shape)} and intrinsics is {tuple(matrices.shape)}; "
                 "expected [... 4 4] and [... 3 3] with equal leading axes"
             )
-        height, width = (int(side) for side in size) if len(size) == 2 else (0, 0)
-        if (height, width) != tuple(size) or height < 1 or width < 1:
-            raise ValueError(f"size is {tuple(size)}; expected two positive integers (height, width)")
-        object.__setattr__(self, "world_from_camera", _rigid(poses))
-        object.__setattr__(self, "intrinsics", _checked_intrinsics(matrices))
-        object.__setattr__(self, "size", (height, width))
+        size = checked_size(size)
+        vars(self).update(world_from_camera=_rigid(poses), intrinsics=_checked_intrinsics(matrices), size=size)
+
+    @classmethod
+    def trusted(cls, world_from_camera: Tensor, intrinsics: Tensor, size: tuple[int, int]) -> Cameras:
+        """Cameras that follow from cameras that were checked: nothing is checked, copied or orthonormalised again."""
+        cameras = object.__new__(cls)
+        vars(cameras).update(world_from_camera=world_from_camera, intrinsics=intrinsics, size=size)
+        return cameras
+
+    def arranged(self, function: Callable[..., Tensor], *others: Cameras) -> Cameras:
+        """Cameras in another arrangement: `function` indexes, joins or reshapes the leading axes of poses and intrinsics.
+
+        Args:
+            function: given the array of these cameras, then that of each of the others.
+            others: of the same size.
+        """
+        every = (self, *others)
+        return Cameras.trusted(
+            function(*(one.world_from_camera for one in every)), function(*(one.intrinsics for one in every)), self.size
+        )
+
+    def adjusted(self, new_from_old: Float64[Tensor, "3 3"], size: tuple[int, int]) -> Cameras:
+        """The cameras of pictures whose pixels were moved: of a window, or another size.
+
+        Args:
+            new_from_old: from (x, y, 1) in the old picture to the same point in the new one [px].
+            size: (height, width) of the new ones [px].
+        """
+        return Cameras.trusted(self.world_from_camera, new_from_old @ self.intrinsics, size)
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -82,11 +106,23 @@ class Cameras:
 
     def flatten(self) -> Cameras:
         """The cameras with a single leading axis."""
-        return Cameras(self.world_from_camera.reshape(-1, 4, 4), self.intrinsics.reshape(-1, 3, 3), self.size)
+        return self.arranged(lambda array: array.reshape(-1, *array.shape[-2:]))
 
     def __getitem__(self, index: int | slice | Tensor | tuple) -> Cameras:
         """The cameras at an index of the leading axes."""
-        return Cameras(self.world_from_camera[index], self.intrinsics[index], self.size)
+        return self.arranged(lambda array: array[index])
+
+
+def checked_size(size: Sequence[int]) -> tuple[int, int]:
+    """An image (height, width) as two integers [px].
+
+    Raises:
+        ValueError: it is not two positive integers.
+    """
+    height, width = (int(side) for side in size) if len(size) == 2 else (0, 0)
+    if (height, width) != tuple(size) or height < 1 or width < 1:
+        raise ValueError(f"size is {tuple(size)}; expected two positive integers (height, width)")
+    return height, width
 
 
 def as_float64(numbers: Arrays) -> Float64[Tensor, ...]:

@@ -65,7 +65,7 @@ def by_chunks(function: Callable[[slice], Result], views: int, at_a_time: int | 
 def _mapped(result: Result, function: Callable[[Tensor], Tensor]) -> Result:
     """A tensor, or tensors that go together, through a function."""
     if isinstance(result, Tensor):
-        return function(result)  # type: ignore[return-value]
+        return function(result)
     return result.map(function)
 
 

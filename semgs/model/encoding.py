@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.render import render
+from semgs.rendering.rendering import Rendering
 
 
 @dataclass(frozen=True)
@@ -19,12 +24,37 @@ class Encoding:
         gaussians: in the order view, row, column.
         depths: z-depth of every pixel of the context views, at their full size [m].
         confidences: the largest probability among the depth candidates, at the same size, 0..1.
+        depth_range: near and far of the context views, as they were given, in float64 on the CPU [m].
     """
 
     gaussians: Gaussians
     depths: Float[Tensor, "*batch v h w"]
     confidences: Float[Tensor, "*batch v h w"]
+    depth_range: Float[Tensor, "*batch v 2"]
+
+    def render(self, cameras: Cameras, **options: Any) -> Rendering:
+        """What the Gaussians look like from cameras; the near bound is the smallest of each scene's context views.
+
+        Args:
+            cameras: the views of each scene, [v] or [*batch v].
+            options: as for `semgs.render`; `near` replaces that bound.
+
+        Raises:
+            ValueError, ImportError: as `semgs.render`.
+        """
+        near = self.depth_range[..., 0].amin(-1, keepdim=True)
+        return render(self.gaussians, cameras, **({"near": near} | options))
 
     def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
         """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
-        return Encoding(self.gaussians.map(function), function(self.depths), function(self.confidences))
+        return Encoding(
+            self.gaussians.map(function),
+            function(self.depths),
+            function(self.confidences),
+            function(self.depth_range),
+        )
+
+    def to(self, device: torch.device | str, dtype: torch.dtype) -> Encoding:
+        """The same encoding on a device and in a dtype; the near and far bounds stay as they are."""
+        moved = self.map(lambda tensor: tensor.to(device, dtype))
+        return replace(moved, depth_range=self.depth_range)

@@ -161,6 +161,7 @@ class Placer:
         raw: Float[Tensor, "n channel h w"] | None,
         small: Float[Tensor, "n 3 h w"],
         rays: Rays,
+        depth_range: Float[Tensor, "n 2"],
         size: tuple[int, int],
     ) -> Encoding:
         """Each view as a scene of its own, cropped.
@@ -170,6 +171,7 @@ class Placer:
             raw: what the semantic head says; None leaves the Gaussians without semantics.
             small: the images at the Gaussians' scale.
             rays: of their cameras.
+            depth_range: near and far of the views [m].
             size: (height, width) of the images before they were padded [px].
         """
         depths = decoded.depths
@@ -184,7 +186,12 @@ class Placer:
             return maps[:, : kept[0], : kept[1]].flatten(1, 2)
 
         flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, semantic)
-        return Encoding(flat.map(gathered), self._full(depths, size), self._full(decoded.confidences, size))
+        return Encoding(
+            flat.map(gathered),
+            self._full(depths, size),
+            self._full(decoded.confidences, size),
+            depth_range[:, None],
+        )
 
     def _full(self, maps: Float[Tensor, "n h w"], size: tuple[int, int]) -> Float[Tensor, "n 1 height width"]:
         """Maps at the images' own scale."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -48,12 +48,9 @@ class Padded:
         pictures = views.images.flatten(end_dim=-4).to(like)
         if padded != (height, width):
             pictures = pad(pictures, (0, padded[1] - width, 0, padded[0] - height), mode="replicate")
-        cameras = Cameras(
-            views.cameras.world_from_camera.reshape(-1, count, 4, 4),
-            views.cameras.intrinsics.reshape(-1, count, 3, 3),
-            padded,
-        )
         small = avg_pool2d(pictures, stride) if stride > 1 else pictures
+        cameras = views.cameras.arranged(lambda array: array.reshape(-1, count, *array.shape[-2:]))
+        cameras = Cameras.trusted(cameras.world_from_camera, cameras.intrinsics, padded)
         return Padded(pictures, small, cameras, views.depth_range.reshape(-1, count, 2), count)
 
     @property
@@ -66,9 +63,9 @@ def shrunk(cameras: Cameras, stride: int) -> Cameras:
     """The cameras of images whose sides are `stride` times smaller."""
     if stride == 1:
         return cameras
-    scale = torch.tensor([1 / stride, 1 / stride, 1.0], dtype=torch.float64)
+    scale = torch.diag(torch.tensor([1 / stride, 1 / stride, 1.0], dtype=torch.float64))
     height, width = cameras.size
-    return replace(cameras, intrinsics=cameras.intrinsics * scale[:, None], size=(height // stride, width // stride))
+    return cameras.adjusted(scale, (height // stride, width // stride))
 
 
 def widened(maps: Float[Tensor, "*n h w"], stride: int) -> Float[Tensor, "*n h2 w2"]:

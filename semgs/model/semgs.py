@@ -116,11 +116,12 @@ class SemGS(nn.Module):
         with stage("depth"):
             depth = self.colour.depth(cost, features, scene)
             decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
+        bounds = scene.depth_range.flatten(0, 1)
         rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), depth.planes.bounds)
 
         def placed(at: slice) -> Encoding:
             classes = None if semantic is None else semantic(at)
-            return self.placer(decode(at), classes, scene.small[at], rays[at], views.size)
+            return self.placer(decode(at), classes, scene.small[at], rays[at], bounds[at], views.size)
 
         with stage("heads"):
             encoding = by_chunks(placed, len(features), chunks.heads)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import torch
 
@@ -14,32 +13,14 @@ from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size
 from semgs.model.encoding import Encoding
-from semgs.model.semgs import SemGS
-from semgs.reconstruction.plan import Plan, plan
+from semgs.reconstruction.encode import Network, encode
+from semgs.reconstruction.plan import Plan
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
-from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this part of the near bound show no parallax."""
-
-
-@runtime_checkable
-class Network(Protocol):
-    """What reconstructs: `SemGS`, or whatever else turns views into Gaussians.
-
-    Attributes:
-        name: to call it by.
-        classes: the table of its class distributions; None if it knows colour only.
-    """
-
-    name: str
-    classes: ClassTable | None
-
-    def __call__(self, views: Views) -> Encoding:
-        """The Gaussians of two or more views."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -68,7 +49,6 @@ class Reconstruction:
     Attributes:
         scene: where the frames are from.
         choice: which frames, and why.
-        depth_range: near and far that the model looked between, and why.
         native_size: (height, width) of the first context frame on disk [px].
         encoding: the model's answer; its Gaussians are in the scene's world frame.
         classes: the table of the Gaussians' classes; None for a colour-only model.
@@ -81,7 +61,6 @@ class Reconstruction:
 
     scene: Scene
     choice: Choice
-    depth_range: DepthRange
     native_size: tuple[int, int]
     encoding: Encoding
     classes: ClassTable | None
@@ -90,6 +69,11 @@ class Reconstruction:
     target: Shown | None
     notes: tuple[str, ...]
     plan: Plan | None = None
+
+    @property
+    def depth_range(self) -> DepthRange:
+        """Near and far that the model looked between, and why."""
+        return self.choice.depth_range
 
     @property
     def size(self) -> tuple[int, int]:
@@ -113,7 +97,7 @@ def reconstruct(
 ) -> Reconstruction:
     """Reconstruct a scene from its context frames and look at it from these and from the held-out ones.
 
-    Where memory is short, `SemGS` takes fewer views at a time, as `plan` says; the numbers are the same but for rounding.
+    Where memory is short, fewer views are encoded at a time, as for `semgs.reconstruction.encode.encode`.
 
     Args:
         scene: an open scene.
@@ -129,26 +113,21 @@ def reconstruct(
         ValueError: fewer than two context frames, or a position outside the scene.
     """
     stages = stages or Stages()
-    native = scene.frames[choice.context[0]].camera.size
+    native = scene.frames[choice.context[0]].lens.size
     wanted = default_size(native) if size is None else tuple(size)
     count = len(choice.context) + len(choice.targets)
     with stages("read", f"Reading {count} frames at {wanted[0]}x{wanted[1]} (height x width)"):
-        bounds = scene.depth_range(choice.context)
-        context = scene.read(choice.context, wanted)
-        target = scene.read(choice.targets, wanted) if choice.targets else None
-    with stages("encode", f"Encoding {len(context)} views with {model.name}"), torch.no_grad():
-        planned = plan(model, context, target) if isinstance(model, SemGS) else None
-        encoded = model(context, planned.chunks) if isinstance(model, SemGS) and planned else model(context)
-        encoding = _on_cpu(encoded)
-        del encoded
+        context = scene.read(choice.context, wanted, choice.depth_range)
+        target = scene.read(choice.targets, wanted, choice.depth_range) if choice.targets else None
+    with stages("encode", f"Encoding {len(context)} views with {model.name}"):
+        encoded = encode(model, context, target)
+        encoding = encoded.encoding
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
-        near = float(context.depth_range[:, 0].min())
-        own = render(encoding.gaussians, context.cameras, near=near)
-        held_out = render(encoding.gaussians, target.cameras, near=near) if target is not None else None
+        own = encoding.render(context.cameras)
+        held_out = encoding.render(target.cameras) if target is not None else None
     return Reconstruction(
         scene=scene,
         choice=choice,
-        depth_range=bounds,
         native_size=native,
         encoding=encoding,
         classes=model.classes,
@@ -157,17 +136,8 @@ def reconstruct(
         target=None
         if target is None or held_out is None
         else _shown(scene, choice.targets, target, held_out, model.classes),
-        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(planned)),
-        plan=planned,
-    )
-
-
-def _on_cpu(encoding: Encoding) -> Encoding:
-    """The encoding in float32 on the CPU."""
-    return Encoding(
-        encoding.gaussians.to("cpu", torch.float32),
-        encoding.depths.to("cpu", torch.float32),
-        encoding.confidences.to("cpu", torch.float32),
+        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(encoded.plan)),
+        plan=encoded.plan,
     )
 
 
@@ -177,7 +147,7 @@ def _shown(
     """Views beside their renderings; labels of another table than the model's are not compared."""
     comparable = views
     if views.labels is not None and views.classes != classes:
-        comparable = Views(views.images, views.cameras, views.depth_range, depths=views.depths)
+        comparable = views.changed(labels=None)
     names = tuple(scene.frames[position].name for position in positions)
     return Shown(tuple(positions), names, views, rendering, scores(rendering, comparable))
 

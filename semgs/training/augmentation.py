@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import torch
 
@@ -43,13 +41,7 @@ def flipped(views: Views) -> Views:
     intrinsics[..., 0, 1] = -intrinsics[..., 0, 1]
     intrinsics[..., 0, 2] = width - intrinsics[..., 0, 2]
     poses = mirror @ views.cameras.world_from_camera @ mirror
-    return replace(
-        views,
-        images=views.images.flip(-1),
-        cameras=Cameras(poses, intrinsics, views.cameras.size),
-        labels=None if views.labels is None else views.labels.flip(-1),
-        depths=None if views.depths is None else views.depths.flip(-1),
-    )
+    return views.map(lambda maps: maps.flip(-1), cameras=Cameras.trusted(poses, intrinsics, views.size))
 
 
 def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views:
@@ -64,7 +56,7 @@ def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views
     grey = images.mean(-3, keepdim=True)
     images = grey + (images - grey) * saturation
     images = images * torch.from_numpy(exposure * balance).to(images)[:, None, None]
-    return replace(views, images=images.clamp(0, 1))
+    return views.changed(images=images.clamp(0, 1))
 
 
 class Variation:

@@ -6,13 +6,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-import torch
 from torch import Tensor, nn
 
-from semgs.data.views import Batch, Views
-from semgs.geometry.cameras import Cameras
+from semgs.data.views import Batch, Views, joined
 from semgs.model.encoding import Encoding
-from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.training.validation import Verdict
 
@@ -73,32 +70,11 @@ def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = Fal
 
     The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device.
     """
-    target = _joined(batch.target, batch.context) if context_targets else batch.target
-    near = batch.context.depth_range[..., 0].amin(-1, keepdim=True)
-    rendering = render(encoding.gaussians, target.cameras, near=near.expand(target.cameras.batch))
+    target = joined([batch.target, batch.context]) if context_targets else batch.target
+    rendering = encoding.render(target.cameras)
     return rendering, target.to(rendering.images.device)
 
 
 def all_views(batch: Batch) -> Views:
     """Targets, then contexts."""
-    return _joined(batch.target, batch.context)
-
-
-def _joined(first: Views, second: Views) -> Views:
-    """The views of both, of the same scenes, along the view axis."""
-
-    def join(a: Tensor | None, b: Tensor | None, axis: int) -> Tensor | None:
-        return None if a is None or b is None else torch.cat((a, b), dim=axis)
-
-    return Views(
-        images=torch.cat((first.images, second.images), dim=-4),
-        cameras=Cameras(
-            torch.cat((first.cameras.world_from_camera, second.cameras.world_from_camera), dim=-3),
-            torch.cat((first.cameras.intrinsics, second.cameras.intrinsics), dim=-3),
-            first.size,
-        ),
-        depth_range=torch.cat((first.depth_range, second.depth_range), dim=-2),
-        labels=join(first.labels, second.labels, -3),
-        depths=join(first.depths, second.depths, -3),
-        classes=first.classes,
-    )
+    return joined([batch.target, batch.context])

@@ -14,9 +14,9 @@ from torch import Tensor
 from semgs.data.choice import drawn
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.depth_range import DepthRange
-from semgs.data.scene import Scene, joined
+from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.data.views import Views
+from semgs.data.views import Views, joined
 from semgs.files.errors import InputError
 from semgs.rooms.pool import PooledSamples
 from semgs.rooms.stream import RoomSamples
@@ -156,8 +156,8 @@ class Samples:
         """Frames of a scene at one size, which those of the first are brought to."""
         chosen = [scene.frames[index] for index in frames]
         maps = {frame.lens: frame.lens.maps() for frame in chosen if not frame.lens.is_pinhole}
-        views = [frame.read((bounds.near, bounds.far), scene.classes, maps=maps.get(frame.lens)) for frame in chosen]
-        return joined([window(view, views[0].size) for view in views], scene.classes or self._classes)
+        views = [frame.view((bounds.near, bounds.far), scene.classes, maps=maps.get(frame.lens)) for frame in chosen]
+        return joined([window(view, views[0].size) for view in views]).checked()
 
     def _generator(self, k: int, purpose: int) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence((self._seed, k, purpose))))
@@ -168,10 +168,10 @@ def relabelled(views: Views, table: ClassTable) -> Views:
     if views.classes == table:
         return views
     if views.labels is None:
-        return replace(views, classes=table)
+        return views.changed(classes=table)
     places = [table.names.index(name) if name in table.names else IGNORE for name in views.classes.names]
     lookup = torch.tensor([*places, *[IGNORE] * (256 - len(places))], dtype=torch.uint8)
-    return replace(views, labels=lookup[views.labels.long()], classes=table)
+    return views.changed(labels=lookup[views.labels.long()], classes=table)
 
 
 def completed(views: Views) -> Views:
@@ -184,6 +184,6 @@ def completed(views: Views) -> Views:
         shape = (*views.images.shape[:-3], *views.images.shape[-2:])
         return torch.full(shape, value, dtype=dtype) if maps is None else maps
 
-    return replace(
-        views, labels=filled(views.labels, IGNORE, torch.uint8), depths=filled(views.depths, 0, torch.float32)
+    return views.changed(
+        labels=filled(views.labels, IGNORE, torch.uint8), depths=filled(views.depths, 0, torch.float32)
     )

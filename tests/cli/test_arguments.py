@@ -8,6 +8,10 @@ import sys
 
 import pytest
 
+from semgs.cli.errors import UsageError
+from semgs.cli.scene_options import SceneOptions
+from semgs.data.asked import Asked
+
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
 def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
@@ -23,3 +27,12 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
     assert told.count("\n") == 1
     assert "steps is 0; expected at least 1; see semgs train --help" in told
     assert "----" not in told
+
+
+def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_be():
+    options = SceneOptions(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
+    options.check()
+    assert options.asked is options.asked
+    assert options.asked == Asked(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
+    with pytest.raises(UsageError, match="depth_unit is -1"):
+        SceneOptions(depth_unit=-1.0).check()

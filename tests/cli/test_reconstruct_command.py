@@ -110,3 +110,19 @@ def test_a_colour_only_model_leaves_out_what_needs_classes(room: Path, tmp_path:
     assert not list((out / "renders").glob("*_classes.png"))
     assert semgs.load_scene(out).classes is None
     assert "colour only" in (out / "report.html").read_text()
+
+
+def test_pictures_are_checked_once_when_they_are_read(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of the input views together, those of the target views together, and the padded ones of the network."""
+    checks, constructor = [0], semgs.Views.__init__
+
+    def counting(self: semgs.Views, *arguments: object, **named: object) -> None:
+        checks[0] += 1
+        constructor(self, *arguments, **named)
+
+    monkeypatch.setattr(semgs.Views, "__init__", counting)
+    arguments = ["--out", str(tmp_path / "out"), "--weights", "random", "--context", "0", "3", "--size", "32x48"]
+    assert main(["reconstruct", str(room), *arguments]) == 0
+    assert checks[0] <= 3

@@ -11,6 +11,7 @@ import pytest
 from landmarks import looking
 from PIL import Image
 
+from semgs.data.choice import choose
 from semgs.data.parallax import inverse_depths, seen
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
@@ -108,3 +109,16 @@ def test_the_fox_is_between_near_and_far(shared, asked):
     assert bounds.unit == "unknown"
     assert bounds.near < 3.5  # its nose, from the nearest camera
     assert 9 < bounds.far < 60  # the wall behind it
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_choice_has_the_range_of_its_contexts_and_no_frame_is_looked_at_twice(shared, monkeypatch, count):
+    fox, looked = open_scene(shared / "data" / "fox"), []
+    monkeypatch.setattr("semgs.data.depth_range.seen", lambda frame: looked.append(frame.name) or seen(frame))
+    choice = choose(fox, count)
+    assert len(looked) == len(set(looked))
+    assert choice.depth_range == fox.depth_range(choice.context)
+    looked.clear()
+    target = fox.read(choice.targets, (64, 36), choice.depth_range)
+    assert target.depth_range.tolist() == [[choice.depth_range.near, choice.depth_range.far]] * len(choice.targets)
+    assert looked == []

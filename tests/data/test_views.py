@@ -8,7 +8,7 @@ import pytest
 import torch
 from landmarks import POINTS, drawn, found, looking
 
-from semgs.data.views import Views, cropped, default_size, resized, stack
+from semgs.data.views import Views, cropped, default_size, joined, resized, stack
 from semgs.geometry.cameras import Cameras, project
 
 SIZE = (180, 250)
@@ -203,3 +203,46 @@ def test_a_depth_range_that_is_not_given_is_that_of_rooms_and_said():
     with pytest.warns(UserWarning, match=r"taken as 0\.5 to 10 metres"):
         views = Views.from_arrays(pictures, POSES, K)
     assert views.depth_range.tolist() == [[0.5, 10.0]] * 2
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, kind: type) -> list[int]:
+    """Counts how often a kind of object is checked from here on: once for each that its constructor makes."""
+    checks, constructor = [0], kind.__init__
+
+    def counting(self, *arguments, **named):
+        checks[0] += 1
+        constructor(self, *arguments, **named)
+
+    monkeypatch.setattr(kind, "__init__", counting)
+    return checks
+
+
+def test_views_that_follow_from_views_are_not_checked_again_and_would_pass(views, monkeypatch):
+    of_views, of_cameras = counted(monkeypatch, Views), counted(monkeypatch, Cameras)
+    batch = stack([views, views.select([1, 0])])
+    derived = [
+        views.select([1]), batch, batch.select([0]), joined([batch, batch]), resized(batch, (91, 133)),
+        cropped(views, 3, 5, (91, 133)), views.to("cpu"), views.changed(labels=None), views.map(lambda maps: maps.flip(-2)),
+        views.arranged(lambda array: array[None]),
+    ]  # fmt: skip
+    assert (of_views, of_cameras) == ([0], [0])
+    for one in derived:
+        checked = one.checked()
+        assert torch.equal(checked.images, one.images)
+        again = Cameras(one.cameras.world_from_camera, one.cameras.intrinsics, one.size)
+        assert torch.equal(again.world_from_camera, one.cameras.world_from_camera)
+    assert (of_views, of_cameras) == ([len(derived)], [len(derived)])
+
+
+def test_checking_finds_what_was_trusted_wrongly(views):
+    with pytest.raises(ValueError, match=r"expected finite numbers in 0\.\.1"):
+        views.map(lambda maps: maps + 1).checked()
+
+
+def test_views_one_after_the_other_keep_labels_only_where_all_have_them(views):
+    both = joined([views, views.select([1]).changed(depths=None)])
+    assert torch.equal(both.images, views.images[[0, 1, 1]])
+    assert torch.equal(both.labels, views.labels[[0, 1, 1]])
+    assert both.depths is None
+    assert both.depth_range.tolist() == [[1.0, 8.0], [1.5, 9.0], [1.5, 9.0]]
+    assert torch.equal(both.cameras.intrinsics, views.cameras.intrinsics[[0, 1, 1]])

@@ -11,6 +11,7 @@ import pytest
 import torch
 from PIL import Image
 
+from semgs.cli.evaluation_results import write_results
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
 from semgs.evaluation.compare import check_comparable, difference_grids, overview_grid, paper_grid
@@ -21,6 +22,7 @@ from semgs.evaluation.notes import notes
 from semgs.evaluation.plan import Plan, make_plan
 from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.evaluation.protocols import neighbours
+from semgs.evaluation.records import record
 from semgs.evaluation.report import Evaluation, SavedReport, Subject, read_report, report_numbers
 from semgs.evaluation.report_page import report_page
 from semgs.evaluation.saved import SavedPredictions
@@ -301,9 +303,7 @@ def test_tables_of_several_reports(plan: Plan, tmp_path: Path):
 
 def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: Plan, tmp_path: Path):
     rows = evaluate(plan, Oracle(wrong=9), tmp_path)
-    page = report_page(
-        done(plan, rows), report(tmp_path / "a", plan, rows), SavedPredictions(tmp_path / "predictions", "x")
-    )
+    page = report_page(done(plan, rows), report(tmp_path / "a", plan, rows))
     assert page.count('class="bars"') == page.count('class="matrix"') == 2
     assert page.count('class="gallery"') == 10
     for text in (
@@ -313,3 +313,31 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
         assert text in page, text
     assert "<script" not in page
     assert "http" not in page
+
+
+def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: Plan, tmp_path: Path):
+    """To the last number, infinite PSNR of the oracle included."""
+    evaluation = done(plan, evaluate(plan, Oracle(), tmp_path))
+    handed = write_results(tmp_path, evaluation, None)
+    read = read_report(tmp_path)
+    assert overview_grid(handed) == overview_grid(read)
+    for views, result in read.results.items():
+        assert handed.results[views].numbers == result.numbers
+        assert [record(frame) for frame in handed.results[views].frames] == [record(frame) for frame in result.frames]
+    page = (tmp_path / "report.html").read_text()
+    assert page == report_page(evaluation, read)
+
+
+def test_what_is_shown_of_the_best_and_worst_is_what_was_predicted(plan: Plan, tmp_path: Path):
+    rows = evaluate(plan, Oracle(wrong=9), tmp_path)
+    saved = SavedPredictions(tmp_path / "predictions", "x")
+    for one in rows:
+        assert set(one.shown) == {(task.scene.name, task.target) for task in plan.of(one.views)}
+        for task in plan.of(one.views):
+            held, read = one.shown[task.scene.name, task.target], saved.read(task)
+            assert held.image is not None
+            assert read.image is not None
+            assert (held.image - read.image).abs().max() < 0.51 / 255
+            assert held.depths is not None
+            assert read.depths is not None
+            assert (held.depths - read.depths).abs().max() < 0.00051

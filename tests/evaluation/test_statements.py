@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from posed import posed_views
 
 from semgs.data.classes import IGNORE
 from semgs.data.scene import Scene
-from semgs.evaluation.calibration import calibration, statements
+from semgs.evaluation.calibration import calibration, own_classes, statements
 from semgs.evaluation.evaluate import inputs_of, read_frame, read_views
 from semgs.evaluation.plan import make_plan
 from semgs.evaluation.protocols import neighbours
@@ -68,3 +69,11 @@ def test_a_fitted_temperature_does_not_raise_the_cost_and_a_given_one_is_kept(ma
     assert fitted.temperature > 1
     assert fitted.error_after < fitted.error_before
     assert calibration(said, 3.0).temperature == 3.0
+
+
+def test_what_classify_says_of_each_pixel_is_what_its_gaussian_says(network):
+    """In sizes that Gaussians of 2x2 pixels do not fill."""
+    views = posed_views(3, (33, 51))
+    with torch.no_grad():
+        own = own_classes(network(views), network.stride)
+        torch.testing.assert_close(own, network.classify(views), rtol=1e-5, atol=1e-6)

@@ -10,7 +10,7 @@ import torch
 
 from semgs.evaluation.intervals import intervals, paired_differences, units
 from semgs.evaluation.scores import DepthScores, FrameScores
-from semgs.evaluation.summary import class_scores, summary
+from semgs.evaluation.summary import class_scores, extremes, summary
 from semgs.objectives.metrics import confusion_matrix
 
 CLASSES = 5
@@ -176,3 +176,25 @@ def test_a_paired_difference_is_far_surer_than_the_two_intervals():
     assert (swapped.low, swapped.high) == pytest.approx((-difference.high, -difference.low))
     with pytest.raises(ValueError, match="different targets"):
         paired_differences(first, second[1:])
+
+
+def test_the_best_and_the_worst_frames_are_those_of_a_sorted_list_whenever_they_come():
+    """Of 30 PSNR that are told one after the other, where the list is cut to its ends after each."""
+    values = np.random.default_rng(5).permutation(30)
+    frames = [frame("attic", None, psnr=float(value)) for value in values]
+    best, worst = extremes(frames, 4)
+    assert [values[place] for place in best] == [29, 28, 27, 26]
+    assert [values[place] for place in worst] == [0, 1, 2, 3]
+    kept: list[FrameScores] = []
+    for one in frames:
+        kept.append(one)
+        best, worst = extremes(kept, 4)
+        kept = [kept[place] for place in sorted([*best, *worst])]
+    assert {one.psnr for one in kept} == {0, 1, 2, 3, 26, 27, 28, 29}
+
+
+def test_few_frames_are_best_or_worst_never_both_and_equal_pictures_have_no_place():
+    frames = [frame("attic", None, psnr=value) for value in (20.0, math.inf, 10.0, 30.0)]
+    assert extremes(frames, 10) == ([3, 0], [2])
+    scored = frame("attic", [(1, 1)], psnr=1.0)
+    assert extremes([*frames, scored], 10) == ([4], []), "where classes are scored, frames without them have no place"

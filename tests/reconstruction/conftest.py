@@ -103,6 +103,7 @@ class Oracle(nn.Module):
             ),
             depths,
             torch.full_like(depths, 0.5),
+            views.depth_range,
         )
 
 

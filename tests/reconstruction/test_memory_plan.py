@@ -166,7 +166,7 @@ def test_reconstruction_follows_its_plan_and_says_so(
     assert whole.plan.chunks == WHOLE
     assert not any("Memory" in note for note in whole.notes)
     few = planning.Plan(1e9, "heads", Chunks(1, 1), True, 1e9)
-    monkeypatch.setattr("semgs.reconstruction.reconstruct.plan", lambda *_: few)
+    monkeypatch.setattr("semgs.reconstruction.encode.plan", lambda *_: few)
     given_chunks = []
     hook = model.register_forward_pre_hook(lambda _, arguments: given_chunks.append(arguments[1]))
     parts = reconstruct(scene, choice, model)

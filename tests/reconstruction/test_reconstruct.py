@@ -93,3 +93,13 @@ def test_nothing_of_the_result_has_a_gradient(wall_scene: Callable[..., Scene], 
 def test_one_view_is_refused(wall_scene: Callable[..., Scene]) -> None:
     with pytest.raises(ValueError, match="expected 2 to 4"):
         given(wall_scene(), [1])
+
+
+def test_a_reconstruction_has_one_near_and_far(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene(metric=False)
+    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    assert result.target is not None
+    near, far = result.depth_range.near, result.depth_range.far
+    for bounds in (result.context.views, result.target.views, result.encoding):
+        assert bounds.depth_range.tolist() == [[near, far]] * 2
+    assert result.depth_range == scene.depth_range([0, 3])

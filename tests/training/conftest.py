@@ -44,6 +44,7 @@ class TinyNetwork(nn.Module):
             ),
             depths=depths,
             confidences=torch.ones_like(depths),
+            depth_range=views.depth_range,
         )
 
 
@@ -103,7 +104,7 @@ def network() -> Callable[[], TinyNetwork]:
 def _tiny_renderer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets the stand-in take the place of splatting, except in tests that ask for `real_rendering`."""
     if "real_rendering" not in request.fixturenames:
-        monkeypatch.setattr("semgs.training.objective.render", shown_as_they_lie)
+        monkeypatch.setattr("semgs.model.encoding.render", shown_as_they_lie)
 
 
 @pytest.fixture

@@ -12,10 +12,10 @@ from scenes_on_disk import SIZE, write_labelled
 
 from semgs.data.preparation import Preparation
 from semgs.data.prepared_set import Reading, prepare_set, sources
-from semgs.data.views import Batch
+from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.training.batches import surveyed, training_batches, validation_batches
-from semgs.training.settings import TrainingSettings
+from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.survey import RECORD, scenes_of
 from semgs.weights.file import read_header, save
 from semgs.weights.load import load, trained_scenes
@@ -124,3 +124,22 @@ def test_weights_that_saw_no_files_name_none(tmp_path: Path):
     assert "scenes" in read_header(tmp_path / "odd.safetensors").metadata
     with pytest.raises(InputError, match=r"odd\.safetensors: scenes: expected a list of names"):
         trained_scenes(tmp_path / "odd.safetensors")
+
+
+def test_the_frames_of_a_sample_are_checked_once_and_together(
+    scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Six samples of 3 or 4 views, cut, mirrored and recoloured: six checks."""
+    varied = Augmentation(colour=0.2, crop=0.7, flip=True)
+    settings = replace(SETTINGS, data=(str(scans),), augmentation=varied)
+    portions = training_batches(settings, surveyed(settings, tmp_path), 0, workers=0, pool=tmp_path / "rooms")
+    checks, constructor = [0], Views.__init__
+
+    def counting(self: Views, *arguments: object, **named: object) -> None:
+        checks[0] += 1
+        constructor(self, *arguments, **named)
+
+    monkeypatch.setattr(Views, "__init__", counting)
+    made = [batch for portion in portions for batch in portion.pieces]
+    assert sum(len(batch.scenes) for batch in made) == 6
+    assert checks == [6]

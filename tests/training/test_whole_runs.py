@@ -88,7 +88,7 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
 def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, supervision: str, held: bool
 ):
-    monkeypatch.setattr("semgs.training.objective.render", None)
+    monkeypatch.setattr("semgs.model.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
         SETTINGS, supervision=supervision, init="small", data=(str(own),), validation=str(own), depth_weight=0.0,

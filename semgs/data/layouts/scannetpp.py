@@ -107,7 +107,7 @@ class ScannedFrame(Frame):
     mesh: LabelledMesh | None = None
     mask_path: Path | None = None
 
-    def read(
+    def view(
         self,
         depth_range: tuple[float, float],
         classes: ClassTable | None = None,
@@ -115,13 +115,13 @@ class ScannedFrame(Frame):
         size: Sequence[int] | None = None,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """As `Frame.read`; labels and depth are exact at the centres of the pixels that are read.
+        """As `Frame.view`; labels and depth are exact at the centres of the pixels that are read.
 
         Raises:
-            InputError: as `Frame.read`, and where a file of the scan cannot be used.
+            InputError: as `Frame.view`, and where a file of the scan cannot be used.
             ImportError: embreex or trimesh is not installed.
         """
-        view = super().read(depth_range, classes or SCANNET20, size=size, maps=maps)
+        view = super().view(depth_range, classes or SCANNET20, size=size, maps=maps)
         hidden = torch.zeros(1, *view.size, dtype=torch.bool) if view.labels is None else view.labels == IGNORE
         labels, depths = None, view.depths
         if self.mesh is not None:
@@ -130,8 +130,7 @@ class ScannedFrame(Frame):
             )
             labels, depths = (torch.from_numpy(one)[None] for one in cast)
         wanted = classes is not None and self.label_path is not None and labels is not None
-        return replace(
-            view,
+        return view.changed(
             labels=labels.masked_fill(hidden, IGNORE) if wanted and labels is not None else None,
             depths=None if depths is None else depths.masked_fill(hidden, 0),
         )
