@@ -8,12 +8,31 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-import networks
 import pytest
 from networks import network, preset
 
 from semgs.model.conventions import Conventions
+from semgs.model.settings import (
+    ColourSettings,
+    DepthSettings,
+    MVSplatHeads,
+    NetworkSettings,
+    PaperHeads,
+    SemanticSettings,
+    TransformerSettings,
+)  # fmt: skip
+from semgs.model.switches import Switches
 from semgs.objectives.weights import LossWeights
+
+SETTINGS = (
+    NetworkSettings,
+    ColourSettings,
+    SemanticSettings,
+    TransformerSettings,
+    DepthSettings,
+    MVSplatHeads,
+    PaperHeads,
+)
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs" / "method.md").read_text()
@@ -111,8 +130,7 @@ def test_every_switch_of_the_ablation_has_the_parameters_that_the_page_says():
 
 def test_every_argument_on_the_page_is_one():
     known = {
-        *networks.BASE,
-        *(f.name for kind in (Conventions, LossWeights) for f in fields(kind)),
+        *(f.name for kind in (*SETTINGS, Switches, Conventions, LossWeights) for f in fields(kind)),
     }
     assert set(arguments(PAGE)) <= known
 
