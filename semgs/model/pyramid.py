@@ -13,8 +13,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, pixel_unshuffle
 
 from semgs.model.cnn import SHRINK
-from semgs.model.layout import lay_out
-from semgs.model.refinement import ClassRefinement, Refined, Shallow
+from semgs.model.refinement import PictureRefinement, Refined, Shallow
 
 BLOCKS = 2
 """Residual blocks of each coarser map on the way down."""
@@ -23,7 +22,7 @@ SIDE = 240
 """Shorter side of the pictures that a pyramid knows [px]: pieces twice as large are others to it."""
 
 
-class SemanticPyramid(ClassRefinement):
+class SemanticPyramid(PictureRefinement):
     """Residual blocks with batch norm on maps each half the size of the one before, summed on the way back; classes from the finest.
 
     Batch norm, not the instance and group norms of the other branches: those take from each picture what makes it differ from others.
@@ -46,12 +45,6 @@ class SemanticPyramid(ClassRefinement):
         self.up = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in steps)
         self.merged = nn.ModuleList(Residual(width) for width in sizes[:-1])
         self.classifier = nn.Conv2d(channels, classes, 1)
-
-    def train(self, mode: bool = True) -> SemanticPyramid:
-        """As of every module; its convolutions are channels last in training too, which halves the time of a step."""
-        super().train(mode)
-        lay_out(self, torch.channels_last)
-        return self
 
     def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features at 1/4 of the pictures; those of large pictures are made of smaller ones and widened."""

@@ -6,10 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.cnn import ResidualBlock
+from semgs.model.layout import lay_out
 
 Shallow = Callable[[Tensor], Tensor]
 """Gives the shallow CNN's features [n c h/4 w/4] of images [n 3 h w]."""
@@ -51,6 +53,16 @@ class ClassRefinement(nn.Module, ABC):
             pictures: with sides that are multiples of 16.
             shallow: gives the shallow features of images, these or smaller ones.
         """
+
+
+class PictureRefinement(ClassRefinement):
+    """What reads the images themselves, with convolutions that are channels last in training too, where that halves the time of a step."""
+
+    def train(self, mode: bool = True) -> PictureRefinement:
+        """As of every module, and the layout stays."""
+        super().train(mode)
+        lay_out(self, torch.channels_last)
+        return self
 
 
 class ResidualRefinement(ClassRefinement):

@@ -164,7 +164,7 @@ class Depth(Supervision):
 def test_a_fourth_supervision_trains_without_rendering_and_keeps_its_own_best(
     network, batch, settings: TrainingSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("semgs.training.objective.render", None)
+    monkeypatch.setattr("semgs.model.encoding.render", None)
     state = TrainingState.begin(network(), Depth([0.3, 0.1, 0.2, 0.4]), settings.learning_rate, 0.9)
     before = {name: value.clone() for name, value in state.model.named_parameters()}
     first = training_step(state, [batch(0)], settings)

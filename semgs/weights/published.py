@@ -1,0 +1,59 @@
+"""Published MobileNetV2 weights as a start for the class branch: safetensors that name the backbone's tensors as it does itself.
+
+A file may hold a head behind the backbone (an ImageNet classifier, a segmentation head); heads are left out, as their classes are not ours.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+
+from semgs.files.errors import InputError
+from semgs.model.mobilenet import MobileNetV2
+from semgs.weights.file import read_tensors
+
+BACKBONE = ("stem.", "blocks.")
+"""Where the names of the backbone's tensors begin; what is named otherwise belongs to a head."""
+
+
+def is_published(path: str | Path) -> bool:
+    """Whether a file is safetensors with a stem and blocks by these names; says nothing about their shapes."""
+    try:
+        with safe_open(path, "pt") as file:
+            names = list(file.keys())
+    except (OSError, SafetensorError):
+        return False
+    return all(any(name.startswith(start) for name in names) for start in BACKBONE)
+
+
+def fill_backbone(backbone: MobileNetV2, path: str | Path) -> str:
+    """Put the tensors of a published file into a backbone; on an error the backbone is left as it was.
+
+    Args:
+        backbone: takes all of its tensors from the file.
+        path: the file.
+
+    Returns:
+        What was taken and what was left out, in words, for `origin`.
+
+    Raises:
+        InputError: the file cannot be read, or a tensor of the backbone is missing, unknown, of another shape or not finite; it is named.
+    """
+    tensors, wanted = read_tensors(path), backbone.state_dict()
+    for name, tensor in wanted.items():
+        shape = tuple(tensor.shape)
+        if name not in tensors:
+            raise InputError(path, f"a tensor of shape {shape}, as in MobileNetV2 1.0", "none", key=name)
+        if tensors[name].shape != shape:
+            raise InputError(path, f"shape {shape}, as in MobileNetV2 1.0", f"{tuple(tensors[name].shape)}", key=name)
+        if not torch.isfinite(tensors[name]).all():
+            raise InputError(path, "finite numbers", "one that is not", key=name)
+    others = sorted(tensors.keys() - wanted.keys())
+    if more := [name for name in others if name.startswith(BACKBONE)]:
+        raise InputError(path, f"the {len(wanted)} tensors of MobileNetV2 1.0", "one more", key=more[0])
+    backbone.load_state_dict({name: tensors[name] for name in wanted})
+    heads = ", ".join(sorted({name.partition(".")[0] for name in others}))
+    taken = f"{Path(path).name}: {len(wanted)} of {len(tensors)} tensors taken for the backbone"
+    return f"{taken}; left out: {heads}" if heads else taken
