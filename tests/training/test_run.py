@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -12,10 +14,14 @@ from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
 from semgs.rooms import demo
+from semgs.training.checkpoints import save_checkpoint
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
-from semgs.training.run import alone, claim, export_weights, read_settings
+from semgs.training.run import NETWORK, alone, claim, export_weights, network, read_settings
 from semgs.training.settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings, differences
+from semgs.training.state import TrainingState
+from semgs.training.supervision import supervision_of
+from semgs.weights.load import load
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -122,3 +128,17 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
         other.kill()
     with alone(out):
         pass
+
+
+def test_a_run_of_a_version_with_flat_settings_is_refused_with_one_line(tmp_path: Path):
+    settings = TrainingSettings(model="small", steps=1)
+    (tmp_path / "checkpoints").mkdir()
+    save_checkpoint(
+        tmp_path / "checkpoints", TrainingState.begin(load("small", "random"), supervision_of(settings), 1e-3, 0.9)
+    )
+    (tmp_path / NETWORK).write_text(json.dumps({"channels": 48, "cnn_widths": [16, 32, 48]}))
+    with pytest.raises(
+        InputError, match="another version of semgs wrote it; go on with that one or name a new folder"
+    ) as told:
+        network(tmp_path, settings)
+    assert len(str(told.value).splitlines()) == 1
