@@ -19,12 +19,14 @@ from semgs.model.heads import (
     PlainUpsampler,
     Upsampler,
 )
+from semgs.model.mobilenet import MobileNetRefinement
 from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
 from semgs.model.pyramid import SemanticPyramid
 from semgs.model.refinement import ClassRefinement, ResidualRefinement
 from semgs.model.semantic import SHAPE, SemanticBranch
 from semgs.model.semgs import ColourBranch, SemGS
 from semgs.model.settings import (
+    MobileNet,
     MVSplatHeads,
     NetworkSettings,
     PaperHeads,
@@ -112,10 +114,12 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
     return SemanticBranch(cnn, refinement, transformer, upsampler, head)
 
 
-def _refinement(settings: TwoBlocks | Pyramid, channels: int, classes: int) -> ClassRefinement:
+def _refinement(settings: TwoBlocks | Pyramid | MobileNet, channels: int, classes: int) -> ClassRefinement:
     """What fits the slot of the class refinement."""
     if isinstance(settings, Pyramid):
         return SemanticPyramid(channels, settings.widths, classes)
+    if isinstance(settings, MobileNet):
+        return MobileNetRefinement(channels, classes, settings.width)
     return ResidualRefinement(channels)
 
 

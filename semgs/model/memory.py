@@ -14,7 +14,7 @@ from semgs.model.cost_volume import CHUNK
 from semgs.model.heads import RENDERED_HARMONICS
 from semgs.model.semantic import SHAPE
 from semgs.model.semgs import SemGS
-from semgs.model.settings import NetworkSettings, PaperHeads, Pyramid, TransformerSettings
+from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, Pyramid, TransformerSettings
 
 DRAWN_PAIRS = 30e6
 """The pairs of Gaussian and tile that are drawn together [bytes]."""
@@ -133,11 +133,14 @@ def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
     """The transformer of the semantic branch or its refinement, whichever takes more."""
     if settings.semantic is None:
         return 0.0
-    pyramid = 0.0
+    refinement = 0.0
     if isinstance(settings.semantic.refinement, Pyramid):
         # Its finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
-        pyramid = features + features / settings.channels * 3 * SHRINK**2 + UNET_MAPS * features
-    return max(_attention(settings.semantic.transformer, features, views), pyramid)
+        refinement = features + features / settings.channels * 3 * SHRINK**2 + UNET_MAPS * features
+    elif isinstance(settings.semantic.refinement, MobileNet):
+        # The widest maps of the backbone, at half the picture: 16 channels in, 96 before and after they are padded; 96 out at 1/4.
+        refinement = features / settings.channels * (4 * (16 + 2 * 96) + 96)
+    return max(_attention(settings.semantic.transformer, features, views), refinement)
 
 
 def _cost(settings: NetworkSettings, texels: float, views: int, chunks: Chunks, fused: bool) -> float:

@@ -127,6 +127,9 @@ class MobileNetRefinement(PictureRefinement):
         width: channels in the decoder.
     """
 
+    reads_shallow = False
+    feature_layers = ("features",)
+
     def __init__(self, channels: int, classes: int, width: int = 96) -> None:
         super().__init__()
         self.backbone = MobileNetV2()

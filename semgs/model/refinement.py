@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -37,9 +38,16 @@ class Refined:
 class ClassRefinement(nn.Module, ABC):
     """What fits the slot.
 
+    Attributes:
+        reads_shallow: whether it reads the shallow features, so that these learn from classes where they are shared.
+        feature_layers: names of its layers that only the transformer needs.
+
     Args:
         classifier: from `Refined.evidence` to logits of the classes, which the head then corrects; None leaves the classes to the head.
     """
+
+    reads_shallow: ClassVar[bool] = True
+    feature_layers: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, classifier: nn.Conv2d | None = None) -> None:
         super().__init__()

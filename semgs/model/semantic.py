@@ -49,32 +49,30 @@ class SemanticBranch(nn.Module):
         self.upsampler = upsampler
         self.head = head
 
-    def forward(self, scene: Padded, shallow: Float[Tensor, "n c h4 w4"], cnn: FeatureCNN) -> Attributes:
+    def forward(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Attributes:
         """The features of all views are computed; the function that is returned says what the head makes of some of them.
 
         Args:
             scene: the views.
-            shallow: what the shared CNN made of them.
             cnn: the shared CNN.
+            shallow: what it made of the views; None computes that if it is needed.
         """
-        refined = self._refined(scene, shallow, cnn)
+        refined = self._refined(scene, cnn, shallow)
         features: Tensor = self.transformer(refined.features, scene)
         return lambda at: self._attributes(scene.small[at], features[at], refined[at])
 
-    def logits_alone(
-        self, scene: Padded, shallow: Float[Tensor, "n c h4 w4"], cnn: FeatureCNN
-    ) -> Float[Tensor, "n class h w"]:
+    def logits_alone(self, scene: Padded, cnn: FeatureCNN) -> Float[Tensor, "n class h w"]:
         """Class logits of each view by itself: the refinement's own, or else those of the head without the transformer."""
-        refined = self._refined(scene, shallow, cnn)
+        refined = self._refined(scene, cnn)
         if self.refinement.classifier is not None:
             return self._own_logits(self.refinement.classifier, refined)
         return self._attributes(scene.small, refined.features, refined)[:, SHAPE:]
 
-    def _refined(self, scene: Padded, shallow: Float[Tensor, "n c h4 w4"], cnn: FeatureCNN) -> Refined:
+    def _refined(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Refined:
         """The features of each view by itself."""
 
         def features(pictures: Tensor) -> Tensor:
-            if self.cnn is None and pictures is scene.pictures:
+            if shallow is not None and self.cnn is None and pictures is scene.pictures:
                 return shallow
             own: Tensor = (self.cnn or cnn)(pictures)
             return own
@@ -96,14 +94,20 @@ class SemanticBranch(nn.Module):
         """The refinement's logits at the Gaussians' scale."""
         return upsampled(classifier(refined.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
 
+    @property
+    def shares_cnn(self) -> bool:
+        """Whether it reads the features of the shared CNN."""
+        return self.cnn is None and self.refinement.reads_shallow
+
     def layers(self, alone: bool = False) -> tuple[str, ...]:
-        """Names of the parts that the classes depend on; with `alone`, those of `logits_alone`."""
-        used = ["cnn", "refinement"]
+        """Beginnings of the names of the parameters that the classes depend on; with `alone`, those of `logits_alone`."""
+        refinement = [f"refinement.{name}" for name, _ in self.refinement.named_children()]
         if not alone:
-            used.append("transformer")
-        if not alone or self.refinement.classifier is None:
-            used += ["upsampler", "head"]
-        return tuple(used)
+            return ("cnn", *refinement, "transformer", "upsampler", "head")
+        if self.refinement.classifier is None:
+            return ("cnn", *refinement, "upsampler", "head")
+        between = {f"refinement.{name}" for name in self.refinement.feature_layers}
+        return ("cnn", *(one for one in refinement if one not in between))
 
     def class_layers(self) -> tuple[str, str]:
         """Names of the layers that predict classes: the head's last and the refinement's, if it has one."""

@@ -110,7 +110,7 @@ class SemGS(nn.Module):
         with stage("transformer_colour"):
             features = self.colour.transformer(shallow, scene)
         with stage("transformer_semantic"):
-            semantic = None if self.semantic is None else self.semantic(scene, shallow, self.cnn)
+            semantic = None if self.semantic is None else self.semantic(scene, self.cnn, shallow)
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, scene, chunks.cost)
         with stage("depth"):
@@ -144,11 +144,10 @@ class SemGS(nn.Module):
         scene = self._padded(views, fewest=1 if alone else 2)
         if self.semantic is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
-        shallow = self.cnn(scene.pictures)
         if alone:
-            logits = self.semantic.logits_alone(scene, shallow, self.cnn)
+            logits = self.semantic.logits_alone(scene, self.cnn)
         else:
-            logits = self.semantic(scene, shallow, self.cnn)(slice(None))[:, SHAPE:]
+            logits = self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:]
         classes = logits.to(torch.promote_types(logits.dtype, torch.float32)).softmax(1)
         wide = widened(classes, self.stride)[..., : views.size[0], : views.size[1]]
         return wide.reshape(*views.images.shape[:-3], -1, *views.size)
@@ -159,23 +158,19 @@ class SemGS(nn.Module):
         "shared" is what both branches use, "depth" what depth depends on beside that, "colour" the rest of the colour branch,
         "semantic" the semantic branch without "classes", the layers that predict its classes.
         """
-        shares = self.semantic is not None and self.semantic.cnn is None
-        depth = (
-            "colour.transformer.",
-            "colour.depth.",
-            *(f"colour.heads.{one}." for one in self.colour.heads.depth_layers),
-        )
+        shares = self.semantic is not None and self.semantic.shares_cnn
+        heads = (f"colour.heads.{one}." for one in self.colour.heads.depth_layers)
         classes = () if self.semantic is None else tuple(f"semantic.{one}." for one in self.semantic.class_layers())
-        beginnings = {
-            "classes": classes,
-            "semantic": ("semantic.",),
-            "shared" if shares else "depth": ("cnn.",) if shares else ("cnn.", *depth),
-            **({"depth": depth} if shares else {}),
-            "colour": ("colour.",),
-        }
+        beginnings = (
+            ("classes", classes),
+            ("semantic", ("semantic.",)),
+            ("shared" if shares else "depth", ("cnn.",)),
+            ("depth", ("colour.transformer.", "colour.depth.", *heads)),
+            ("colour", ("colour.",)),
+        )
         found: dict[str, set[str]] = {part: set() for part in PARTS}
         for name in self.state_dict():
-            found[next(part for part, some in beginnings.items() if name.startswith(some))].add(name)
+            found[next(part for part, some in beginnings if name.startswith(some))].add(name)
         return {part: frozenset(names) for part, names in found.items()}
 
     def semantic_parameters(self, shared: bool = True, alone: bool = False) -> set[str]:
@@ -183,9 +178,13 @@ class SemGS(nn.Module):
         if self.semantic is None:
             return set()
         used = tuple(f"semantic.{one}." for one in self.semantic.layers(alone))
-        if shared and self.semantic.cnn is None:
+        if shared and self.semantic.shares_cnn:
             used += ("cnn.",)
         return {name for name, _ in self.named_parameters() if name.startswith(used)}
+
+    def pretrained_parameters(self) -> set[str]:
+        """Names of the parameters that can start from published weights, and then should learn at a lower rate than the others."""
+        return {name for name, _ in self.named_parameters() if name.startswith("semantic.refinement.backbone.")}
 
     def _padded(self, views: Views, fewest: int = 2) -> Padded:
         """The views as the layers take them.

@@ -130,6 +130,19 @@ class Pyramid:
 
 
 @dataclass(frozen=True)
+class MobileNet:
+    """MobileNetV2 on the image and a light decoder: it classifies each view by itself and can start from published weights.
+
+    Attributes:
+        width: channels in the decoder.
+        kind: which refinement this is, in JSON.
+    """
+
+    width: int = 96
+    kind: Literal["mobilenet"] = "mobilenet"
+
+
+@dataclass(frozen=True)
 class SemanticSettings:
     """The semantic branch.
 
@@ -140,7 +153,7 @@ class SemanticSettings:
     """
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
-    refinement: TwoBlocks | Pyramid = field(default_factory=TwoBlocks)
+    refinement: TwoBlocks | Pyramid | MobileNet = field(default_factory=TwoBlocks)
     own_cnn: bool = False
     hidden: int = 54
 
@@ -199,7 +212,7 @@ class NetworkSettings:
                     **{
                         **semantic,
                         "transformer": TransformerSettings(**semantic["transformer"]),
-                        "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid),
+                        "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid, MobileNet),
                     }
                 ),
                 "conventions": Conventions(**saved["conventions"]),

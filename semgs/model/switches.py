@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from semgs.model.settings import MVSplatHeads, NetworkSettings, PaperHeads, Pyramid, TwoBlocks
+from semgs.model.settings import MobileNet, MVSplatHeads, NetworkSettings, PaperHeads, Pyramid, TwoBlocks
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,15 @@ class Switches:
     semantic_pyramid: tuple[int, ...] = ()
     """Refine the semantic features by a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
     supervision by pictures first: its batch norms measure there alone. Weights of another semantic branch lend all else."""
+    class_backbone: bool = False
+    """Classify each view by a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
+    two residual blocks. Train it with supervision by pictures first, as a pyramid."""
+
+    def __post_init__(self) -> None:
+        if self.semantic_pyramid and self.class_backbone:
+            raise ValueError(
+                "semantic_pyramid and class_backbone are both given; expected one refinement of the classes"
+            )
 
 
 def switches_of(settings: NetworkSettings) -> Switches:
@@ -46,11 +55,12 @@ def switches_of(settings: NetworkSettings) -> Switches:
         shared_layers=not semantic.own_cnn,
         camera_aware_semantic=semantic.transformer.camera_aware,
         semantic_pyramid=semantic.refinement.widths if isinstance(semantic.refinement, Pyramid) else (),
+        class_backbone=isinstance(semantic.refinement, MobileNet),
     )
 
 
 def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
-    """The settings of a network with some of its switches set.
+    """The settings of a network with some of its switches set; a pyramid takes the place of a backbone, and the other way round.
 
     Args:
         settings: of the network.
@@ -60,7 +70,13 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
         TypeError: there is no switch of a name.
     """
     before = switches_of(settings)
-    now = replace(before, **changes)
+    if changes.get("semantic_pyramid"):
+        before_refinement: dict[str, Any] = {"class_backbone": False}
+    elif changes.get("class_backbone"):
+        before_refinement = {"semantic_pyramid": ()}
+    else:
+        before_refinement = {}
+    now = replace(before, **before_refinement | dict(changes))
     both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
     colour = replace(
         settings.colour,
@@ -75,7 +91,13 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
             own_cnn=not now.shared_layers,
             transformer=replace(semantic.transformer, camera_aware=now.camera_aware_semantic, **both),
         )
-        if now.semantic_pyramid != before.semantic_pyramid:
-            refinement = Pyramid(now.semantic_pyramid) if now.semantic_pyramid else TwoBlocks()
-            semantic = replace(semantic, refinement=refinement)
+        if (now.semantic_pyramid, now.class_backbone) != (before.semantic_pyramid, before.class_backbone):
+            semantic = replace(semantic, refinement=_refinement(now))
     return replace(settings, colour=colour, semantic=semantic)
+
+
+def _refinement(switches: Switches) -> TwoBlocks | Pyramid | MobileNet:
+    """The refinement of the classes that the switches ask for."""
+    if switches.semantic_pyramid:
+        return Pyramid(switches.semantic_pyramid)
+    return MobileNet() if switches.class_backbone else TwoBlocks()

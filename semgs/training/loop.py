@@ -116,8 +116,9 @@ def train(
         tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
         supervision = supervision_of(replace(settings, class_weights=data.class_weights))
         state = TrainingState.begin(
-            model.to(fabric.device), supervision, settings.learning_rate, settings.average_decay, fabric
-        )
+            model.to(fabric.device), supervision, settings.learning_rate, settings.average_decay, fabric,
+            slow=model.pretrained_parameters(), slow_share=settings.backbone_rate,
+        )  # fmt: skip
         resume(state, out, console)
         share = Share(fabric.global_rank, fabric.world_size, accumulate)
         outcome = fit(

@@ -127,7 +127,7 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
         model = start(
             settings.model, settings.init, seed=settings.seed, classes=classes,
             own_classes=settings.classes is not None, switches=_switched(settings.network),
-            fresh_semantics=settings.semantic_branch == "drawn",
+            fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
         )  # fmt: skip
         write_json(record, model.settings.as_json())
         return model

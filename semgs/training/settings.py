@@ -24,7 +24,7 @@ ROOMS = "rooms"
 CLASS_WEIGHTINGS = {"inverse_root_frequency": 0.5, "inverse_fourth_root_frequency": 0.25}
 """Rules by which classes weigh more the rarer they are: the power of one over a class's share of the pixels."""
 
-PLACES = ("data", "scenes", "validation", "init", "assets")
+PLACES = ("data", "scenes", "validation", "init", "backbone", "assets")
 """Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
 
 
@@ -134,6 +134,11 @@ class TrainingSettings:
     init: str = "random"
     """Where to start: random, the name of weights that ship (small), a file of weights, or hf://OWNER/NAME on the hub; MVSplat's
     checkpoint does for base."""
+    backbone: str = ""
+    """Published MobileNetV2 weights that the class backbone starts from (with --network.class-backbone): an ImageNet classifier or a
+    segmentation network as safetensors (docs/train.md)."""
+    backbone_rate: float = 0.1
+    """Learning rate of the class backbone, as a share of that of the other layers."""
     semantic_branch: Literal["kept", "drawn"] = "kept"
     """Of the weights to start from: keep all, or draw the semantic branch anew and keep depth and colour."""
     classes: ClassTable | None = None
@@ -173,6 +178,7 @@ class TrainingSettings:
             "targets": (self.targets >= 1, "at least 1"),
             "learning_rate": (self.learning_rate > 0, "a positive number"),
             "warmup": (0 < self.warmup < 1, "a share between 0 and 1"),
+            "backbone_rate": (0 < self.backbone_rate <= 1, "above 0, at most 1"),
             "clip": (self.clip > 0, "a positive number"),
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "class_weights": (

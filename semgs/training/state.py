@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,9 @@ from torch.optim.swa_utils import AveragedModel
 
 from semgs.training.engine import launched
 from semgs.training.objective import Objective, Supervision
+
+SHARE = "share"
+"""Key of a group of parameters: its share of the learning rate."""
 
 
 @dataclass
@@ -53,6 +57,8 @@ class TrainingState:
         learning_rate: float,
         average_decay: float,
         fabric: Any = None,
+        slow: Collection[str] = (),
+        slow_share: float = 1.0,
     ) -> TrainingState:
         """The state before the first step; parameters that do not learn are frozen, and batch norms that do not measure too.
 
@@ -62,6 +68,8 @@ class TrainingState:
             learning_rate: of Adam, until a step sets it.
             average_decay: of the moving average.
             fabric: the engine, launched; None is one for this process alone.
+            slow: names of parameters that learn more slowly than the others.
+            slow_share: their learning rate as a share of that of the others.
         """
         learning = supervision.learning(model)
         for name, parameter in model.named_parameters():
@@ -70,7 +78,7 @@ class TrainingState:
         fabric = fabric or launched(next(model.parameters()).device.type)
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
-        optimizer = torch.optim.Adam(model.parameters(), lr=learning_rate)
+        optimizer = torch.optim.Adam(_groups(model, slow, slow_share), lr=learning_rate)
         objective = fabric.setup_module(Objective(model, supervision))
         if not supervision.measures:
             hold_statistics(model)
@@ -110,8 +118,9 @@ class TrainingState:
         for name, tensor in _under("optimizer.", tensors).items():
             parameter, key = name.rsplit("/", 1)
             moments.setdefault(parameter, {})[key] = tensor
-        names = [name for name, _ in self.model.named_parameters()]
-        held = {names.index(name): values for name, values in moments.items()}
+        names = {parameter: name for name, parameter in self.model.named_parameters()}
+        order = [names[one] for group in self.optimizer.param_groups for one in group["params"]]
+        held = {order.index(name): values for name, values in moments.items()}
         self.optimizer.load_state_dict({"state": held, "param_groups": self.optimizer.state_dict()["param_groups"]})
         self.step = int(numbers["step"])
         self.skipped = int(numbers["skipped"])
@@ -119,6 +128,16 @@ class TrainingState:
         self.seconds = float(numbers["seconds"])
         self.best_step = int(numbers.get("best_step", -1))
         self.best_score = float(numbers.get("best_score", -math.inf))
+
+
+def _groups(model: nn.Module, slow: Collection[str], share: float) -> list[dict[str, Any]]:
+    """The parameters as Adam takes them, by the share of the learning rate that they have."""
+    named = dict(model.named_parameters())
+    groups = [
+        {"params": [one for name, one in named.items() if name not in slow], SHARE: 1.0},
+        {"params": [one for name, one in named.items() if name in slow], SHARE: share},
+    ]
+    return [group for group in groups if group["params"]]
 
 
 def hold_statistics(model: nn.Module) -> None:

@@ -12,7 +12,7 @@ from torch import nn
 from semgs.data.views import Batch
 from semgs.training.objective import TERMS
 from semgs.training.settings import TrainingSettings
-from semgs.training.state import TrainingState
+from semgs.training.state import SHARE, TrainingState
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def training_step(state: TrainingState, pieces: Sequence[Batch], settings: Train
     """
     rate = learning_rate(state.step, settings.steps, settings.learning_rate, settings.warmup)
     for group in state.optimizer.param_groups:
-        group["lr"] = rate
+        group["lr"] = rate * group[SHARE]
     report = descend(state, pieces, settings, rate)
     if report.moved:
         state.optimizer.step()

@@ -11,7 +11,8 @@ import torch
 from safetensors import SafetensorError, safe_open
 
 from semgs.files.errors import InputError
-from semgs.model.mobilenet import MobileNetV2
+from semgs.model.mobilenet import MobileNetRefinement, MobileNetV2
+from semgs.model.semgs import SemGS
 from semgs.weights.file import read_tensors
 
 BACKBONE = ("stem.", "blocks.")
@@ -26,6 +27,24 @@ def is_published(path: str | Path) -> bool:
     except (OSError, SafetensorError):
         return False
     return all(any(name.startswith(start) for name in names) for start in BACKBONE)
+
+
+def with_backbone(model: SemGS, path: str | Path) -> SemGS:
+    """A network whose class backbone is filled from a published file; `origin` of it says so.
+
+    Raises:
+        InputError: the network has no backbone, or as `fill_backbone`.
+    """
+    refinement = None if model.semantic is None else model.semantic.refinement
+    if not isinstance(refinement, MobileNetRefinement):
+        raise InputError(
+            path,
+            "a network that classifies by a MobileNetV2",
+            "one that does not",
+            advice="give --network.class-backbone",
+        )
+    model.origin = f"{model.origin}; {fill_backbone(refinement.backbone, path)}"
+    return model
 
 
 def fill_backbone(backbone: MobileNetV2, path: str | Path) -> str:

@@ -14,8 +14,9 @@ from semgs.model.settings import NetworkSettings
 from semgs.model.switches import switched, switches_of
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
 from semgs.weights.load import drawn, find, from_mvsplat, load, semantic_tensors, shipped
+from semgs.weights.published import is_published, with_backbone
 
-SEMANTIC_SHAPE = ("semantic_pyramid",)
+SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
 """Switches that shape the semantic branch alone: weights that have others lend a network all else."""
 
 
@@ -28,6 +29,7 @@ def start(
     own_classes: bool = False,
     switches: Mapping[str, Any] | None = None,
     fresh_semantics: bool = False,
+    backbone: str = "",
 ) -> SemGS:
     """The network that a training starts with; `origin` of the result says what was kept of which weights.
 
@@ -40,11 +42,18 @@ def start(
         switches: of `semgs.model.switches.Switches`, by name, that differ from the network of that name; they must be those that
             the weights have, but for the shape of the semantic branch: where that differs the branch is drawn, and all else is kept.
         fresh_semantics: draw it in any case.
+        backbone: a file of published MobileNetV2 weights, for a network with `class_backbone`; "" keeps what `init` gives. As `init`
+            itself such a file fills the backbone of a network that is random otherwise.
 
     Raises:
         InputError: the weights are absent, cannot be read or do not fit; the tensor, table or switch is named.
     """
     asked = {} if switches is None else dict(switches)
+    if backbone:
+        begun = start(
+            name, init, seed=seed, classes=classes, own_classes=own_classes, switches=switches, fresh_semantics=fresh_semantics
+        )  # fmt: skip
+        return with_backbone(begun, backbone)
     if init == "random":
         return drawn(switched(PRESETS[name](), asked), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
@@ -52,6 +61,8 @@ def start(
             init, "random, a file of weights, or a name under which some ship", "a name under which none do"
         )
     _, path = find(init)
+    if is_published(path):
+        return with_backbone(drawn(switched(PRESETS[name](), {"class_backbone": True, **asked}), seed, classes), path)
     if not is_ours(path):
         if not asked or name == "small":
             return load(name, path, seed=seed, classes=classes)

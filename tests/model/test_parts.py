@@ -14,6 +14,7 @@ NETWORKS = {
     "small": lambda: preset("small"),
     "the paper's heads": lambda: preset("small", paper_heads=True),
     "a CNN of its own": lambda: preset("small", shared_layers=False),
+    "the backbone": lambda: preset("small", class_backbone=True),
     "the pyramid": lambda: preset("small", semantic_pyramid=(16, 24)),
     "colour only": lambda: build(presets.small(), None),
 }
@@ -78,3 +79,13 @@ def test_the_layers_of_the_classes_are_the_heads_last_and_the_pyramids():
         "semantic.head.2.weight", "semantic.head.2.bias",
         "semantic.refinement.classifier.weight", "semantic.refinement.classifier.bias",
     }  # fmt: skip
+
+
+def test_a_backbone_reads_no_shallow_features_so_depth_keeps_them_for_itself():
+    model = preset("small", class_backbone=True)
+    parts = model.parts()
+    assert parts["shared"] == frozenset()
+    assert {name for name in parts["depth"] if name.startswith("cnn.")} == preset("small").parts()["shared"]
+    assert (
+        len(model.pretrained_parameters()) == 102
+    )  # stem, first block of two convolutions, sixteen of three; weight and bias

@@ -103,6 +103,16 @@ def test_a_view_by_itself_has_the_pyramids_classes_and_a_fresh_head_leaves_them_
         assert (model.classify(views) - model.classify(views, alone=True)).abs().amax() > 1e-3
 
 
+def test_what_teaches_a_view_by_itself_are_the_layers_of_a_backbone_alone():
+    model = preset("small", class_backbone=True)
+    model.classify(posed_views(2, (32, 48)), alone=True).square().sum().backward()
+    learned = {name for name, parameter in model.named_parameters() if parameter.grad is not None}
+    assert learned == model.semantic_parameters(alone=True)
+    assert {".".join(name.split(".")[:3]) for name in learned} == {
+        f"semantic.refinement.{layer}" for layer in ("backbone", "lateral", "merged", "last", "classifier")
+    }
+
+
 def test_what_teaches_a_view_by_itself_are_the_layers_of_the_pyramid_alone():
     model = preset("small", semantic_pyramid=(16, 24))
     model.classify(posed_views(2, (32, 48)), alone=True).square().sum().backward()

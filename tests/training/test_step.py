@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from semgs.training.objective import render_targets
+from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import learning_rate, training_step
 from semgs.training.supervision import supervision_of
@@ -114,3 +115,28 @@ def test_the_average_starts_at_the_weights_and_forgets_more_slowly_as_it_ages(ne
     expected = first * (2 / 11) + second * (9 / 11)
     average = torch.nn.utils.parameters_to_vector(state.average.parameters())
     torch.testing.assert_close(average, expected)
+
+
+def test_slow_parameters_move_by_their_share_of_the_rate_and_keep_their_moments_over_a_restart():
+    settings = TrainingSettings(model="small", steps=10, learning_rate=1e-3)
+
+    def begun() -> TrainingState:
+        torch.manual_seed(0)
+        model = torch.nn.ModuleDict({name: torch.nn.Linear(1, 1, bias=False) for name in ("fast", "slow", "last")})
+        return TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, slow={"slow.weight"}, slow_share=0.1)
+
+    state = begun()
+    before = {name: one.item() for name, one in state.model.named_parameters()}
+    for parameter in state.model.parameters():
+        parameter.grad = torch.ones_like(parameter)
+    for group in state.optimizer.param_groups:
+        group["lr"] = learning_rate(0, settings.steps, settings.learning_rate, settings.warmup) * group["share"]
+    state.optimizer.step()
+    # Adam's first step is the rate itself: 1e-3 / 25.
+    moved = {name: before[name] - one.item() for name, one in state.model.named_parameters()}
+    assert moved == pytest.approx({"fast.weight": 4e-5, "slow.weight": 4e-6, "last.weight": 4e-5}, rel=1e-2)
+    state.optimizer.state[state.model["slow"].weight]["exp_avg"].fill_(7.0)
+    again = begun()
+    again.restore(state.tensors(), state.numbers())
+    assert float(again.optimizer.state[again.model["slow"].weight]["exp_avg"]) == 7
+    assert [group["share"] for group in again.optimizer.param_groups] == [1.0, 0.1]

@@ -10,8 +10,9 @@ from safetensors.torch import save_file
 
 from semgs.files.errors import InputError
 from semgs.model.mobilenet import MobileNetV2
-from semgs.weights.load import shipped
+from semgs.weights.load import load, shipped
 from semgs.weights.published import fill_backbone, is_published
+from semgs.weights.start import start
 
 
 def published(path: Path, **changes: torch.Tensor | None) -> dict[str, torch.Tensor]:
@@ -89,3 +90,23 @@ def test_the_published_files_beside_the_project_are_such(shared: Path):
         "deeplabv3plus_mobilenet_v2_ade32.safetensors: 102 of 120 tensors taken for the backbone; left out: aspp, classes, decoder",
         "mobilenet_v2_imagenet.safetensors: 102 of 106 tensors taken for the backbone; left out: classifier, top",
     ]
+
+
+def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_path: Path):
+    path = tmp_path / "backbone.safetensors"
+    tensors = published(path)
+    alone = start("small", str(path), seed=2)
+    beside = start("small", "small", seed=2, switches={"class_backbone": True}, backbone=str(path))
+    for model in (alone, beside):
+        assert all(
+            torch.equal(model.semantic.refinement.backbone.state_dict()[name], one.float())
+            for name, one in tensors.items()
+        )
+        assert model.origin.endswith("102 of 102 tensors taken for the backbone")
+    shipped = load("small").state_dict()
+    lent = beside.parts()["depth"] | beside.parts()["colour"]
+    assert all(torch.equal(beside.state_dict()[name], shipped[name]) for name in lent)
+    with pytest.raises(
+        InputError, match="expected a network that classifies by a MobileNetV2, found one that does not"
+    ):
+        start("small", "random", backbone=str(path))
