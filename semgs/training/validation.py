@@ -84,8 +84,8 @@ class Comparison:
     """Views of one batch next to the truth.
 
     Attributes:
-        target: the true views.
-        semantics: class distributions of their pixels; None without classes.
+        target: the true views, on any device.
+        semantics: class distributions of their pixels, on any device; None without classes.
         row: pictures of the first view; uint8 [h w 3].
         psnr: of each view [dB]; None where nothing was rendered.
     """
@@ -113,7 +113,8 @@ def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch
         if found.psnr is not None:
             decibels.append(found.psnr.flatten())
         if found.semantics is not None and found.target.labels is not None:
-            counts = confusion_matrix(likeliest(found.semantics), found.target.labels, len(found.target.classes))
+            labels = found.target.labels.cpu()
+            counts = confusion_matrix(likeliest(found.semantics).cpu(), labels, len(found.target.classes))
             confusion = counts if confusion is None else confusion + counts
         if len(rows) < PICTURED:
             rows.append(found.row)

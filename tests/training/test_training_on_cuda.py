@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import torch
 from golden import fill_golden
+from networks import preset
 from posed import posed_views
 
 from semgs.data.views import Batch, stack
-from semgs.model import presets as networks
 from semgs.training import presets
 from semgs.training.loop import train
 from semgs.training.run import export_weights
@@ -36,7 +36,7 @@ def test_a_step_measures_the_same_on_both_devices(cuda) -> None:
     reports = []
     for device in ("cpu", cuda):
         supervision = supervision_of(presets.small())
-        state = TrainingState.begin(fill_golden(networks.small()).to(device), supervision, 1e-3, 0.99)
+        state = TrainingState.begin(fill_golden(preset("small")).to(device), supervision, 1e-3, 0.99)
         reports.append(training_step(state, [labelled(0)], presets.small()))
         assert supervision.validate(state.average.module, [labelled(1)]).pictures is not None
     here, there = reports
