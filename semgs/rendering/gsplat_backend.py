@@ -9,16 +9,25 @@ those that it cannot tell apart keep that order.
 from __future__ import annotations
 
 import math
+import sys
+import tempfile
 from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
 
 import torch
+from filelock import FileLock
 from jaxtyping import Float, Int64
 from torch import Tensor
 
+from semgs.files.cache import cache_folder
 from semgs.geometry.rotations import covariance
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.rules import BLUR_PX2
 from semgs.rendering.splats import Layer, Splats
+
+COMPILED = "gsplat.cuda._backend"
+"""The module that compiles when it is imported."""
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
@@ -65,12 +74,15 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
 def rasterizer() -> Callable:
     """gsplat's function; the first call on a machine compiles its extension, which takes minutes.
 
+    One process at a time compiles: several at once would delete each other's build folder. The others wait, and load what it made.
+
     Raises:
         ImportError: as `splat`.
     """
     try:
-        from gsplat import rasterization
-        from gsplat.cuda._backend import _C
+        with nullcontext() if COMPILED in sys.modules else FileLock(_lock_path()):
+            from gsplat import rasterization
+            from gsplat.cuda._backend import _C
     except ImportError as error:
         raise ImportError('splatting on CUDA needs gsplat; pip install "semgs[cuda]"', name="gsplat") from error
     if _C is None:
@@ -79,3 +91,13 @@ def rasterizer() -> Callable:
             name="gsplat",
         )
     return rasterization
+
+
+def _lock_path() -> Path:
+    """A file that all processes of this user lock; in the folder for temporary files if the cache cannot be written."""
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        folder = Path(tempfile.gettempdir())
+    return folder / "gsplat.lock"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 import torch
+
+from semgs.rendering.gsplat_backend import rasterizer
 
 
 def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: str = "32") -> Any:
@@ -43,5 +46,7 @@ def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: s
         strategy="ddp" if devices * nodes > 1 else "auto",
         plugins=[LayersInBfloat16("bf16-mixed", device)] if half else None,
     )
+    if device == "cuda" and devices * nodes > 1 and find_spec("gsplat"):
+        rasterizer()  # compiled before there are other processes
     fabric.launch()
     return fabric
