@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from pickle import UnpicklingError
 
 import torch
 
@@ -45,6 +47,13 @@ def read(path: Path) -> dict[str, torch.Tensor]:
         return read_tensors(path)
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except UnpicklingError as error:
+        found = re.search(r"(?:GLOBAL|global) (\S+)", str(error))
+        raise InputError(
+            path, "a checkpoint of tensors alone (torch.load with weights_only=True)",
+            f"an object, {found[1]}" if found else "objects",
+            advice="if you trust it, take its tensors out once: docs/reproduce.md has the line",
+        ) from None  # fmt: skip
     except Exception as error:  # torch raises many kinds on a broken or hostile archive
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(path, "a checkpoint that loads with weights_only=True", reason) from None

@@ -190,3 +190,25 @@ def test_a_checkpoint_without_tensors_is_refused(content, tmp_path):
 def test_small_takes_no_weights_of_mvsplat(checkpoint):
     with pytest.raises(InputError, match='weights of "small", written by semgs'):
         load("small", weights=checkpoint)
+
+
+class Schedule:
+    """Stands for what Lightning keeps of a scheduler."""
+
+
+def test_a_lightning_checkpoint_with_objects_names_the_way_out(state, tmp_path):
+    """As Lightning writes them: epoch, loops, callbacks and schedulers beside the tensors; plain containers are no hindrance."""
+    plain = {
+        "epoch": 3,
+        "global_step": 300_000,
+        "callbacks": {"ModelCheckpoint{}": {"best_model_score": torch.tensor(1.0)}},
+    }
+    torch.save({"state_dict": state, "lr_schedulers": [{"last_epoch": 3}], **plain}, tmp_path / "plain.ckpt")
+    assert "471 tensors of MVSplat taken" in load("mvsplat", weights=tmp_path / "plain.ckpt").origin
+    torch.save({"state_dict": state, "lr_schedulers": [Schedule()], **plain}, tmp_path / "objects.ckpt")
+    with pytest.raises(
+        InputError, match=r"found an object, test_mvsplat\.Schedule; if you trust it, take its tensors out once"
+    ) as told:
+        load("mvsplat", weights=tmp_path / "objects.ckpt")
+    assert "weights_only=False" not in str(told.value)
+    assert len(str(told.value).splitlines()) == 1
