@@ -41,8 +41,9 @@ class Train:
     """GPUs, or processes on the CPU, of this machine; they share the scenes of each step."""
     nodes: int = 1
     """Machines, each with so many devices, started by torchrun or SLURM."""
-    precision: Literal["auto", "32", "bf16"] = "auto"
-    """Of the layers; auto is bf16 on GPUs that have it. Cameras, depth, Gaussians and losses are float32 or better in any case."""
+    precision: Literal["auto", "32", "bf16"] = "32"
+    """Of the layers: 32, bf16, or auto for bf16 on GPUs that have it. The paper does not state one. Cameras, depth, opacity, Gaussians and
+    losses are float32 or better in any case."""
     accumulate: int = 1
     """Pieces in which each process computes its scenes of a step, one after the other, to save memory."""
     minutes: float | None = None

@@ -80,7 +80,7 @@ def _decoder(settings: NetworkSettings) -> Decoder:
     factor, last = SHRINK // settings.stride, settings.last_kernel
     outputs = SHAPE + 3 * colour.harmonics
     if isinstance(heads, PaperHeads):
-        opacity = Head(colour.depth.candidates, heads.opacity_hidden, 1, last)
+        opacity = Head(colour.depth.candidates, heads.opacity_hidden, 1, last, full=True)
         head = Head(3 + settings.channels, colour.hidden, outputs, last)
         _start_at(head, slice(0, 3), settings.initial_sigma)
         return PaperDecoder(opacity, head, colour.harmonics, factor, settings.conventions)

@@ -15,6 +15,7 @@ from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.conventions import Conventions
 from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.layout import beside
+from semgs.model.precision import FullPrecisionConv2d
 from semgs.model.scene import Padded, widened
 from semgs.model.unet import GROUPS, UNet
 
@@ -144,7 +145,9 @@ class CostRegressor(nn.Module):
         )
         self.residual = nn.Conv2d(inputs, candidates, 1)
         self.head = nn.Sequential(
-            nn.Conv2d(candidates, hidden, 3, padding=1), nn.GELU(), nn.Conv2d(hidden, candidates, 3, padding=1)
+            nn.Conv2d(candidates, hidden, 3, padding=1),
+            nn.GELU(),
+            FullPrecisionConv2d(hidden, candidates, 3, padding=1),
         )
 
     def forward(

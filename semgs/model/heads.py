@@ -18,6 +18,7 @@ from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
 from semgs.model.depth import Depth
 from semgs.model.layout import beside
+from semgs.model.precision import FullPrecisionConv2d
 from semgs.model.scene import Padded
 from semgs.model.unet import UNet
 
@@ -97,7 +98,7 @@ class DepthRefinement(nn.Module):
             ]
         )
         self.to_disparity = nn.Sequential(
-            nn.Conv2d(width, 2 * width, 3, padding=1), nn.GELU(), nn.Conv2d(2 * width, 2, 3, padding=1)
+            nn.Conv2d(width, 2 * width, 3, padding=1), nn.GELU(), FullPrecisionConv2d(2 * width, 2, 3, padding=1)
         )
 
     def forward(
@@ -119,13 +120,20 @@ class DepthRefinement(nn.Module):
 
 
 class Head(nn.Sequential):
-    """The two-layer CNN that predicts one branch's attributes."""
+    """The two-layer CNN that predicts one branch's attributes.
 
-    def __init__(self, inputs: int, hidden: int, outputs: int, last_kernel: int = 3) -> None:
+    Args:
+        inputs, hidden, outputs: channels.
+        last_kernel: of the second layer.
+        full: compute the second layer in full precision, also within autocast.
+    """
+
+    def __init__(self, inputs: int, hidden: int, outputs: int, last_kernel: int = 3, full: bool = False) -> None:
+        last = FullPrecisionConv2d if full else nn.Conv2d
         super().__init__(
             nn.Conv2d(inputs, hidden, 3, padding=1),
             nn.GELU(),
-            nn.Conv2d(hidden, outputs, last_kernel, padding=last_kernel // 2),
+            last(hidden, outputs, last_kernel, padding=last_kernel // 2),
         )
 
 

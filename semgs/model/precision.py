@@ -7,10 +7,19 @@ from functools import wraps
 from typing import ParamSpec, TypeVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+
+
+class FullPrecisionConv2d(nn.Conv2d):
+    """A convolution in the precision of its own weights, whatever autocast says: for the last layer before depth and opacity."""
+
+    def forward(self, input: Tensor) -> Tensor:
+        """The convolved map."""
+        with torch.autocast(input.device.type, enabled=False):
+            return super().forward(input.to(self.weight.dtype))
 
 
 def outside_autocast(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:

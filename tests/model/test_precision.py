@@ -87,6 +87,31 @@ def test_under_autocast_gaussians_are_float32_and_lie_at_their_depth(device, nam
     assert ((depths - pixels.flatten(1)) / pixels.flatten(1)).abs().max() < 1e-5
 
 
+@pytest.mark.parametrize("paper_heads", [False, True])
+def test_logits_of_depth_disparity_and_opacity_are_float32_under_autocast(paper_heads: bool) -> None:
+    model = fill_golden(preset("small", paper_heads=paper_heads))
+    last = [
+        "colour.depth.regressor.head.2",
+        "colour.heads.opacity.2" if paper_heads else "colour.heads.refinement.to_disparity.2",
+    ]
+    given = {}
+    for name in [*last, "colour.heads.colour.2"]:
+        model.get_submodule(name).register_forward_hook(
+            lambda layer, inputs, output, name=name: given.__setitem__(name, (inputs[0], output))
+        )
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        model(posed_views(2, SIZE))
+    assert {name: output.dtype for name, (_, output) in given.items()} == {
+        **dict.fromkeys(last, torch.float32), "colour.heads.colour.2": torch.bfloat16
+    }  # fmt: skip
+    for name in last:  # not only their type: a layer that rounds its products to eight bits would differ by 1e-3
+        layer, (seen, output) = model.get_submodule(name), given[name]
+        exact = torch.nn.functional.conv2d(
+            seen.double(), layer.weight.detach().double(), layer.bias.detach().double(), padding=layer.padding
+        )
+        assert difference(output, exact) < 1e-5
+
+
 def test_trained_weights_bear_bfloat16(device, room) -> None:
     model = load("small").eval()
     with torch.no_grad():
