@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tracemalloc
 import zlib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -112,6 +113,12 @@ def test_a_recording_is_read_as_it_was_written(raw, written):
     )
     assert open_scene(raw / "scene0000_00.sens").name == "scene0000_00"
     assert [one.name for one in open_scenes(raw.parent)] == ["scene0000_00"]
+
+
+def test_depth_in_fifths_of_a_millimetre_is_read_as_it_was_written(written, tmp_path):
+    finer = replace(written, depths=5 * written.depths)
+    (tmp_path / "scene.sens").write_bytes(sens(finer, shift=5000.0))
+    check_equal(open_scene(tmp_path / "scene.sens"), written, labelled=False)
 
 
 def test_what_the_exporter_left_is_read_as_it_was_written(extracted, written):
