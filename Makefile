@@ -11,6 +11,8 @@ STAMP := .venv/complete
 UNFINISHED := .venv/unfinished
 # There when the renderer of traced rooms is installed too: 155 MB to fetch, which only its tests need.
 TRACER := .venv/tracer
+# There when scenezoo is installed too, without what it requires: a second reader of .sens files, which only one test needs.
+SECOND_READER := .venv/second_reader
 
 .PHONY: help setup demo test long gpu bench mutants check format anew
 .DEFAULT_GOAL := help
@@ -54,7 +56,11 @@ $(TRACER): $(STAMP)
 	$(PIP) --no-build-isolation -e '.[rooms]'
 	@touch $(TRACER)
 
-long: setup $(TRACER)
+$(SECOND_READER): $(STAMP)
+	$(PIP) --no-deps scenezoo
+	@touch $(SECOND_READER)
+
+long: setup $(TRACER) $(SECOND_READER)
 	$(BIN)/pytest -m 'long'
 
 gpu: setup

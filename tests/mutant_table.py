@@ -48,6 +48,7 @@ CORRELATION = "semgs/model/correlation_kernels.py"
 LOSSES = "semgs/objectives/losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
+CHOICE = "semgs/data/choice.py"
 SCANNET = "semgs/data/layouts/scannet.py"
 SCANNETPP = "semgs/data/layouts/scannetpp.py"
 
@@ -89,6 +90,7 @@ OF_CLASS_MAP = ("tests/rendering/test_render.py::test_the_class_map_sums_to_one_
 OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
 OF_LOSSES = ("tests/objectives/test_losses.py",)
 OF_METRICS = ("tests/objectives/test_metrics.py",)
+OF_CHOICE = ("tests/data/test_choice.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
 MUTANTS = (
@@ -117,6 +119,9 @@ MUTANTS = (
     Mutant(
         "pixels move on the wrong side of K", CAMERAS,
         "new_from_old @ self.intrinsics", "self.intrinsics @ new_from_old", ("tests/data/test_views.py",),
+    ),
+    Mutant(
+        "a pose may be a tenth off a rotation", CAMERAS, "ROTATION_TOLERANCE = 1e-2", "ROTATION_TOLERANCE = 1e-1", OF_CAMERAS,
     ),
     Mutant(
         "quaternions are read with w last", ROTATIONS,
@@ -262,6 +267,23 @@ MUTANTS = (
         "windows of one size change places", SWIN,
         "zip(places, torch.unflatten(out, 3, sides)", "zip(reversed(places), torch.unflatten(out, 3, sides)", OF_SWIN,
     ),
+    Mutant(
+        "cross-attention sees what self-attention of its block has made of the other views", SWIN,
+        "self.cross_attn_ffn(own, tokens, windows", "self.cross_attn_ffn(own, own, windows", OF_SWIN,
+    ),
+    Mutant(
+        "windows are shifted in the first block, not in the second", SWIN,
+        "shifted if index % 2 else plain", "plain if index % 2 else shifted", OF_SWIN,
+    ),
+    Mutant(
+        "positions have columns before rows", SWIN,
+        "torch.cat((rows.T[:, :, None].expand(-1, -1, size[1]), columns.T[:, None, :].expand(-1, size[0], -1)))",
+        "torch.cat((columns.T[:, None, :].expand(-1, size[0], -1), rows.T[:, :, None].expand(-1, -1, size[1])))", OF_SWIN,
+    ),
+    Mutant(
+        "positions have cosines before sines", SWIN,
+        "% 2 == 0, angles.sin(), angles.cos()", "% 2 == 0, angles.cos(), angles.sin()", OF_SWIN,
+    ),
     # Dual Gaussians
     Mutant(
         "depth is the distance along the ray", PLACING,
@@ -302,6 +324,11 @@ MUTANTS = (
         "return cameras.adjusted(scale,", "return cameras.adjusted(torch.eye(3, dtype=torch.float64),", OF_NETWORK,
     ),
     Mutant(
+        "pictures are padded above and left", SCENE,
+        "(0, padded[1] - width, 0, padded[0] - height)", "(padded[1] - width, 0, padded[0] - height, 0)",
+        ("tests/model/test_semgs.py::test_padding_repeats_the_last_row_and_the_last_column_below_and_right",),
+    ),
+    Mutant(
         "Gaussians come column by column", PLACING,
         "return maps[:, : kept[0], : kept[1]].flatten(1, 2)",
         "return maps[:, : kept[0], : kept[1]].transpose(1, 2).flatten(1, 2)", OF_NETWORK,
@@ -309,6 +336,11 @@ MUTANTS = (
     Mutant(
         "the refinement reads disparity in 1/m", HEADS,
         "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", ("tests/model/test_near_bounds.py",),
+    ),
+    Mutant(
+        "corrected disparity may exceed that of the near bound", HEADS,
+        ".clamp(1 / far, 1 / near)", ".clamp(min=1 / far)",
+        ("tests/model/test_heads.py::test_a_correction_beyond_near_or_far_ends_there",),
     ),
     Mutant(
         "the near bound is that of the first view alone", SCENE,
@@ -479,8 +511,23 @@ MUTANTS = (
         'terms["total"] / len(pieces)', 'terms["total"]', ("tests/training/test_processes.py",),
     ),
     Mutant(
+        "processes exchange gradients after their first piece", "semgs/training/step.py",
+        "enabled=piece is not pieces[-1]", "enabled=piece is not pieces[0]",
+        ("tests/training/test_processes.py::test_processes_exchange_the_gradient_of_all_pieces_and_once",),
+    ),
+    Mutant(
+        "the moving average moves on a skipped step", "semgs/training/step.py",
+        "        state.average.update_parameters(state.model)", "    state.average.update_parameters(state.model)",
+        ("tests/training/test_step.py::test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted",),
+    ),
+    Mutant(
         "all processes take the same scenes", "semgs/training/batches.py",
         "step * batch + self.rank * self.accumulate * each", "step * batch", ("tests/training/test_processes.py",),
+    ),
+    Mutant(
+        "validation uses the most input views of the training", "semgs/training/batches.py",
+        "fewest = settings.contexts[0]", "fewest = settings.contexts[1]",
+        ("tests/training/test_files.py::test_validation_rooms_have_the_fewest_input_views_of_the_training",),
     ),
     Mutant(
         "a mirrored camera keeps its principal point", "semgs/training/augmentation.py",
@@ -490,6 +537,20 @@ MUTANTS = (
         "a mirrored world keeps its poses", "semgs/training/augmentation.py",
         "poses = mirror @ views.cameras.world_from_camera @ mirror", "poses = views.cameras.world_from_camera",
         ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
+        "a mirrored picture keeps its labels and depths", "semgs/training/augmentation.py",
+        "views.map(lambda maps: maps.flip(-1), cameras=", "views.map(lambda maps: maps, lambda maps: maps.flip(-1), cameras=",
+        ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
+        "white balance changes as much as exposure", "semgs/training/augmentation.py",
+        "rng.uniform(-strength, strength, 3) / 3", "rng.uniform(-strength, strength, 3)", ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
+        "samples from folders ignore the seed", "semgs/training/samples.py",
+        "SeedSequence((self._seed, k, purpose))", "SeedSequence((0, k, purpose))",
+        ("tests/training/test_files.py::test_another_seed_sees_other_scenes_and_frames",),
     ),
     Mutant(
         "classes are brought to another table by position", "semgs/training/samples.py",
@@ -506,8 +567,17 @@ MUTANTS = (
         '{"state": held, "param_groups"', '{"state": {}, "param_groups"', ("tests/training/test_loop.py",),
     ),
     Mutant(
+        "a run that goes on forgets its best score", "semgs/training/state.py",
+        'float(numbers.get("best_score", -math.inf))', "-math.inf",
+        ("tests/training/test_loop.py::test_a_run_that_goes_on_knows_the_best_score_of_before",),
+    ),
+    Mutant(
         "PSNR is of the square of the error", METRICS,
         "return -10 * (images.clamp(0, 1) - truth)", "return -20 * (images.clamp(0, 1) - truth)", OF_METRICS,
+    ),
+    Mutant(
+        "GSNeRF's distance takes R for its transpose", "semgs/evaluation/protocols.py",
+        '-np.einsum("nji,nj->ni"', '-np.einsum("nij,nj->ni"', ("tests/evaluation/test_protocols.py",),
     ),
     # Files that carry Gaussians
     Mutant(
@@ -532,6 +602,10 @@ MUTANTS = (
     Mutant(
         "width and height of a recording change places", "semgs/data/layouts/sens.py",
         "(depth_height, depth_width),", "(depth_width, depth_height),", of_scannet("a_recording_is_read_as_it_was_written"),
+    ),
+    Mutant(
+        "a count of depth is a millimetre in every recording", "semgs/data/layouts/sens.py",
+        "        1 / shift,\n", "        1e-3,\n", of_scannet("depth_in_fifths_of_a_millimetre_is_read_as_it_was_written"),
     ),
     Mutant(
         "a cut recording is read beyond its end", "semgs/data/layouts/sens.py",
@@ -638,5 +712,13 @@ MUTANTS = (
         "prepared poses keep OpenCV's axes", "semgs/data/preparation.py",
         "pose[:3, 1:3] *= -1", "pose[:3, 1:3] *= 1",
         ("tests/data/test_preparation.py::test_a_prepared_scene_is_the_scene_resized_with_its_camera",),
+    ),
+    # Choice of views
+    Mutant(
+        "views twice as far apart are preferred", CHOICE,
+        "IDEAL_BASELINE = (0.05, 0.15)", "IDEAL_BASELINE = (0.1, 0.3)", OF_CHOICE,
+    ),
+    Mutant(
+        "the preference for a baseline falls off half as fast", CHOICE, "STEEPNESS = 0.72", "STEEPNESS = 1.44", OF_CHOICE,
     ),
 )  # fmt: skip

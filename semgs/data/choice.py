@@ -20,7 +20,7 @@ IDEAL_BASELINE = (0.05, 0.15)
 """Of the middle depth; the preference peaks at their geometric mean and falls off beyond."""
 
 STEEPNESS = 0.72
-"""Standard deviation of the preference in the logarithm of the baseline: 0.75 at the ends of the ideal band, 0.1 at 0.017 and 0.45."""
+"""Standard deviation of the preference in the logarithm of the baseline: 0.75 at the ends of the ideal band, 0.1 at 0.0185 and 0.406."""
 
 DRAWN_FROM = 40
 """Frames that the others of a training sample are drawn from."""

@@ -90,6 +90,15 @@ def test_gsnerf_ranks_by_the_translation_of_the_world_to_camera_pose():
     assert peers(still, 3, "gsnerf") == peers(still, 3)
 
 
+def test_gsnerfs_translation_is_minus_r_transposed_t():
+    """Of the target -(1, 0, 0), of frame 5 -R^T (0, 1, 0) = -(1, 0, 0) too, where R (0, 1, 0) = -(1, 0, 0), of frame 0 -(0, 0, 1)."""
+    scene = walk(6)
+    for index, place in ((2, [1, 0, 0]), (5, [0, 1, 0]), (0, [0, 0, 1])):
+        scene.frames[index].world_from_camera[:3, 3] = place
+    scene.frames[5].world_from_camera[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    assert peers(scene, 2, "gsnerf") == [Sample((5, 0), 2)]
+
+
 def test_gsnerfs_distance_may_choose_other_sources_than_camera_centres():
     scene = walk(300)
     turned = scene.frames[60].world_from_camera

@@ -72,6 +72,21 @@ def test_poses_that_are_nearly_rotations_are_orthonormalised():
     assert (rotation - matrix[:3, :3]).abs().max() < 5e-3
 
 
+@pytest.mark.parametrize(
+    ("scale", "kept"), [(0.908, False), (0.989, False), (0.991, True), (1.009, True), (1.011, False)]
+)
+def test_a_pose_may_be_a_hundredth_off_a_rotation_and_no_more(scale: float, kept: bool):
+    """Of s R the nearest rotation is R; with elements of 1 in R, it is |s - 1| away."""
+    matrix = pose()
+    rotation = torch.tensor([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]], dtype=torch.float64)
+    matrix[:3, :3] = scale * rotation
+    if kept:
+        torch.testing.assert_close(Cameras(matrix, K, SIZE).world_from_camera[:3, :3], rotation)
+    else:
+        with pytest.raises(ValueError, match=r"more than 0\.01 from the nearest rotation"):
+            Cameras(matrix, K, SIZE)
+
+
 def test_leading_axes_are_free_and_can_be_indexed():
     matrices = torch.stack([pose(seed) for seed in range(6)]).unflatten(0, (2, 3))
     cameras = Cameras(matrices, torch.tensor(K).expand(2, 3, 3, 3), SIZE)

@@ -159,6 +159,16 @@ def test_depth_is_the_expectation_corrected_by_the_refinement_and_opacity_its_ot
     assert torch.allclose(encoding.gaussians.opacities.reshape(raw[:, 1].shape), 1 / (1 + (-raw[:, 1]).exp()))
 
 
+@pytest.mark.parametrize(("bias", "depth"), [(100.0, 0.5), (-100.0, 10.0)], ids=["near", "far"])
+def test_a_correction_beyond_near_or_far_ends_there(bias: float, depth: float):
+    """Disparities of 1/near = 2 and less, a correction of 100 / near = 200 [1/m]."""
+    model = fill_golden(network(**TINY)).double()
+    model.colour.heads.refinement.to_disparity[2].bias.data[0] = bias
+    with torch.inference_mode():
+        depths = model(posed_views(2, (16, 32), dtype=torch.float64)).depths
+    assert torch.allclose(depths, torch.full_like(depths, depth), rtol=1e-12, atol=0)
+
+
 @pytest.mark.parametrize("sampling", ["inverse", "linear"])
 def test_the_paper_s_heads_are_its_text(sampling):
     """Depth: the upsampled expectation. Means: pixel centres. Opacity: a CNN on the distribution. Heads: (image, F)."""

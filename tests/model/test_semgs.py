@@ -11,6 +11,7 @@ from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
 from semgs.model.encoding import Encoding
+from semgs.model.scene import Padded
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches, switches_of
 from semgs.model.switches import switched as with_switches
@@ -66,6 +67,16 @@ def test_other_sizes_are_padded_with_their_camera(small):
     assert encoding.depths.shape == (2, 37, 51)
     assert encoding.confidences.shape == (2, 37, 51)
     assert len(encoding.gaussians) == 2 * 19 * 26
+
+
+def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
+    views = posed_views(2, (37, 51))
+    padded = Padded.of(views, torch.zeros(1), 2).pictures
+    assert padded.shape == (2, 3, 48, 64)
+    for row in range(48):
+        for column in (0, 20, 50, 51, 63):
+            expected = views.images[..., min(row, 36), min(column, 50)]
+            assert torch.equal(padded[..., row, column], expected)
 
 
 def test_one_view_is_refused(small):

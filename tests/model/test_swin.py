@@ -1,7 +1,11 @@
+import math
+from itertools import product
+
 import pytest
 import torch
+from golden import fill_golden
 
-from semgs.model.swin import MultiViewSwin, Windows
+from semgs.model.swin import MultiViewSwin, WindowAttention, Windows
 
 GRID, COUNT, D = (8, 12), 2, 8
 
@@ -79,6 +83,40 @@ def test_shifted_windows_are_those_of_swin_moved_by_half_and_cut_at_the_borders(
         size = side // count
         assert [band.start for band in bands] == [0, *range(size // 2, side, size)]
         assert [band.stop for band in bands] == [*range(size // 2, side, size), side]
+
+
+def positions_by_loop(grid: tuple[int, int], size: tuple[int, int]) -> torch.Tensor:
+    """DETR's sine encoding, anew in every window, channel by channel [d h w]: half of them of the row, half of the column."""
+    codes = torch.zeros(D, *grid, dtype=torch.float64)
+    for channel, row, column in product(range(D), range(grid[0]), range(grid[1])):
+        axis, place = divmod(channel, D // 2)
+        angle = ((row, column)[axis] % size[axis] + 1) / size[axis] * 2 * math.pi
+        angle /= 10000 ** (2 * (place // 2) / (D // 2))
+        codes[channel, row, column] = math.cos(angle) if place % 2 else math.sin(angle)
+    return codes
+
+
+def layer_by_loop(layer: WindowAttention, source: torch.Tensor, target: torch.Tensor, shifted: bool, cross: bool):
+    """source + norm(merge(attention)), with a feed-forward network: source + norm(mlp(source, message))."""
+    q, k, v = layer.q_proj(source), layer.k_proj(target), layer.v_proj(target)
+    message = layer.norm1(layer.merge(by_loop(q, k, v, shifted, cross)))
+    if layer.mlp is not None:
+        message = layer.norm2(layer.mlp(torch.cat((source, message), -1)))
+    return source + message
+
+
+@torch.no_grad()
+def test_two_blocks_equal_loops_over_tokens():
+    """Positions; then blocks, the second with shifted windows, whose cross-attention sees what the block was given."""
+    grid = (4, 8)
+    swin = fill_golden(MultiViewSwin(D, 2)).double()
+    x = torch.randn(1, 3, D, *grid, generator=torch.Generator().manual_seed(6), dtype=torch.float64)
+    tokens = (x + positions_by_loop(grid, (2, 4))).permute(0, 1, 3, 4, 2)
+    for block, shifted in zip(swin.layers, (False, True), strict=True):
+        own = layer_by_loop(block.self_attn, tokens, tokens, shifted, cross=False)
+        tokens = layer_by_loop(block.cross_attn_ffn, own, tokens, shifted, cross=True)
+    # Positions are computed in float32; one block that is wrong moves tokens by more than 0.1.
+    assert (swin(x, None) - tokens.permute(0, 1, 4, 2, 3)).abs().max() < 1e-4
 
 
 def test_one_window_is_full_attention_shifted_or_not():

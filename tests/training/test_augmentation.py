@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -62,6 +64,33 @@ def test_a_flipped_world_is_seen_in_mirrored_pictures():
     twice = flipped(mirrored)
     torch.testing.assert_close(twice.cameras.world_from_camera, views.cameras.world_from_camera)
     torch.testing.assert_close(twice.cameras.intrinsics, views.cameras.intrinsics)
+
+
+def test_labels_and_depths_are_mirrored_with_their_picture():
+    generator = torch.Generator().manual_seed(2)
+    views = replace(
+        posed_views(2, SIZE, seed=4),
+        labels=torch.randint(0, 20, (2, *SIZE), generator=generator).to(torch.uint8),
+        depths=1 + torch.rand(2, *SIZE, generator=generator),
+    )
+    mirrored = flipped(views)
+    for column in range(SIZE[1]):
+        there = SIZE[1] - 1 - column
+        assert torch.equal(mirrored.labels[..., there], views.labels[..., column])
+        assert torch.equal(mirrored.depths[..., there], views.depths[..., column])
+
+
+def test_factors_of_a_grey_picture_are_within_their_bounds_and_come_near_them():
+    """Saturation leaves grey alone; what is left is exposure, exp(+-0.3), times white balance, exp(+-0.1) in each channel."""
+    grey = posed_views(1, (1, 2), seed=4)
+    grey = replace(grey, images=torch.full_like(grey.images, 0.4))
+    changed = [recoloured(grey, 0.3, np.random.default_rng(seed)).images[0, :, 0, 0] for seed in range(300)]
+    logs = (torch.stack(changed).double() / 0.4).log()
+    apart = logs.amax(1) - logs.amin(1)  # of the channels of one picture: at most 2 * 0.1
+    assert 0.18 < apart.max() < 0.2 + 1e-6
+    assert 0.36 < logs.amax() < 0.4 + 1e-6
+    assert -0.4 - 1e-6 < logs.amin() < -0.36
+    assert logs.mean(0).abs().max() < 0.05  # as often up as down: 0.18 / 300^0.5 = 0.01
 
 
 def test_colours_change_alike_in_all_views_and_stay_colours():

@@ -61,6 +61,14 @@ def test_step_k_sees_the_same_scenes_and_frames_wherever_the_run_began(scans, tm
     assert len({scene for one in whole for scene in one.scenes}) > 1
 
 
+def test_another_seed_sees_other_scenes_and_frames(scans, tmp_path):
+    def seen(seed: int) -> list[tuple[tuple[str, ...], list]]:
+        found = batches(replace(SETTINGS, data=(str(scans),), steps=2, seed=seed), tmp_path)
+        return [(one.scenes, one.context.cameras.centres.tolist()) for one in found]
+
+    assert all(one != other for one, other in zip(seen(3), seen(4), strict=True))
+
+
 def test_a_sample_holds_frames_of_its_scene_with_their_cameras(scans, tmp_path):
     for one in batches(replace(SETTINGS, data=(str(scans),)), tmp_path):
         for index, name in enumerate(one.scenes):
@@ -232,6 +240,18 @@ def test_validation_scenes_come_from_a_folder_if_asked(scans, tmp_path):
     found = validation_batches(settings, surveyed(settings, tmp_path))
     assert [len(one.context) for one in found] == [2, 2, 2]
     assert {scene for one in found for scene in one.scenes} <= {"scene0", "scene1", "scene2"}
+
+
+def test_validation_rooms_have_the_fewest_input_views_of_the_training(tmp_path, monkeypatch):
+    def drawn(self, k):
+        contexts, targets = self.counts(k)
+        return labelled_views(k).select(range(contexts)), labelled_views(k).select(range(contexts, contexts + targets))
+
+    monkeypatch.setattr("semgs.training.batches.RoomSamples.__getitem__", drawn)
+    settings = replace(SETTINGS, contexts=(2, 4), validation_scenes=12)
+    found = validation_batches(settings, surveyed(settings, tmp_path))
+    assert [len(one.context) for one in found] == 12 * [2]
+    assert [len(one.target) for one in found] == 12 * [2]
 
 
 def test_validation_scenes_are_looked_at_before_the_first_step(scans, tmp_path):

@@ -145,6 +145,18 @@ def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(sitting,
     assert best_checkpoint(folder).numbers["step"] == 6
 
 
+def test_a_run_that_goes_on_knows_the_best_score_of_before(sitting, tmp_path, monkeypatch):
+    scores = iter([0.2, 0.5, 0.4, 0.3])  # of steps 3, 6, 9 and 12
+    monkeypatch.setattr(
+        "semgs.training.supervision.Rendered.validate", lambda *given: Validation(20.0, next(scores), 0.5, None)
+    )
+    with pytest.raises(Killed):
+        sitting(tmp_path / "run", cut=7, save_minutes=0.0, every=3)
+    state = sitting(tmp_path / "run", save_minutes=0.0, every=3)
+    assert (state.step, state.best_step, state.best_score) == (12, 6, 0.5)
+    assert best_checkpoint(tmp_path / "run" / "checkpoints").numbers["step"] == 6
+
+
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, settings, tmp_path, monkeypatch):
     state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     state.step = 4

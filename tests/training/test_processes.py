@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 import torch
+from lightning_fabric import Fabric
+from torch.nn.parallel import DistributedDataParallel
 
 from semgs.data.views import Batch
 from semgs.geometry.cameras import Cameras
@@ -59,6 +61,37 @@ def test_shares_take_every_scene_of_every_step_once():
 def test_a_step_that_cannot_be_shared_equally_is_refused(share: Share):
     with pytest.raises(ValueError, match="a step of 6 scenes cannot be shared"):
         share.check(6)
+
+
+@pytest.fixture
+def ddp(monkeypatch):
+    """The engine with DDP, of this process alone."""
+    for name, value in (("LOCAL_RANK", "0"), ("MASTER_ADDR", "127.0.0.1"), ("MASTER_PORT", "0")):
+        monkeypatch.setenv(name, value)
+    fabric = Fabric(accelerator="cpu", devices=1, strategy="ddp")
+    fabric.launch()
+    yield fabric
+    torch.distributed.destroy_process_group()
+
+
+def test_processes_exchange_the_gradient_of_all_pieces_and_once(network, batch, settings, ddp):
+    settings = replace(settings, clip=1e9)
+    state = TrainingState.begin(network(), supervision_of(settings), 1e-3, 0.9, ddp)
+    exchanged = []
+
+    def exchange(_, bucket):
+        exchanged.extend(one.clone() for one in bucket.gradients())
+        done = torch.futures.Future()
+        done.set_result(bucket.buffer())
+        return done
+
+    (parallel,) = (one for one in state.objective.modules() if isinstance(one, DistributedDataParallel))
+    parallel.register_comm_hook(None, exchange)
+    descend(state, parts(batch(0, scenes=4), 2), settings, 1e-3)
+    gradients = [one.grad for one in state.model.parameters()]
+    assert len(exchanged) == len(gradients)
+    for found, gradient in zip(*(sorted(some, key=torch.numel) for some in (exchanged, gradients)), strict=True):
+        torch.testing.assert_close(found.reshape(gradient.shape), gradient)
 
 
 @pytest.mark.long

@@ -65,8 +65,11 @@ def test_a_gradient_longer_than_the_clip_is_shortened_to_it(network, batch, sett
 @pytest.mark.parametrize("broken", ["means", "depths"])
 def test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted(network, batch, settings, broken: str):
     state = begin(network, settings)
-    training_step(state, [batch(0)], settings)
+    for step in (0, 1):
+        training_step(state, [batch(step)], settings)
     before, average = weights(state), [value.clone() for value in state.average.parameters()]
+    # Only an average that differs from the weights could move towards them.
+    assert not torch.equal(torch.nn.utils.parameters_to_vector(average), before)
 
     def break_it(module, inputs, encoding):
         if broken == "depths":
@@ -75,12 +78,12 @@ def test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted(network, ba
         return replace(encoding, gaussians=replace(gaussians, means=gaussians.means * math.nan))
 
     hook = state.model.register_forward_hook(break_it)
-    assert not training_step(state, [batch(1)], settings).moved
+    assert not training_step(state, [batch(2)], settings).moved
     assert torch.equal(weights(state), before)
     assert all(torch.equal(a, b) for a, b in zip(average, state.average.parameters(), strict=True))
-    assert (state.step, state.skipped, state.skipped_in_a_row) == (2, 1, 1)
+    assert (state.step, state.skipped, state.skipped_in_a_row) == (3, 1, 1)
     hook.remove()
-    assert training_step(state, [batch(2)], settings).moved
+    assert training_step(state, [batch(3)], settings).moved
     assert (state.skipped, state.skipped_in_a_row) == (1, 0)
 
 
