@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.train_apart import train_apart
 from semgs.cli.training_options import PresetSettings
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
@@ -63,6 +64,14 @@ class Ablate:
     """End after this time, with a checkpoint; the same command goes on. None ends when all is done."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
     """Where to compute; auto takes a CUDA GPU where there is one."""
+    devices: int = 1
+    """GPUs, or processes on the CPU; they share the scenes of each step, as for semgs train."""
+    precision: Literal["auto", "32", "bf16"] = "32"
+    """Of the layers, as for semgs train."""
+    accumulate: int = 1
+    """Pieces in which each process computes its scenes of a step, one after the other, to save memory."""
+    full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
+    """A finished run of the full method with these settings, from semgs train: it is evaluated, and not trained again."""
     workers: int = 1
     """Processes that prepare scenes ahead."""
     dry_run: bool = False
@@ -85,6 +94,7 @@ class Ablate:
                 for row in ROWS
             ]
         self._check_unseen()
+        self._check_full(runs[-1][1])
         if self.dry_run:
             print(self._cost(len(runs)))
             return
@@ -107,6 +117,10 @@ class Ablate:
             raise UsageError(f"--views is {self.views}; expected 2 or more")
         if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
             raise UsageError("--workers must not be negative, and --minutes must be positive")
+        if min(self.devices, self.accumulate) < 1:
+            raise UsageError("--devices and --accumulate must be positive")
+        if self.full is not None and len(self.seeds) > 1:
+            raise UsageError("--full is one run, so --seeds can name only one seed")
         if len(set(self.seeds)) != len(self.seeds):
             raise UsageError("--seeds names one twice")
         if self.out.exists() and not self.out.is_dir():
@@ -129,8 +143,27 @@ class Ablate:
         tested = calls(self.test, scene_paths(self.test, wanted))
         check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
 
+    def _check_full(self, settings: TrainingSettings) -> None:
+        """Refuse a run of the full method that is none of these settings, or is not finished."""
+        if self.full is None:
+            return
+        from semgs.training.run import finished, read_settings
+        from semgs.training.settings import changed, told
+
+        if other := changed(settings, read_settings(self.full)):
+            listed = ", ".join(
+                f"{name} = {told(there)} there, {told(here)} here" for name, (here, there) in other.items()
+            )
+            raise UsageError(f"--full {self.full} is a run of other settings: {listed}")
+        if not finished(self.full):
+            raise UsageError(f"--full {self.full} is not finished; the same semgs train goes on with it")
+
     def _folder(self, row: Row, seed: int) -> Path:
         return self.out / f"seed_{seed}" / row.name
+
+    def _run(self, row: Row, seed: int) -> Path:
+        """Where a row is trained."""
+        return self.full if self.full is not None and row.name == "full" else self._folder(row, seed) / RUN
 
     def _train(self, title: str, row: Row, settings: TrainingSettings, ends: float | None) -> bool:
         """Train a row, or go on with it; whether it is finished."""
@@ -139,7 +172,9 @@ class Ablate:
         from semgs.training.loop import WEIGHTS, train
         from semgs.training.run import claim, finished
 
-        run = self._folder(row, settings.seed) / RUN
+        run = self._run(row, settings.seed)
+        if run == self.full:
+            return True
         with what_the_user_gave():
             claim(run, settings)
         if finished(run) and (run / WEIGHTS).is_file():
@@ -149,13 +184,18 @@ class Ablate:
             return False
         console = Console(stderr=True, highlight=False)
         console.print(title, markup=False)
+        options: dict[str, Any] = {
+            "device": chosen_device(self.device), "devices": self.devices, "precision": self.precision,
+            "accumulate": self.accumulate, "minutes": left, "workers": self.workers,
+        }  # fmt: skip
+        if self.devices > 1:
+            train_apart(run, **options)
+            return finished(run)
         try:
-            outcome = train(
-                settings, run, device=chosen_device(self.device), minutes=left, workers=self.workers, console=console
-            )
+            with what_the_user_gave():
+                return train(settings, run, console=console, **options).finished
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error
-        return outcome.finished
 
     def _evaluate(self, row: Row, settings: TrainingSettings) -> None:
         """Evaluate a row that is trained, if that was not done before."""
@@ -175,7 +215,7 @@ class Ablate:
         plan = plan_of((self.protocol,), scenes, (self.views,), settings.size)
         device = chosen_device(self.device)
         with what_the_user_gave():
-            method, subject = network_method(folder / RUN / WEIGHTS, classes, device, row.title)
+            method, subject = network_method(self._run(row, settings.seed) / WEIGHTS, classes, device, row.title)
         evaluate_into(folder / EVALUATION, plan, method, subject, data, scenes, classes, device=device)
 
     def _rooms(self, settings: TrainingSettings) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,8 @@ import pytest
 from semgs.cli.main import main
 from semgs.files.pictures import write_png
 from semgs.training.loop import Outcome
+from semgs.training.presets import small
+from semgs.training.run import claim, read_settings
 from semgs.training.settings import TrainingSettings
 from semgs.weights.file import save
 from semgs.weights.start import start
@@ -130,3 +132,36 @@ def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
     assert main(line) == 0
     assert capsys.readouterr().out.count("–") > 5
     assert len(list(tmp_path.glob("seed_0/*/evaluation/report.json"))) == 5
+
+
+def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypatch, capsys):
+    given = []
+
+    def apart(run: Path, **options):
+        given.append((run.parent.name, options))
+        model = start("small", "random", switches=asdict(read_settings(run).network))
+        save(run / "weights.safetensors", model, {})
+
+    monkeypatch.setattr("semgs.cli.ablate.train_apart", apart)
+    line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--device", "cpu"]
+    assert main([*line, "--devices", "2", "--precision", "bf16", "--accumulate", "3"]) == 0
+    assert [name for name, _ in given] == ["none", "shared", "windows", "camera", "full"]
+    assert given[0][1] == {
+        "device": "cpu", "devices": 2, "precision": "bf16", "accumulate": 3, "minutes": None, "workers": 0
+    }  # fmt: skip
+    assert trained == []
+    assert "Sm-Loss" in capsys.readouterr().out
+
+
+def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tmp_path, labelled, trained, capsys):
+    line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--full", str(tmp_path / "table1")]
+    settings = replace(small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)
+    claim(tmp_path / "table1", settings)
+    assert main(line) == 2
+    assert "is not finished" in capsys.readouterr().err
+    save(tmp_path / "table1" / "weights.safetensors", start("small", "random"), {})
+    assert main([*line, "--steps", "3"]) == 2
+    assert "is a run of other settings: steps = 2 there, 3 here" in " ".join(capsys.readouterr().err.split())
+    assert main(line) == 0
+    assert [name for name, _ in trained] == ["none", "shared", "windows", "camera"]
+    assert (tmp_path / "out/seed_0/full/evaluation/report.json").exists()
