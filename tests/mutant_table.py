@@ -441,8 +441,8 @@ MUTANTS = (
     ),
     Mutant(
         "the mean runs over the pixels of all views, not over views", LOSSES,
-        "return sums / labelled.sum((-2, -1)).clamp(min=1)",
-        "return (sums.sum() / labelled.sum().clamp(min=1)).expand_as(sums)", OF_LOSSES,
+        "return sums / known.sum((-2, -1)).clamp(min=1)",
+        "return (sums.sum() / known.sum().clamp(min=1)).expand_as(sums)", OF_LOSSES,
     ),
     Mutant(
         "cross-entropy is of log 2", LOSSES,

@@ -18,3 +18,18 @@ class LossWeights:
     semantic: float = 0.1
     colour: float = 1.0
     smoothness: float = 0.001
+
+
+@dataclass(frozen=True)
+class DepthLossWeights:
+    """How the terms of supervision by depth are weighed.
+
+    Attributes:
+        log: of the mean absolute error of log depth.
+        gradients: of gradient matching, which compares the steps of log depth between neighbours at four scales.
+        distribution: of the cross-entropy of the distribution over depth candidates.
+    """
+
+    log: float = 1.3
+    gradients: float = 0.5
+    distribution: float = 0.1
