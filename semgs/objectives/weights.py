@@ -22,12 +22,12 @@ class LossWeights:
 
 @dataclass(frozen=True)
 class DepthLossWeights:
-    """How the terms of supervision by depth are weighed.
+    """How the terms of supervision by depth are weighed; none is the paper's.
 
     Attributes:
         log: of the mean absolute error of log depth.
-        gradients: of gradient matching, which compares the steps of log depth between neighbours at four scales.
-        distribution: of the cross-entropy of the distribution over depth candidates.
+        gradients: of gradient matching: the error of log depth should not change between neighbouring pixels, at four scales.
+        distribution: of the cross-entropy of the distribution over the depth candidates.
     """
 
     log: float = 1.3

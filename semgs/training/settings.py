@@ -124,13 +124,13 @@ class TrainingSettings:
     """What the loss looks at: rendered views, as in the paper; or labels, the classes of the input views' own pixels before anything is
     splatted, which trains the semantic branch and the layers it shares alone, in a fifth of the time; or pictures, the same of all views of a
     sample, each by itself, without the transformer between views: a first stage that learns what things look like; or depth, which compares the
-    depth of the input views, as the plane sweep finds it, with their true depth. It renders nothing and needs true depth, but no labels."""
+    depth of the input views, as the plane sweep finds it before refinement, with true depth. It needs scenes with depth, but no labels."""
     depth_losses: DepthLossWeights = field(default_factory=DepthLossWeights)
-    """With supervision by depth: weights of its terms."""
+    """Weights of the terms with --supervision depth."""
     hold_shared: bool = False
     """With supervision by labels or pictures: keep the layers that both branches share as they are, so that depth and colour of the weights to
     start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back. With supervision by
-    depth it is the classes that stay."""
+    depth, classes stay as they are instead."""
     sampling: Literal["even", "balanced"] = "even"
     """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
     augmentation: Augmentation = field(default_factory=Augmentation)
@@ -197,7 +197,7 @@ class TrainingSettings:
             ),
             "hold_shared": (
                 not self.hold_shared or self.supervision != "rendered",
-                "no, but with supervision by labels, pictures or depth",
+                "False, unless supervision is labels, pictures or depth",
             ),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),

@@ -168,10 +168,9 @@ class Pictures(Supervision):
 
 @dataclass(frozen=True)
 class Depth(Supervision):
-    """The depth of the input views as the plane sweep finds it, against true depth: nothing is rendered nor refined.
+    """The depth of the input views as the plane sweep finds it, before refinement, against true depth: nothing is rendered.
 
-    The layers that this depth depends on learn alone. The refinement of depth and the heads were not made for what they become, so
-    a rendered stage should follow.
+    Only the layers that this depth depends on learn. The refinement and the heads stay as they are, so a rendered stage should follow.
 
     Attributes:
         losses: weights of the terms.
@@ -182,10 +181,10 @@ class Depth(Supervision):
     hold_shared: bool = False
 
     def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
-        """The depth terms of the input views; nothing is rendered, so there is no PSNR.
+        """The depth terms of the input views; there is no PSNR.
 
         Raises:
-            ValueError: they have no depths.
+            ValueError: they have no true depth.
         """
         if batch.context.depths is None:
             raise ValueError("the scenes have no depth; supervision by depth needs it")

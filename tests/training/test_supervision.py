@@ -64,6 +64,13 @@ def test_the_settings_name_one_of_four(settings):
     )
 
 
+def test_rendered_views_need_all_layers_so_none_is_held(settings):
+    with pytest.raises(
+        ValueError, match="hold_shared is True; expected False, unless supervision is labels, pictures or"
+    ):
+        replace(settings, hold_shared=True)
+
+
 def test_weights_of_classes_that_are_not_numbers_yet_are_refused(settings):
     with pytest.raises(ValueError, match="expected its numbers, which the survey of the data gives"):
         supervision_of(replace(settings, class_weights="inverse_root_frequency"))
