@@ -46,6 +46,7 @@ PROJECTION = "semgs/rendering/projection_kernels.py"
 GSPLAT = "semgs/rendering/gsplat_backend.py"
 CORRELATION = "semgs/model/correlation_kernels.py"
 LOSSES = "semgs/objectives/losses.py"
+DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
 CHOICE = "semgs/data/choice.py"
@@ -89,6 +90,7 @@ OF_ASIDE = ("tests/rendering/test_aside.py",)
 OF_CLASS_MAP = ("tests/rendering/test_render.py::test_the_class_map_sums_to_one_at_every_pixel_empty_ones_too",)
 OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
 OF_LOSSES = ("tests/objectives/test_losses.py",)
+OF_DEPTH_LOSSES = ("tests/objectives/test_depth_losses.py",)
 OF_METRICS = ("tests/objectives/test_metrics.py",)
 OF_CHOICE = ("tests/data/test_choice.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
@@ -473,12 +475,28 @@ MUTANTS = (
     ),
     Mutant(
         "the mean runs over the pixels of all views, not over views", LOSSES,
-        "return sums / labelled.sum((-2, -1)).clamp(min=1)",
-        "return (sums.sum() / labelled.sum().clamp(min=1)).expand_as(sums)", OF_LOSSES,
+        "return sums / known.sum((-2, -1)).clamp(min=1)",
+        "return (sums.sum() / known.sum().clamp(min=1)).expand_as(sums)", OF_LOSSES,
     ),
     Mutant(
         "cross-entropy is of log 2", LOSSES,
         "(probability.dtype).tiny).log()", "(probability.dtype).tiny).log2()", OF_LOSSES,
+    ),
+    Mutant(
+        "a true depth goes to the wrong one of its two candidates", DEPTH_LOSSES,
+        "share = (position - lower)", "share = 1 - (position - lower)", OF_DEPTH_LOSSES,
+    ),
+    Mutant(
+        "true depth is divided between candidates in depth, not in inverse depth", DEPTH_LOSSES,
+        'if spacing == "linear"', 'if spacing != ""', OF_DEPTH_LOSSES,
+    ),
+    Mutant(
+        "gradient matching steps into holes", DEPTH_LOSSES,
+        "known[..., 1:] & known[..., :-1]", "known[..., 1:] | known[..., :-1]", OF_DEPTH_LOSSES,
+    ),
+    Mutant(
+        "a texel has the depth of its corner", DEPTH_LOSSES,
+        "truth[..., SHRINK // 2 :: SHRINK, SHRINK // 2 :: SHRINK]", "truth[..., ::SHRINK, ::SHRINK]", OF_DEPTH_LOSSES,
     ),
     Mutant(
         "the semantic loss weighs as much as colour", "semgs/objectives/weights.py",

@@ -5,33 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int64
-from torch import Tensor
+from jaxtyping import Int64
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.plan import Task
 from semgs.evaluation.predictions import Prediction
 from semgs.evaluation.similarity import PerceptualDistance, ssim
-from semgs.objectives.metrics import confusion_matrix, psnr
+from semgs.objectives.metrics import DELTA, DepthScores, confusion_matrix, depth_scores, psnr
 
-DELTA = 1.25
-"""A depth within this factor of the true one is counted by `depth_delta_125`."""
-
-
-@dataclass(frozen=True, eq=False)
-class DepthScores:
-    """Depth against the truth, over all pixels that have one; a pixel without a predicted depth has depth 0.
-
-    Attributes:
-        abs_rel: mean of |z - truth| / truth.
-        delta: share of the pixels within a factor of 1.25.
-        pixels: how many have a true depth.
-    """
-
-    abs_rel: float
-    delta: float
-    pixels: int
+__all__ = ["DELTA", "DepthScores", "FrameScores", "depth_scores", "score"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +82,4 @@ def score(
         unseen=None if prediction.unseen is None else float(prediction.unseen.double().mean()),
         seconds_encode=prediction.seconds_encode,
         seconds_render=prediction.seconds_render,
-    )
-
-
-def depth_scores(depths: Float[Tensor, "h w"], truth: Float[Tensor, "h w"]) -> DepthScores | None:
-    """Depth against the truth where that is known (> 0); None where it is nowhere."""
-    known = truth > 0
-    if not known.any():
-        return None
-    predicted, true = depths[known].double(), truth[known].double()
-    within = (predicted < DELTA * true) & (true < DELTA * predicted)
-    return DepthScores(
-        abs_rel=float(((predicted - true).abs() / true).mean()),
-        delta=float(within.double().mean()),
-        pixels=int(known.sum()),
     )

@@ -6,6 +6,7 @@ In `base` and `mvsplat` layer shapes and names are MVSplat's, so that its weight
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -56,6 +57,23 @@ class Depth:
     def confidences(self, factor: int) -> Float[Tensor, "n h w"]:
         """The largest probability, repeated to maps `factor` times as large."""
         return widened(self.probabilities.amax(1), factor)
+
+
+@dataclass(frozen=True)
+class CoarseDepth:
+    """Depth by the plane sweep alone, before any refinement.
+
+    Attributes:
+        depths: expectation over the candidates, upsampled to the views' full size [m].
+        probabilities: of the candidates at 1/4 of that size; only texels whose centre lies in the view.
+        candidates: their depths, far to near [m].
+        spacing: whether the candidates are evenly spaced in inverse depth or in depth ("linear").
+    """
+
+    depths: Float[Tensor, "*batch v h w"]
+    probabilities: Float[Tensor, "*batch v l h4 w4"]
+    candidates: Float[Tensor, "*batch v l"]
+    spacing: Literal["inverse", "linear"]
 
 
 class PlaneSweepDepth(nn.Module):

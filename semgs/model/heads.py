@@ -211,8 +211,7 @@ class MVSplatDecoder(Decoder):
     ) -> Decode:
         """As `Decoder`; the refinement looks at all views together."""
         confidences = depth.confidences(self.factor)
-        coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, self.conventions.candidates)
-        disparities = upsampled(coarse[:, None], self.factor, self.conventions.pixel_centres)[:, 0]
+        disparities = coarse_disparities(depth, self.factor, self.conventions)
         # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
         kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
 
@@ -292,6 +291,12 @@ def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"])
     return nn.functional.conv2d(
         activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
     )
+
+
+def coarse_disparities(depth: Depth, factor: int, conventions: Conventions) -> Float[Tensor, "n h w"]:
+    """1 / expected depth, upsampled to maps `factor` times as large [1 / m]."""
+    coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, conventions.candidates)
+    return upsampled(coarse[:, None], factor, conventions.pixel_centres)[:, 0]
 
 
 def upsampled(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:

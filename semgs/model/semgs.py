@@ -11,10 +11,10 @@ from torch import Tensor, nn
 from semgs.data.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.chunks import WHOLE, Chunks, by_chunks
-from semgs.model.cnn import FeatureCNN
-from semgs.model.depth import PlaneSweepDepth
+from semgs.model.cnn import SHRINK, FeatureCNN
+from semgs.model.depth import CoarseDepth, PlaneSweepDepth
 from semgs.model.encoding import Encoding
-from semgs.model.heads import Decoder
+from semgs.model.heads import Decoder, coarse_disparities
 from semgs.model.layout import lay_out
 from semgs.model.placing import Placer, Rays
 from semgs.model.scene import Padded, shrunk, widened
@@ -152,6 +152,30 @@ class SemGS(nn.Module):
         wide = widened(classes, self.stride)[..., : views.size[0], : views.size[1]]
         return wide.reshape(*views.images.shape[:-3], -1, *views.size)
 
+    def sweep(self, views: Views) -> CoarseDepth:
+        """The depth of N >= 2 views as the plane sweep finds it: no refinement, no heads, no semantic branch.
+
+        Args:
+            views: of one scene, or of a batch of scenes.
+
+        Raises:
+            ValueError: there is one view only.
+        """
+        scene, conventions = self._padded(views), self.settings.conventions
+        features = self.colour.transformer(self.cnn(scene.pictures), scene)
+        depth = self.colour.depth(self.colour.depth.cost(features, scene, None), features, scene)
+        leading, (height, width) = views.images.shape[:-3], views.size
+        depths = 1 / coarse_disparities(depth, SHRINK, conventions)[:, :height, :width]
+        # The centre of texel i lies on the border of pixels 4 i + 1 and 4 i + 2.
+        rows, columns = ((side + 1) // SHRINK for side in (height, width))
+        probabilities = depth.probabilities[..., :rows, :columns]
+        return CoarseDepth(
+            depths.reshape(*leading, *depths.shape[1:]),
+            probabilities.reshape(*leading, *probabilities.shape[1:]),
+            depth.planes.depths.reshape(*leading, -1),
+            conventions.candidates,
+        )
+
     def parts(self) -> dict[str, frozenset[str]]:
         """Names of the tensors (parameters and buffers) of each of `PARTS`; each tensor is in exactly one.
 
@@ -179,6 +203,13 @@ class SemGS(nn.Module):
             return set()
         used = tuple(f"semantic.{one}." for one in self.semantic.layers(alone))
         if shared and self.semantic.shares_cnn:
+            used += ("cnn.",)
+        return {name for name, _ in self.named_parameters() if name.startswith(used)}
+
+    def depth_parameters(self, shared: bool = True) -> set[str]:
+        """Names of the parameters that `sweep` depends on; without `shared`, those of them that the semantic branch does not use."""
+        used: tuple[str, ...] = ("colour.transformer.", "colour.depth.")
+        if shared or self.semantic is None or not self.semantic.shares_cnn:
             used += ("cnn.",)
         return {name for name, _ in self.named_parameters() if name.startswith(used)}
 

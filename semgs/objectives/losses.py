@@ -105,7 +105,7 @@ def cross_entropy(
     terms = -probability.clamp(min=torch.finfo(probability.dtype).tiny).log()
     if class_weights is not None:
         terms = terms * terms.new_tensor(class_weights)[_indices(labels)]
-    return _per_labelled_pixel((terms * labelled).sum((-2, -1)), labelled)
+    return per_known_pixel((terms * labelled).sum((-2, -1)), labelled)
 
 
 def regional_smoothness(
@@ -122,7 +122,7 @@ def regional_smoothness(
     right = (labels[..., :, 1:] == labels[..., :, :-1]) & labelled[..., :, 1:]
     total = (probability.diff(dim=-2).abs() * down).sum((-2, -1))
     total = total + (probability.diff(dim=-1).abs() * right).sum((-2, -1))
-    return _per_labelled_pixel(total, labelled)
+    return per_known_pixel(total, labelled)
 
 
 def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*batch v h w"]) -> Float[Tensor, ""]:
@@ -132,7 +132,7 @@ def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*ba
     """
     known = truth > 0
     error = (depths.log() - torch.where(known, truth, 1).log()).abs()
-    return _per_labelled_pixel((error * known).sum((-2, -1)), known).mean()
+    return per_known_pixel((error * known).sum((-2, -1)), known).mean()
 
 
 def _true_class_probability(
@@ -148,6 +148,6 @@ def _indices(labels: UInt8[Tensor, "v h w"]) -> Tensor:
     return torch.where(labels == IGNORE, 0, labels).long()
 
 
-def _per_labelled_pixel(sums: Float[Tensor, "*batch"], labelled: Bool[Tensor, "*batch h w"]) -> Float[Tensor, "*batch"]:
-    """Sums of views divided by their number of labelled pixels; a sum over none stays 0."""
-    return sums / labelled.sum((-2, -1)).clamp(min=1)
+def per_known_pixel(sums: Float[Tensor, "*batch"], known: Bool[Tensor, "*batch h w"]) -> Float[Tensor, "*batch"]:
+    """Sums of views divided by how many of their pixels have a label or a depth; a sum over none stays 0."""
+    return sums / known.sum((-2, -1)).clamp(min=1)

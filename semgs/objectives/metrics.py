@@ -1,4 +1,4 @@
-"""What evaluation reports: PSNR, and from confusion matrices mean IoU and accuracies of two kinds.
+"""What evaluation reports: PSNR, errors of depth, and from confusion matrices mean IoU and accuracies of two kinds.
 
 Over one confusion matrix of the whole set (the ScanNet benchmark's kind), or per image and then averaged (the kind of
 S-Ray and GSNeRF: `*_per_image`). The second is easier and noisier; the two must not share a column.
@@ -6,11 +6,31 @@ S-Ray and GSNeRF: `*_per_image`). The second is easier and noisier; the two must
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 
 from semgs.data.classes import IGNORE
+
+DELTA = 1.25
+"""A depth within this factor of the true one is counted by `depth_delta_125`."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthScores:
+    """Depth against the truth, over all pixels that have one; a pixel without a predicted depth has depth 0.
+
+    Attributes:
+        abs_rel: mean of |z - truth| / truth.
+        delta: share of the pixels within a factor of 1.25.
+        pixels: how many have a true depth.
+    """
+
+    abs_rel: float
+    delta: float
+    pixels: int
 
 
 def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h w"]) -> Float[Tensor, "*batch"]:
@@ -109,6 +129,20 @@ def class_accuracy_per_image(
 def accuracy_per_image(confusions: Int64[Tensor, "image class class"]) -> Float[Tensor, ""]:
     """Mean over images of each one's accuracy; an image without truth is 0."""
     return accuracy(confusions).mean()
+
+
+def depth_scores(depths: Float[Tensor, "*batch h w"], truth: Float[Tensor, "*batch h w"]) -> DepthScores | None:
+    """Depth against the truth where that is known (> 0); None where it is nowhere."""
+    known = truth > 0
+    if not known.any():
+        return None
+    predicted, true = depths[known].double(), truth[known].double()
+    within = (predicted < DELTA * true) & (true < DELTA * predicted)
+    return DepthScores(
+        abs_rel=float(((predicted - true).abs() / true).mean()),
+        delta=float(within.double().mean()),
+        pixels=int(known.sum()),
+    )
 
 
 def _mean_over(

@@ -18,3 +18,18 @@ class LossWeights:
     semantic: float = 0.1
     colour: float = 1.0
     smoothness: float = 0.001
+
+
+@dataclass(frozen=True)
+class DepthLossWeights:
+    """How the terms of supervision by depth are weighed; none is the paper's.
+
+    Attributes:
+        log: of the mean absolute error of log depth.
+        gradients: of gradient matching: the error of log depth should not change between neighbouring pixels, at four scales.
+        distribution: of the cross-entropy of the distribution over the depth candidates.
+    """
+
+    log: float = 1.3
+    gradients: float = 0.5
+    distribution: float = 0.1

@@ -13,7 +13,7 @@ from semgs.model.encoding import Encoding
 from semgs.rendering.rendering import Rendering
 from semgs.training.validation import Verdict
 
-TERMS = ("total", "semantic", "colour", "smoothness", "depth", "psnr", "unlabelled")
+TERMS = ("total", "semantic", "colour", "smoothness", "depth", "gradients", "distribution", "psnr", "unlabelled")
 """What the objective says of a batch; only `total` has a gradient."""
 
 
@@ -45,6 +45,11 @@ class Supervision(ABC):
     @abstractmethod
     def without_labels(self) -> str | None:
         """What to do about scenes of which none has labels; None if it can learn from them as they are."""
+
+    @property
+    def without_depth(self) -> str | None:
+        """What to do about a scene without true depth; None if it can learn from it as it is."""
+        return None
 
 
 class Objective(nn.Module):

@@ -23,11 +23,7 @@ def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:
         panels.append(class_picture(label_maps(shown)[0], target.classes))
     if target.labels is not None:
         panels.append(true_class_picture(_first(target.labels, 2), target.classes))
-    depths = [_first(shown.depths, 2)]
-    if target.depths is not None:
-        depths.append(_first(target.depths, 2))
-    limits = depth_limits(depths[-1:])
-    return np.concatenate([*panels, *(depth_picture(one, limits) for one in depths)], axis=1)
+    return np.concatenate([*panels, *_depth_panels(shown.depths, target)], axis=1)
 
 
 def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views) -> UInt8[np.ndarray, "h w_all 3"]:
@@ -37,6 +33,18 @@ def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views
     if views.labels is not None:
         panels.append(true_class_picture(_first(views.labels, 2), views.classes))
     return np.concatenate(panels, axis=1)
+
+
+def depth_strip(depths: Float[Tensor, "*batch v h w"], views: Views) -> UInt8[np.ndarray, "h w_all 3"]:
+    """The first view in a row: image, depth, truth where there is one; of depth that was not rendered."""
+    return np.concatenate([_picture(_first(views.images, 3)), *_depth_panels(depths, views)], axis=1)
+
+
+def _depth_panels(depths: Float[Tensor, "*batch v h w"], views: Views) -> list[UInt8[np.ndarray, "h w 3"]]:
+    """The depth of the first view and its truth, if there is one, both in the colours of the true one's range."""
+    maps = [_first(one, 2) for one in (depths, views.depths) if one is not None]
+    limits = depth_limits(maps[-1:])
+    return [depth_picture(one, limits) for one in maps]
 
 
 def _first_view(rendering: Rendering) -> Rendering:

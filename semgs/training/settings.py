@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.rooms import demo
 from semgs.rooms.style import Style
 
@@ -120,13 +120,17 @@ class TrainingSettings:
     the data and favours the rare, such that a mean pixel has factor 1; inverse_fourth_root_frequency favours them less."""
     depth_weight: float = 0.0
     """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
-    supervision: Literal["rendered", "labels", "pictures"] = "rendered"
+    supervision: Literal["rendered", "labels", "pictures", "depth"] = "rendered"
     """What the loss looks at: rendered views, as in the paper; or labels, the classes of the input views' own pixels before anything is
     splatted, which trains the semantic branch and the layers it shares alone, in a fifth of the time; or pictures, the same of all views of a
-    sample, each by itself, without the transformer between views: a first stage that learns what things look like."""
+    sample, each by itself, without the transformer between views: a first stage that learns what things look like; or depth, which compares the
+    depth of the input views, as the plane sweep finds it before refinement, with true depth. It needs scenes with depth, but no labels."""
+    depth_losses: DepthLossWeights = field(default_factory=DepthLossWeights)
+    """Weights of the terms with --supervision depth."""
     hold_shared: bool = False
     """With supervision by labels or pictures: keep the layers that both branches share as they are, so that depth and colour of the weights to
-    start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back."""
+    start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back. With supervision by
+    depth, classes stay as they are instead."""
     sampling: Literal["even", "balanced"] = "even"
     """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
     augmentation: Augmentation = field(default_factory=Augmentation)
@@ -193,7 +197,7 @@ class TrainingSettings:
             ),
             "hold_shared": (
                 not self.hold_shared or self.supervision != "rendered",
-                "no, but with supervision by labels or pictures",
+                "False, unless supervision is labels, pictures or depth",
             ),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
@@ -242,7 +246,10 @@ class TrainingSettings:
         values = _with_tuples(saved)
         if not isinstance(values.get("assets", ()), tuple):  # as older versions kept it
             values["assets"] = (values["assets"],) if values["assets"] else ()
-        for name, kind in (("losses", LossWeights), ("augmentation", Augmentation), ("network", Switches)):
+        kinds = {
+            "losses": LossWeights, "depth_losses": DepthLossWeights, "augmentation": Augmentation, "network": Switches,
+        }  # fmt: skip
+        for name, kind in kinds.items():
             if name in values:
                 values[name] = kind(**_with_tuples(values[name]))
         if values.get("classes") is not None:

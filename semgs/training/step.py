@@ -22,7 +22,7 @@ class StepReport:
     Attributes:
         learning_rate: of this step.
         total: the weighted sum that was minimised, the depth term included.
-        semantic, colour, smoothness, depth: its terms, unweighted; depth is 0 where it has no weight.
+        semantic, colour, smoothness, depth, gradients, distribution: its terms, unweighted; 0 if they have no weight.
         psnr: mean over the rendered views [dB].
         gradient_norm: before clipping.
         unlabelled: rendered views without a labelled pixel.
@@ -35,6 +35,8 @@ class StepReport:
     colour: float = math.nan
     smoothness: float = math.nan
     depth: float = math.nan
+    gradients: float = math.nan
+    distribution: float = math.nan
     psnr: float = math.nan
     gradient_norm: float = math.nan
     unlabelled: int = 0

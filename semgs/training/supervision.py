@@ -12,13 +12,14 @@ from torch import Tensor
 from semgs.data.classes import IGNORE
 from semgs.data.views import Batch, Views
 from semgs.model.encoding import Encoding
+from semgs.objectives.depth_losses import depth_losses
 from semgs.objectives.losses import cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.objective import TERMS, Supervision, all_views, render_targets
 from semgs.training.pictures import class_strip, strip
 from semgs.training.settings import TrainingSettings
-from semgs.training.validation import Comparison, Validation, validate
+from semgs.training.validation import Comparison, DepthValidation, Validation, validate, validate_depth
 
 
 def supervision_of(settings: TrainingSettings) -> Supervision:
@@ -34,6 +35,8 @@ def supervision_of(settings: TrainingSettings) -> Supervision:
         return Labels(weights, settings.hold_shared)
     if settings.supervision == "pictures":
         return Pictures(weights, settings.hold_shared)
+    if settings.supervision == "depth":
+        return Depth(settings.depth_losses, settings.hold_shared)
     return Rendered(settings.losses, weights, settings.depth_weight, settings.context_targets)
 
 
@@ -68,6 +71,8 @@ class Rendered(Supervision):
             "colour": terms.colour,
             "smoothness": terms.smoothness,
             "depth": depth,
+            "gradients": torch.zeros_like(depth),
+            "distribution": torch.zeros_like(depth),
             "psnr": psnr(rendering.images, target.images).mean(),
             "unlabelled": terms.total.new_tensor(float(terms.unlabelled)),
         }
@@ -159,6 +164,56 @@ class Pictures(Supervision):
     def without_labels(self) -> str | None:
         """Labels are all that it learns from."""
         return "give --supervision rendered"
+
+
+@dataclass(frozen=True)
+class Depth(Supervision):
+    """The depth of the input views as the plane sweep finds it, before refinement, against true depth: nothing is rendered.
+
+    Only the layers that this depth depends on learn. The refinement and the heads stay as they are, so a rendered stage should follow.
+
+    Attributes:
+        losses: weights of the terms.
+        hold_shared: keep the layers that both branches share as they are.
+    """
+
+    losses: DepthLossWeights = field(default_factory=DepthLossWeights)
+    hold_shared: bool = False
+
+    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+        """The depth terms of the input views; there is no PSNR.
+
+        Raises:
+            ValueError: they have no true depth.
+        """
+        if batch.context.depths is None:
+            raise ValueError("the scenes have no depth; supervision by depth needs it")
+        terms = depth_losses(network.sweep(batch.context), batch.context.depths, self.losses)
+        none = terms.total.new_zeros(())
+        found = {"depth": terms.log, "gradients": terms.gradients, "distribution": terms.distribution}
+        return (
+            dict.fromkeys(TERMS, none)
+            | {"total": terms.total, "psnr": none + torch.nan}
+            | {name: term.detach() for name, term in found.items()}
+        )
+
+    def learning(self, network: Any) -> set[str]:
+        """What the plane sweep depends on, without the shared layers if they are held."""
+        return network.depth_parameters(not self.hold_shared)
+
+    def validate(self, network: Any, batches: Sequence[Batch]) -> DepthValidation:
+        """Errors of the input views' depth."""
+        return validate_depth(network, batches)
+
+    @property
+    def without_labels(self) -> str | None:
+        """Nothing: no label counts."""
+        return None
+
+    @property
+    def without_depth(self) -> str | None:
+        """Depth is all that it learns from."""
+        return "leave them out, or give --supervision rendered"
 
 
 def _label_terms(

@@ -77,8 +77,8 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
         rooms: gives small rooms to count classes in, if they are asked for.
 
     Raises:
-        InputError: there are no scenes, too many bad ones, none with labels, labels of other classes, rooms of the validation among
-            them, or other scenes than those that the run began with.
+        InputError: there are no scenes, too many bad ones, none with labels, one without depth that is to be learned from, labels of
+            other classes, rooms of the validation among them, or other scenes than those that the run began with.
     """
     classes = settings.classes or SCANNET20
     if settings.sampling == "balanced" and all(source.is_rooms for source in settings.sources):
@@ -94,6 +94,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
             path, why = folder.bad[0]
             raise InputError(folder.source.path, "scenes that can be used", f"none; of {path}: {why}")
     _check_labels(settings, good, classes)
+    _check_depth(settings, good)
     pixels = _remembered(out / RECORD, good)
     before = _started_on(settings) if pixels is None else ()
     terms = _terms(settings, good) if pixels is None else ()
@@ -230,13 +231,13 @@ def _opened(source: Source, paths: Sequence[Path], contexts: int, settings: Trai
 
 
 def _check_tables(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
-    """Refuse labels that the table of the run cannot say.
+    """Refuse labels that the table of the run cannot say, unless no label counts.
 
     Raises:
         InputError: they are of another table and none was asked for, or none of their classes is in the one asked for.
     """
     for scene in scenes:
-        if scene.classes is None:
+        if scene.classes is None or settings.supervision == "depth":
             continue
         if settings.classes is None and scene.classes != classes:
             raise InputError(
@@ -263,6 +264,21 @@ def _check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: 
         raise InputError(scenes[0].path, "scenes with labels, to learn classes from", "none with any", advice=advice)
 
 
+def _check_depth(settings: TrainingSettings, scenes: Sequence[Scene]) -> None:
+    """Refuse scenes that teach nothing because none of their frames has depth.
+
+    Raises:
+        InputError: there are some and depth is to be learned; the first one is named.
+    """
+    advice = supervision_of(replace(settings, class_weights=None)).without_depth
+    without = [scene for scene in scenes if all(frame.depth_path is None for frame in scene.frames)]
+    if advice is not None and without:
+        raise InputError(
+            without[0].path, "frames with depth, to learn depth from",
+            f"none with any; {len(without)} of {len(scenes)} scenes are like that", advice=advice,
+        )  # fmt: skip
+
+
 def _started_on(settings: TrainingSettings) -> tuple[str, ...]:
     """The scenes that the weights to start from have seen, as far as they say."""
     return () if settings.init == "random" else trained_scenes(settings.init)
@@ -279,19 +295,23 @@ def _check_validation(settings: TrainingSettings, classes: ClassTable, trained: 
     """Refuse scenes of validation that cannot be used; as strict as with those of the training.
 
     Raises:
-        InputError: too many of them are bad, their labels are of another table, or they show rooms of the scenes that are trained on.
+        InputError: too many of them are bad, their labels are of another table, one has no depth although that is to be
+            learned, or they show rooms of the scenes that are trained on.
     """
     source = Source.parsed(settings.validation)
     if not source.is_rooms and settings.validation_scenes:
         opened = _opened(source, scene_paths(source.path), settings.contexts[0], settings)
         check_bad(opened.bad, len(opened.scenes) + len(opened.bad))
         _check_tables(settings, opened.scenes, classes)
+        _check_depth(settings, opened.scenes)
         names = [scene.name for scene in opened.scenes]
         check_unseen(source.path, trained, names, "validate on other rooms, or train without these")
 
 
 def _notes(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> list[str]:
-    """What becomes of tables that are not that of the run, and of scenes without labels."""
+    """What becomes of tables that are not that of the run, and of scenes without labels; nothing if no label counts."""
+    if settings.supervision == "depth":
+        return []
     tables = {scene.classes.name: scene.classes for scene in scenes if scene.classes not in (None, classes)}
     if classes != SCANNET20 and any(
         source.is_rooms for source in (*settings.sources, Source.parsed(settings.validation))

@@ -14,8 +14,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.data.views import Batch, Views
-from semgs.objectives.metrics import accuracy, confusion_matrix, miou
+from semgs.objectives.metrics import accuracy, confusion_matrix, depth_scores, miou
 from semgs.rendering.rendering import likeliest
+from semgs.training.pictures import depth_strip
 
 PICTURED = 4
 """Scenes in the strip of pictures."""
@@ -80,6 +81,36 @@ class Validation(Verdict):
 
 
 @dataclass(frozen=True)
+class DepthValidation(Verdict):
+    """How well the depth of input views agrees with the truth.
+
+    Attributes:
+        abs_rel: mean of |z - truth| / truth over all pixels with true depth; not a number if there are none.
+        delta_125: share of those pixels that are within a factor of 1.25 of the truth; likewise.
+        pictures: rows of scenes; columns image, depth, truth; uint8 [h w 3]; None without scenes.
+    """
+
+    abs_rel: float
+    delta_125: float
+    pictures: np.ndarray | None
+
+    @property
+    def score(self) -> float:
+        """Minus the relative error."""
+        return -self.abs_rel
+
+    @property
+    def numbers(self) -> dict[str, float | None]:
+        """By the names that they have in reports of evaluation."""
+        return {"depth_abs_rel": self.abs_rel, "depth_delta_125": self.delta_125}
+
+    @property
+    def told(self) -> list[str]:
+        """Both numbers."""
+        return [f"AbsRel {self.abs_rel:.4f}", f"delta < 1.25 {self.delta_125:.3f}"]
+
+
+@dataclass(frozen=True)
 class Comparison:
     """Views of one batch next to the truth.
 
@@ -122,5 +153,31 @@ def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch
         psnr=float(torch.cat(decibels).mean()) if decibels else float("nan"),
         miou=None if confusion is None or not confusion.any() else float(miou(confusion)),
         accuracy=None if confusion is None or not confusion.any() else float(accuracy(confusion)),
+        pictures=np.concatenate(rows) if rows else None,
+    )
+
+
+@torch.no_grad()
+def validate_depth(model: Any, batches: Sequence[Batch]) -> DepthValidation:
+    """Compare the depth that the plane sweep finds in the input views with the truth, all pixels together.
+
+    Args:
+        model: the network, in evaluation mode.
+        batches: of validation.
+    """
+    found: list[Tensor] = []
+    truth: list[Tensor] = []
+    rows: list[np.ndarray] = []
+    for views in (batch.context for batch in batches):
+        depths = model.sweep(views).depths.cpu()
+        if views.depths is not None:
+            found.append(depths.flatten(end_dim=-2))
+            truth.append(views.depths.cpu().flatten(end_dim=-2))
+        if len(rows) < PICTURED:
+            rows.append(depth_strip(depths, views))
+    scores = depth_scores(torch.cat(found), torch.cat(truth)) if found else None
+    return DepthValidation(
+        abs_rel=float("nan") if scores is None else scores.abs_rel,
+        delta_125=float("nan") if scores is None else scores.delta,
         pictures=np.concatenate(rows) if rows else None,
     )

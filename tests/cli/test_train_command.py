@@ -14,6 +14,7 @@ from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.cli.main import main
 from semgs.cli.train import Train
+from semgs.objectives.weights import DepthLossWeights
 from semgs.training.presets import base, from_preset, paper, small
 from semgs.training.settings import CLASS_WEIGHTINGS
 
@@ -35,6 +36,12 @@ def test_options_may_stand_before_and_behind_the_preset_and_override_it():
     assert command.settings.losses.smoothness == 0
     assert command.settings.learning_rate == small().learning_rate
     assert command.minutes == 3
+
+
+def test_supervision_by_depth_has_weights_of_its_own():
+    command = parsed("--out run small --supervision depth --hold-shared --depth-losses.gradients 0.25")
+    assert (command.settings.supervision, command.settings.hold_shared) == ("depth", True)
+    assert command.settings.depth_losses == DepthLossWeights(log=1.3, gradients=0.25, distribution=0.1)
 
 
 @pytest.mark.parametrize(

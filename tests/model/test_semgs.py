@@ -10,6 +10,7 @@ from posed import posed_views
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
+from semgs.model.depth import Depth
 from semgs.model.encoding import Encoding
 from semgs.model.scene import Padded
 from semgs.model.settings import NetworkSettings
@@ -221,6 +222,50 @@ def test_semantic_parameters_are_those_that_classify_depends_on(shared: bool, al
     model.classify(posed_views(2, (16, 32)), alone)[:, 0].sum().backward()
     learning = {name for name, one in model.named_parameters() if one.grad is not None}
     assert learning == model.semantic_parameters(alone=alone)
+
+
+def test_the_sweep_alone_finds_what_the_whole_network_s_does_cropped_to_the_views(model):
+    size = (30, 45)  # padded inside to 8x12 texels, of which 7x11 have their centres in the view
+    views = posed_views(2, size, dtype=torch.float64)
+    depths: list[Depth] = []
+    with torch.inference_mode():
+        handle = model.colour.depth.register_forward_hook(lambda module, inputs, depth: depths.append(depth))
+        model(views)
+        found = model.sweep(views)
+        handle.remove()
+    inside, _ = depths
+    assert torch.equal(found.probabilities, inside.probabilities[..., :7, :11])
+    assert torch.equal(found.candidates, inside.planes.depths)
+    assert found.spacing == "inverse"
+    disparities = torch.einsum("nlhw,nl->nhw", inside.probabilities, 1 / inside.planes.depths)
+    wide = torch.nn.functional.interpolate(disparities[:, None], scale_factor=4, mode="bilinear")[:, 0]
+    torch.testing.assert_close(found.depths, 1 / wide[:, : size[0], : size[1]], rtol=1e-12, atol=0)
+
+
+def test_a_batch_is_swept_as_its_scenes_are_and_one_view_is_refused(model):
+    scenes = [posed_views(3, (16, 32), seed=seed, dtype=torch.float64) for seed in (1, 2)]
+    with torch.inference_mode():
+        together, each = model.sweep(stack(scenes)), [model.sweep(scene) for scene in scenes]
+    for name in ("depths", "probabilities", "candidates"):
+        alone = torch.stack([getattr(one, name) for one in each])
+        torch.testing.assert_close(getattr(together, name), alone, rtol=1e-9, atol=1e-12)
+    with pytest.raises(ValueError, match="1 view; expected two or more"):
+        model.sweep(posed_views(1, (16, 32)))
+
+
+@pytest.mark.parametrize(
+    "switches", [{}, {"shared_layers": False}, {"classes": None}], ids=["shared", "own", "colour only"]
+)
+def test_depth_parameters_are_those_that_the_sweep_depends_on(switches: dict):
+    model = fill_golden(network(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
+                              cost_width=16, upsampled_channels=16, harmonics=4, **switches))  # fmt: skip
+    model.sweep(posed_views(2, (16, 32))).depths.sum().backward()
+    learning = {name for name, one in model.named_parameters() if one.grad is not None}
+    assert learning == model.depth_parameters()
+    shallow = {name for name in learning if name.startswith("cnn.")}
+    assert shallow
+    assert model.depth_parameters(shared=False) == learning - (set() if switches else shallow)
+    assert learning <= model.parts()["shared"] | model.parts()["depth"]
 
 
 def test_a_network_of_colours_alone_does_not_classify():

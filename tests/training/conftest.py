@@ -12,7 +12,10 @@ from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.views import Batch, Views
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.plane_sweep import depth_candidates, expected_depth
+from semgs.model.depth import CoarseDepth
 from semgs.model.encoding import Encoding
+from semgs.model.scene import widened
 from semgs.objectives.losses import LossWeights
 from semgs.rendering.rendering import Rendering
 from semgs.training.settings import TrainingSettings
@@ -46,6 +49,25 @@ class TinyNetwork(nn.Module):
             confidences=torch.ones_like(depths),
             depth_range=views.depth_range,
         )
+
+
+class TinySweep(nn.Module):
+    """Probabilities of eight depths for each 4x4 pixels from one convolution, which each pixel takes as they are; and a layer more."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.layer = nn.Conv2d(3, 8, 4, stride=4)
+        self.other = nn.Linear(1, 1)
+
+    def sweep(self, views: Views) -> CoarseDepth:
+        logits = self.layer(views.images.flatten(end_dim=-4))
+        probabilities = logits.softmax(1).reshape(*views.images.shape[:-3], *logits.shape[1:])
+        candidates = depth_candidates(views.depth_range, 8).to(logits)
+        depths = expected_depth(probabilities, candidates)
+        return CoarseDepth(widened(depths, 4), probabilities, candidates, "inverse")
+
+    def depth_parameters(self, shared: bool = True) -> set[str]:
+        return {"layer.weight", "layer.bias"} if shared else {"layer.weight"}
 
 
 def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None) -> Rendering:
@@ -96,6 +118,17 @@ def network() -> Callable[[], TinyNetwork]:
     def make() -> TinyNetwork:
         torch.manual_seed(5)
         return TinyNetwork()
+
+    return make
+
+
+@pytest.fixture
+def sweeping() -> Callable[[], TinySweep]:
+    """Makes the tiny network that finds depth, always with the same weights."""
+
+    def make() -> TinySweep:
+        torch.manual_seed(5)
+        return TinySweep()
 
     return make
 

@@ -160,6 +160,30 @@ def test_scenes_without_labels_are_refused_unless_classes_are_not_learned_or_oth
     assert mixed.notes == ("1 of 4 scenes have no labels; they teach colour alone",)
 
 
+def test_scenes_without_depth_are_refused_by_name_if_depth_is_learned_wherever_they_are(scans, tmp_path):
+    def bare(scene: dict) -> None:
+        for frame in scene["frames"]:
+            del frame["depth_file_path"]
+
+    plain = write_labelled(tmp_path / "plain", 5, change=bare)
+    settings = replace(SETTINGS, data=(str(scans), str(plain)), supervision="depth", validation_scenes=2)
+    with pytest.raises(InputError, match=r"plain.*with depth.*1 of 4 scenes.*leave them out, or give --supervision"):
+        surveyed(settings, tmp_path)
+    with pytest.raises(InputError, match=r"plain.*with depth.*1 of 1 scenes"):
+        surveyed(replace(settings, data=(str(scans),), validation=str(plain)), tmp_path)
+    assert surveyed(replace(settings, supervision="rendered"), tmp_path).scenes == 4
+
+
+def test_depth_is_learned_from_scenes_whose_labels_are_of_any_table_or_missing(tmp_path):
+    write_table(tmp_path / "three.json")
+    own = write_labelled(tmp_path / "own", 6, change=lambda scene: scene.update(label_set="../three.json"))
+    plain = write_labelled(tmp_path / "plain", 5, change=unlabel)
+    settings = replace(SETTINGS, data=(str(own), str(plain)), supervision="depth")
+    found = surveyed(settings, tmp_path)
+    assert (found.scenes, found.notes) == (2, ())
+    assert all((one.context.depths > 0).any() for one in batches(settings, tmp_path / "run"))
+
+
 def test_a_run_does_not_go_on_with_other_scenes_but_does_elsewhere(scans, tmp_path):
     settings = replace(SETTINGS, data=(str(scans),))
     surveyed(settings, tmp_path)

@@ -19,7 +19,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.training.batches import Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
-from semgs.training.supervision import supervision_of
+from semgs.training.supervision import Depth, supervision_of
 
 
 def parts(batch: Batch, count: int) -> list[Batch]:
@@ -46,6 +46,20 @@ def test_pieces_of_a_batch_have_the_gradient_of_the_whole(network, batch, settin
     for gradient, report in found[1:]:
         torch.testing.assert_close(gradient, found[0][0], rtol=1e-5, atol=1e-7)
         for name in ("total", "semantic", "colour", "smoothness", "depth", "psnr", "gradient_norm"):
+            assert getattr(report, name) == pytest.approx(getattr(found[0][1], name), rel=1e-5)
+
+
+def test_pieces_of_a_batch_have_the_gradient_of_the_whole_by_depth(sweeping, batch, settings):
+    whole, found = batch(0, scenes=4), []
+    whole.context.depths[1] = 0  # a scene without depth counts as one that has nothing to say
+    for pieces in ([whole], parts(whole, 2), parts(whole, 4)):
+        state = TrainingState.begin(sweeping(), Depth(), settings.learning_rate, settings.average_decay)
+        report = descend(state, pieces, settings, 1e-3)
+        learned = [one.grad.flatten() for one in state.model.parameters() if one.requires_grad]
+        found.append((torch.cat(learned), report))
+    for gradient, report in found[1:]:
+        torch.testing.assert_close(gradient, found[0][0], rtol=1e-5, atol=1e-7)
+        for name in ("total", "depth", "gradients", "distribution", "gradient_norm"):
             assert getattr(report, name) == pytest.approx(getattr(found[0][1], name), rel=1e-5)
 
 
@@ -95,11 +109,12 @@ def test_processes_exchange_the_gradient_of_all_pieces_and_once(network, batch, 
 
 
 @pytest.mark.long
-def test_two_processes_that_share_a_step_have_the_gradient_of_one():
+@pytest.mark.parametrize("supervision", ["rendered", "depth"])
+def test_two_processes_that_share_a_step_have_the_gradient_of_one(supervision: str):
     tests = Path(__file__).resolve().parent
     path = os.pathsep.join([str(tests.parent.parent), str(tests.parent), str(tests)])
     told = subprocess.run(
-        [sys.executable, str(tests / "two_processes.py")],
+        [sys.executable, str(tests / "two_processes.py"), supervision],
         env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
         capture_output=True, text=True, check=True, timeout=280,
     ).stdout  # fmt: skip

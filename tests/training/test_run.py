@@ -12,7 +12,7 @@ import pytest
 
 from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.rooms import demo
 from semgs.training.checkpoints import save_checkpoint
 from semgs.training.loop import train
@@ -32,6 +32,7 @@ def test_settings_survive_json(name: str, tmp_path):
     own = replace(
         settings, classes=replace(SCANNET20, name="own"), class_weights="inverse_root_frequency", data=("rooms=2", "a"),
         augmentation=Augmentation(crop=0.5), network=Switches(windows=1), losses=LossWeights(smoothness=0.0),
+        depth_losses=DepthLossWeights(gradients=0.0),
     )  # fmt: skip
     claim(tmp_path / "own", own)
     assert read_settings(tmp_path / "own") == own

@@ -1,20 +1,22 @@
-"""What each supervision learns from, and that another one is a class and nothing else."""
+"""What each supervision learns from."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from networks import network as network_of
+from posed import posed_views
 from torch import Tensor, nn
 
 from semgs.data.views import Batch, Views
-from semgs.objectives.losses import LossWeights, depth_error
+from semgs.figures.depth import NOTHING
+from semgs.model.depth import CoarseDepth
+from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint
 from semgs.training.loop import fit
@@ -22,9 +24,24 @@ from semgs.training.objective import TERMS, Objective, Supervision
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import Labels, Pictures, Rendered, supervision_of
-from semgs.training.validation import Validation, Verdict
+from semgs.training.supervision import Depth, Labels, Pictures, Rendered, supervision_of
+from semgs.training.validation import DepthValidation, Validation
 from semgs.weights.start import start
+
+
+class Deep(nn.Module):
+    """Finds depths that are the true ones times a factor, or each view's times its own, undecided between two candidates."""
+
+    def __init__(self, *factors: float) -> None:
+        super().__init__()
+        self.factors = torch.tensor(factors)[:, None, None]
+
+    def sweep(self, views: Views) -> CoarseDepth:
+        leading, (height, width) = views.images.shape[:-3], views.size
+        halves = torch.full((*leading, 2, height // 4, width // 4), 0.5)
+        return CoarseDepth(
+            self.factors * views.depths.clamp(min=1), halves, views.depth_range.flip(-1).float(), "inverse"
+        )
 
 
 class Undecided(nn.Module):
@@ -35,13 +52,23 @@ class Undecided(nn.Module):
         return torch.full((*views.images.shape[:-3], 20, *views.size), 1 / 20)
 
 
-def test_the_settings_name_one_of_three(settings):
+def test_the_settings_name_one_of_four(settings):
     weights = (2.0,) * 20
     settings = replace(settings, class_weights=weights)
     assert supervision_of(settings) == Rendered(LossWeights(0.5, 1.0, 0.1), weights, 0.1, True)
     held = replace(settings, supervision="labels", hold_shared=True)
     assert supervision_of(held) == Labels(weights, hold_shared=True)
     assert supervision_of(replace(held, supervision="pictures", hold_shared=False)) == Pictures(weights)
+    assert supervision_of(replace(held, supervision="depth")) == Depth(
+        DepthLossWeights(1.3, 0.5, 0.1), hold_shared=True
+    )
+
+
+def test_rendered_views_need_all_layers_so_none_is_held(settings):
+    with pytest.raises(
+        ValueError, match="hold_shared is True; expected False, unless supervision is labels, pictures or"
+    ):
+        replace(settings, hold_shared=True)
 
 
 def test_weights_of_classes_that_are_not_numbers_yet_are_refused(settings):
@@ -75,10 +102,63 @@ def test_views_without_labels_are_refused_by_name(batch, supervision: Supervisio
         supervision.loss(Undecided(), bare)
 
 
+def test_depths_that_are_all_too_large_by_a_factor_lose_its_logarithm(batch):
+    one = batch(0)
+    one.context.depths[0, 0] = 0  # one of four views without depth, whose share of the mean is zero
+    terms = Objective(Deep(1.5), Depth())(one)
+    assert set(terms) == set(TERMS)
+    assert float(terms["depth"]) == pytest.approx(0.75 * math.log(1.5), rel=1e-5)
+    assert float(terms["gradients"]) == pytest.approx(0, abs=1e-5)
+    assert float(terms["distribution"]) == pytest.approx(0.75 * math.log(2), rel=1e-5)
+    total = 1.3 * float(terms["depth"]) + 0.1 * float(terms["distribution"])
+    assert float(terms["total"]) == pytest.approx(total, rel=1e-5)
+    assert float(terms["semantic"]) == float(terms["colour"]) == float(terms["smoothness"]) == 0
+    assert math.isnan(float(terms["psnr"]))
+    weighted = Objective(Deep(1.5), Depth(DepthLossWeights(1.0, 1.0, 0.0)))(one)
+    assert float(weighted["total"]) == pytest.approx(float(terms["depth"]), rel=1e-4)
+    with pytest.raises(ValueError, match="the scenes have no depth; supervision by depth needs it"):
+        Objective(Deep(1.5), Depth())(Batch(replace(one.context, depths=None), one.target, one.scenes))
+
+
+def test_a_validation_of_depth_has_the_errors_of_all_pixels_with_depth_together(batch):
+    batches = [batch(step, scenes=1) for step in range(3)]
+    for one in batches:
+        one.context.depths[0, 0, :8] = 0  # of the first view, 8 of 16 rows
+    result = Depth().validate(Deep(1.1, 2.0), batches)
+    assert result.abs_rel == pytest.approx((0.1 + 2 * 1.0) / 3, rel=1e-5)
+    assert result.delta_125 == pytest.approx(1 / 3)
+    assert result.score == -result.abs_rel
+    assert result.told == ["AbsRel 0.7000", "delta < 1.25 0.333"]
+    assert result.pictures.shape == (3 * 16, 3 * 24, 3)
+
+
+def test_the_strip_of_depth_shows_image_depth_and_truth(batch):
+    one = batch(0, scenes=1)
+    one.context.depths[0, 0, :8] = 0
+    image, depth, truth = np.split(Depth().validate(Deep(1.0), [one]).pictures, 3, axis=1)
+    assert np.array_equal(image, np.rint(255 * one.context.images[0, 0].permute(1, 2, 0).numpy()))
+    assert np.array_equal(depth[8:], truth[8:])
+    assert (truth[:8] == NOTHING).all()
+
+
+def test_without_true_depth_a_validation_of_depth_has_no_score(batch):
+    one = batch(0)
+    one.context.depths[:] = 0
+    for result in (Depth().validate(Deep(1.0), [one]), Depth().validate(Deep(1.0), [])):
+        assert math.isnan(result.score)
+        assert math.isnan(result.delta_125)
+
+
 def test_scenes_without_labels_will_do_only_where_colour_and_depth_learn_alone():
     assert Rendered(LossWeights(semantic=0.0, smoothness=0.0)).without_labels is None
     assert "--losses.semantic 0" in (Rendered().without_labels or "")
     assert Labels().without_labels == Pictures().without_labels == "give --supervision rendered"
+    assert Depth().without_labels is None
+
+
+def test_scenes_without_depth_will_do_for_all_but_depth():
+    assert Rendered(depth_weight=0.1).without_depth is Labels().without_depth is Pictures().without_depth is None
+    assert "leave them out" in (Depth().without_depth or "")
 
 
 @pytest.mark.parametrize(
@@ -120,55 +200,33 @@ def test_the_best_is_that_of_mean_iou_or_else_of_psnr(result: Validation, score:
     assert list(result.numbers) == ["psnr", "miou", "accuracy"]
 
 
-@dataclass(frozen=True)
-class Farness(Verdict):
-    """A verdict by depth alone: the mean relative error, of which less is better."""
-
-    abs_rel: float
-    pictures: np.ndarray | None = None
-
-    @property
-    def score(self) -> float:
-        return -self.abs_rel
-
-    @property
-    def numbers(self) -> dict[str, float | None]:
-        return {"abs_rel": self.abs_rel}
-
-    @property
-    def told(self) -> list[str]:
-        return [f"AbsRel {self.abs_rel:.3f}"]
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("own", [False, True], ids=["shared", "own"])
+def test_every_parameter_that_learns_by_depth_gets_a_gradient_and_no_other(held: bool, own: bool):
+    """Processes that share a step wait for the gradient of each parameter that learns."""
+    model = network_of(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
+                       cost_width=16, upsampled_channels=16, harmonics=4, shared_layers=not own)  # fmt: skip
+    state = TrainingState.begin(model, Depth(hold_shared=held), 1e-3, 0.99)
+    views = replace(posed_views(2, (16, 32)), depths=torch.full((2, 16, 32), 2.0))
+    state.objective(Batch(views, views, ("a",)))["total"].backward()
+    reached = {name for name, one in model.named_parameters() if one.grad is not None}
+    assert reached == {name for name, one in model.named_parameters() if one.requires_grad}
+    assert any(name.startswith("cnn.") for name in reached) == (own or not held)
 
 
-class Depth(Supervision):
-    """A fourth supervision: the depth of the input views, nothing rendered. Its validations say what they are told to."""
-
-    def __init__(self, errors: Sequence[float]) -> None:
-        self.errors = iter(errors)
-
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
-        total = depth_error(network(batch.context).depths, batch.context.depths)
-        return dict.fromkeys(TERMS, total.new_zeros(())) | {"total": total, "depth": total.detach()}
-
-    def learning(self, network: Any) -> set[str]:
-        return {"layer.weight"}
-
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Verdict:
-        return Farness(next(self.errors))
-
-    @property
-    def without_labels(self) -> str | None:
-        return None
-
-
-def test_a_fourth_supervision_trains_without_rendering_and_keeps_its_own_best(
-    network, batch, settings: TrainingSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_of_least_error(
+    sweeping, batch, settings: TrainingSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("semgs.model.encoding.render", None)
-    state = TrainingState.begin(network(), Depth([0.3, 0.1, 0.2, 0.4]), settings.learning_rate, 0.9)
+    errors = iter([0.3, 0.1, 0.2, 0.4])
+    monkeypatch.setattr(
+        "semgs.training.supervision.validate_depth", lambda *given: DepthValidation(next(errors), 0.5, None)
+    )
+    state = TrainingState.begin(sweeping(), Depth(hold_shared=True), settings.learning_rate, 0.9)
     before = {name: value.clone() for name, value in state.model.named_parameters()}
     first = training_step(state, [batch(0)], settings)
-    assert first.total == first.depth > 0
+    assert first.total == pytest.approx(1.3 * first.depth + 0.5 * first.gradients + 0.1 * first.distribution, rel=1e-5)
+    assert min(first.depth, first.gradients, first.distribution) > 0
     portions = (Portion((batch(step),)) for step in range(1, 12))
     fit(state, replace(settings, validate_every=3), tmp_path, portions, [batch(1000)])
     moved = {name for name, value in state.model.named_parameters() if (value != before[name]).any()}
@@ -176,4 +234,6 @@ def test_a_fourth_supervision_trains_without_rendering_and_keeps_its_own_best(
     best = best_checkpoint(tmp_path / "checkpoints")
     assert best is not None
     assert (best.numbers["step"], best.numbers["best_score"]) == (6, -0.1)
-    assert '"validation": {"abs_rel": 0.1}' in (tmp_path / "log.jsonl").read_text()
+    log = (tmp_path / "log.jsonl").read_text()
+    assert '"validation": {"depth_abs_rel": 0.1, "depth_delta_125": 0.5}' in log
+    assert '"gradients"' in log

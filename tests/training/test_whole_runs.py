@@ -114,6 +114,46 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     assert (tmp_path / "run" / "validation" / "00000002.png").is_file()
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_sitting_or_two(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: bool
+):
+    monkeypatch.setattr("semgs.model.encoding.render", None)
+    own = write_labelled(tmp_path / "own", 1)
+    settings = replace(
+        SETTINGS, supervision="depth", init="small", data=(str(own),), validation=str(own), hold_shared=held
+    )  # fmt: skip
+    train(settings, tmp_path / "run", workers=0)
+    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small")
+    moved = {
+        name
+        for (name, value), old in zip(model.named_parameters(), start.parameters(), strict=True)
+        if (value != old).any()
+    }
+    assert moved
+    assert moved <= model.depth_parameters()
+    assert any(name.startswith("cnn.") for name in moved) == (not held)
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    steps = [line for line in lines if "total" in line]
+    assert all(line["psnr"] is None and line["depth"] > 0 and line["distribution"] > 0 for line in steps)
+    checks = [line["validation"] for line in lines if "validation" in line]
+    assert len(checks) == 2
+    assert all(check["depth_abs_rel"] > 0 and 0 <= check["depth_delta_125"] <= 1 for check in checks)
+    assert (tmp_path / "run" / "best.safetensors").is_file()
+    assert (tmp_path / "run" / "validation" / "00000002.png").is_file()
+    cut = [train(settings, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]
+    assert cut == [1, 2]
+    whole, parts = (newest_checkpoint(tmp_path / name / "checkpoints").tensors for name in ("run", "cut"))
+    assert all(torch.equal(whole[name], parts[name]) for name in whole)
+
+
+def test_depth_is_learned_in_rooms_drawn_live(tmp_path: Path):
+    pytest.importorskip("embreex")
+    train(replace(SETTINGS, supervision="depth", steps=1), tmp_path / "run", workers=0)
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    assert [line["validation"]["depth_abs_rel"] > 0 for line in lines if "validation" in line] == [True]
+
+
 @pytest.mark.usefixtures("real_rendering")
 def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know_them(tmp_path: Path):
     table = read_class_file(write_table(tmp_path / "three.json"))

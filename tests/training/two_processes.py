@@ -1,6 +1,6 @@
 """Two processes share a step of four scenes, each in two pieces: their gradient, and what they say, beside those of one process.
 
-Called as a script by test_processes.py; Fabric starts the second process by calling it again. Prints a JSON object.
+Called as a script by test_processes.py, with the supervision; Fabric starts the second process by calling it again. Prints a JSON object.
 """
 
 from __future__ import annotations
@@ -32,8 +32,11 @@ TINY = {
 }  # fmt: skip
 SETTINGS = TrainingSettings(
     model="small", steps=9, batch=SCENES, size=SIZE, context_targets=True, depth_weight=0.1, clip=1e9,
-    losses=LossWeights(semantic=0.5, smoothness=0.5),
+    losses=LossWeights(semantic=0.5, smoothness=0.5), supervision=sys.argv[1],  # type: ignore[arg-type]
 )  # fmt: skip
+
+UNLABELLED = {"rendered": 3, "depth": 0}
+"""Views without a label, where labels count."""
 
 
 def scene(number: int, dtype: torch.dtype) -> Views:
@@ -55,7 +58,7 @@ def batch(scenes: range, dtype: torch.dtype) -> Batch:
 
 
 def gradient(model: SemGS) -> torch.Tensor:
-    return torch.cat([parameter.grad.flatten() for parameter in model.parameters()])
+    return torch.cat([parameter.grad.flatten() for parameter in model.parameters() if parameter.requires_grad])
 
 
 def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
@@ -71,9 +74,11 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
     return {
         "gradient": float((shared - whole).norm() / whole.norm()),
         "report": max(
-            abs(getattr(said, name) - getattr(alone, name)) for name in ("total", "semantic", "depth", "psnr")
-        ),
-        "unlabelled": abs(said.unlabelled - alone.unlabelled) + (alone.unlabelled != 3),
+            abs(getattr(said, name) - getattr(alone, name))
+            for name in ("total", "semantic", "depth", "gradients", "distribution")
+        )
+        + (0 if SETTINGS.supervision == "depth" else abs(said.psnr - alone.psnr)),
+        "unlabelled": abs(said.unlabelled - alone.unlabelled) + (alone.unlabelled != UNLABELLED[SETTINGS.supervision]),
         "moved": float(said.moved and alone.moved),
     }
 
@@ -81,7 +86,9 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
 def broken(fabric) -> bool:
     """Whether both processes skip a step that is broken in one of them alone."""
     state = TrainingState.begin(fill_golden(network(**TINY)), supervision_of(SETTINGS), 1e-3, 0.9, fabric)
-    if fabric.global_rank == 1:
+    if fabric.global_rank == 1 and SETTINGS.supervision == "depth":
+        state.model.cnn.register_forward_hook(lambda module, inputs, features: features * torch.nan)
+    elif fabric.global_rank == 1:
         state.model.register_forward_hook(
             lambda module, inputs, encoding: replace(
                 encoding, gaussians=encoding.gaussians.map(lambda tensor: tensor * torch.nan)
