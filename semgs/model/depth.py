@@ -56,6 +56,13 @@ class Depth:
         """The largest probability, repeated to maps `factor` times as large."""
         return widened(self.probabilities.amax(1), factor)
 
+    def spread(self, factor: int) -> Float[Tensor, "n h w"]:
+        """Standard deviation of log depth under the probabilities, repeated to maps `factor` times as large; without gradient."""
+        probabilities = self.probabilities.detach()
+        logs = self.planes.depths.log()[..., None, None]
+        mean = (probabilities * logs).sum(1, keepdim=True)
+        return widened((probabilities * (logs - mean).square()).sum(1).sqrt(), factor)
+
 
 class PlaneSweepDepth(nn.Module):
     """The paper's depth: correlate the views' features at each candidate, and make probabilities of the cost.

@@ -34,6 +34,7 @@ class Decoded:
         opacities: 0..1.
         attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
         confidences: the largest probability among the depth candidates, 0..1.
+        depth_spread: standard deviation of log depth under the candidates' distribution.
         offsets: raw (x, y) shifts from the pixel's centre; None for none.
     """
 
@@ -41,6 +42,7 @@ class Decoded:
     opacities: Float[Tensor, "n h w"]
     attributes: Float[Tensor, "n d h w"]
     confidences: Float[Tensor, "n h w"]
+    depth_spread: Float[Tensor, "n h w"]
     offsets: Float[Tensor, "n 2 h w"] | None = None
 
 
@@ -202,7 +204,7 @@ class MVSplatDecoder(Decoder):
         views_at_a_time: int | None,
     ) -> Decode:
         """As `Decoder`; the refinement looks at all views together."""
-        confidences = depth.confidences(self.factor)
+        confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
         coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, self.conventions.candidates)
         disparities = upsampled(coarse[:, None], self.factor, self.conventions.pixel_centres)[:, 0]
         # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
@@ -221,7 +223,7 @@ class MVSplatDecoder(Decoder):
         def decoded(at: slice) -> Decoded:
             seen = beside(refined[at], scene.small[at], wide(at))
             attributes = rendered_attributes(self.colour, self.harmonics, seen)
-            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], attributes[:, :2])
+            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], spread[at], attributes[:, :2])
 
         return decoded
 
@@ -266,6 +268,7 @@ class PaperDecoder(Decoder):
                 opacity[:, 0].to(distribution.dtype).sigmoid(),
                 rendered_attributes(self.colour, self.harmonics, beside(scene.small[at], wide)),
                 part.confidences(self.factor),
+                part.spread(self.factor),
             )
 
         return decoded
