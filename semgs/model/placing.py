@@ -97,7 +97,9 @@ def directions(
         shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
     homogeneous = torch.cat((shifted, torch.ones_like(shifted[..., :1])), dim=-1)
     found = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
-    return found if conventions.z_depth else nn.functional.normalize(found, dim=-1)
+    if not conventions.z_depth:
+        found = nn.functional.normalize(found, dim=-1)
+    return found
 
 
 def shapes(
