@@ -317,7 +317,7 @@ MUTANTS = (
     ),
     Mutant(
         "the spread of depth is not that of its logarithm", "semgs/model/depth.py",
-        "self.planes.depths.log()[..., None, None]", "self.planes.depths[..., None, None]", ("tests/model/test_depth_spread.py",),
+        "self.planes.depths[at].log()[..., None, None]", "self.planes.depths[at][..., None, None]", ("tests/model/test_depth_spread.py",),
     ),
     Mutant(
         "smaller pictures keep their camera", SCENE,
