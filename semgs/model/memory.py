@@ -100,9 +100,8 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     # The shallow and the transformed features of each branch.
     known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
     cost = known + _cost(s, texels, views, chunks, fused)
-    known += (
-        2 * texels * s.colour.depth.candidates + 2 * gaussians
-    )  # the cost, the distribution, its largest share and spread
+    # The cost, the distribution, its largest share and its spread.
+    known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
     regression = known + texels * (s.channels + 2 * s.colour.depth.candidates + UNET_MAPS * s.colour.depth.width)
 
     heads = _heads(s)
