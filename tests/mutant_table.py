@@ -38,6 +38,7 @@ COST = "semgs/model/cost_volume.py"
 HEADS = "semgs/model/heads.py"
 PLACING = "semgs/model/placing.py"
 SCENE = "semgs/model/scene.py"
+OVERLAP = "semgs/model/overlap.py"
 REFERENCE = "semgs/rendering/reference.py"
 RENDER = "semgs/rendering/render.py"
 PINHOLE = "semgs/rendering/pinhole.py"
@@ -78,6 +79,7 @@ OF_COST = ("tests/model/test_cost_volume.py::test_the_cost_equals_a_loop_over_pi
 OF_UNSEEN = ("tests/model/test_unseen.py",)
 OF_PROJECTIONS = ("tests/model/test_projections.py",)
 OF_PLACEMENT = ("tests/model/test_placement.py",)
+OF_OVERLAP = ("tests/model/test_overlap.py",)
 OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_its_ray",)
 OF_PRECISION = ("tests/model/test_precision.py",)
 OF_PINHOLE = ("tests/rendering/test_pinhole.py",)
@@ -320,6 +322,26 @@ MUTANTS = (
     Mutant(
         "classes are a softmax over pixels", PLACING,
         "raw[:, 7:].softmax(1)", "raw[:, 7:].softmax(2)", OF_PLACEMENT,
+    ),
+    Mutant(
+        "a Gaussian's other cameras are camera-to-world", OVERLAP,
+        "inverse_rigid(poses)[:, other] @ poses[:, own]", "inverse_rigid(poses)[:, own] @ poses[:, other]", OF_OVERLAP,
+    ),
+    Mutant(
+        "a Gaussian's views are counted within the padded picture", PLACING,
+        "Others.of(scene.cameras, size, like)", "Others.of(scene.cameras, scene.cameras.size, like)", OF_OVERLAP,
+    ),
+    Mutant(
+        "Gaussians that one view sees grow", OVERLAP,
+        "PAIR / seen.clamp(min=PAIR)", "PAIR / seen", OF_OVERLAP,
+    ),
+    Mutant(
+        "a point is sought in the other pictures at a depth of 1", PLACING,
+        "rays, self.conventions) * depths[..., None]", "rays, self.conventions)", OF_OVERLAP,
+    ),
+    Mutant(
+        "the spread of depth is not that of its logarithm", "semgs/model/depth.py",
+        "self.planes.depths[at].log()[..., None, None]", "self.planes.depths[at][..., None, None]", ("tests/model/test_depth_spread.py",),
     ),
     Mutant(
         "smaller pictures keep their camera", SCENE,

@@ -35,6 +35,7 @@ class Decoded:
         opacities: 0..1.
         attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
         confidences: the largest probability among the depth candidates, 0..1.
+        depth_spread: standard deviation of log depth under the candidates' distribution.
         offsets: raw (x, y) shifts from the pixel's centre; None for none.
     """
 
@@ -42,6 +43,7 @@ class Decoded:
     opacities: Float[Tensor, "n h w"]
     attributes: Float[Tensor, "n d h w"]
     confidences: Float[Tensor, "n h w"]
+    depth_spread: Float[Tensor, "n h w"]
     offsets: Float[Tensor, "n 2 h w"] | None = None
 
 
@@ -210,7 +212,7 @@ class MVSplatDecoder(Decoder):
         views_at_a_time: int | None,
     ) -> Decode:
         """As `Decoder`; the refinement looks at all views together."""
-        confidences = depth.confidences(self.factor)
+        confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
         disparities = coarse_disparities(depth, self.factor, self.conventions)
         # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
         kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
@@ -228,7 +230,7 @@ class MVSplatDecoder(Decoder):
         def decoded(at: slice) -> Decoded:
             seen = beside(refined[at], scene.small[at], wide(at))
             attributes = rendered_attributes(self.colour, self.harmonics, seen)
-            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], attributes[:, :2])
+            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], spread[at], attributes[:, :2])
 
         return decoded
 
@@ -273,6 +275,7 @@ class PaperDecoder(Decoder):
                 opacity[:, 0].to(distribution.dtype).sigmoid(),
                 rendered_attributes(self.colour, self.harmonics, beside(scene.small[at], wide)),
                 part.confidences(self.factor),
+                part.spread(self.factor),
             )
 
         return decoded

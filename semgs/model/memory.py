@@ -100,7 +100,8 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     # The shallow and the transformed features of each branch.
     known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
     cost = known + _cost(s, texels, views, chunks, fused)
-    known += 2 * texels * s.colour.depth.candidates + gaussians  # the cost, the distribution and its largest share
+    # The cost, the distribution, its largest share and its spread.
+    known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
     regression = known + texels * (s.channels + 2 * s.colour.depth.candidates + UNET_MAPS * s.colour.depth.width)
 
     heads = _heads(s)
@@ -171,10 +172,10 @@ def _heads(settings: NetworkSettings) -> Heads:
 
 
 def _result(model: SemGS, gaussians: float, pixels: int) -> float:
-    """How many numbers an encoding holds: its Gaussians, and two maps of its views."""
+    """How many numbers an encoding holds: its Gaussians, and three maps of its views."""
     harmonics = min(model.settings.colour.harmonics, RENDERED_HARMONICS)
     semantic = SHAPE + model.class_count if model.class_count else 0
-    return gaussians * (3 + 1 + SHAPE + 3 * harmonics + semantic) + 2 * pixels
+    return gaussians * (3 + 1 + SHAPE + 3 * harmonics + semantic) + 3 * pixels
 
 
 def _number_bytes(model: SemGS) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -15,8 +15,9 @@ from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoded
+from semgs.model.overlap import PAIR, Others, seen_by, shrinkage
 from semgs.model.precision import outside_autocast
-from semgs.model.scene import widened
+from semgs.model.scene import Padded, shrunk, widened
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
 """Range of a Gaussian's size before `SIGMA_UNIT`."""
@@ -38,6 +39,7 @@ class Rays:
         inverse_k: K^-1.
         pixel: 1 / fx + 1 / fy.
         quaternion: of the rotation, (w, x, y, z).
+        others: the other views of each one's scene; None where nothing depends on them.
     """
 
     rotation: Float[Tensor, "n 3 3"]
@@ -45,6 +47,7 @@ class Rays:
     inverse_k: Float[Tensor, "n 3 3"]
     pixel: Float[Tensor, " n"]
     quaternion: Float[Tensor, "n 4"]
+    others: Others | None = None
 
     @staticmethod
     def of(cameras: Cameras, like: Tensor) -> Rays:
@@ -57,11 +60,13 @@ class Rays:
             (1 / cameras.focal_px).sum(-1),
             quaternion_from_matrix(poses[..., :3, :3]),
         )
-        return Rays(*(number.to(like) for number in numbers))
+        rotation, centre, inverse_k, pixel, quaternion = (number.to(like) for number in numbers)
+        return Rays(rotation, centre, inverse_k, pixel, quaternion)
 
     def __getitem__(self, at: slice) -> Rays:
         """Those of some of the cameras."""
-        return Rays(self.rotation[at], self.centre[at], self.inverse_k[at], self.pixel[at], self.quaternion[at])
+        others = None if self.others is None else self.others[at]
+        return Rays(self.rotation[at], self.centre[at], self.inverse_k[at], self.pixel[at], self.quaternion[at], others)
 
 
 @outside_autocast
@@ -76,17 +81,25 @@ def points(
         rays: of the cameras.
         conventions: of geometry.
     """
+    world = torch.einsum("nij,nhwj->nhwi", rays.rotation, directions(depths, offsets, rays, conventions))
+    return world * depths[..., None] + rays.centre[:, None, None]
+
+
+@outside_autocast
+def directions(
+    depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
+) -> Float[Tensor, "n h w 3"]:
+    """What `points` multiplies by depth: means at a depth of 1, in the frames of their own cameras."""
     centres = pixel_centres((depths.shape[-2], depths.shape[-1]), depths.dtype).to(depths.device)
     if offsets is None:
         shifted = centres.expand(len(depths), -1, -1, -1)
     else:
         shifted = centres + (offsets.sigmoid() - 0.5).permute(0, 2, 3, 1)
     homogeneous = torch.cat((shifted, torch.ones_like(shifted[..., :1])), dim=-1)
-    directions = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
+    found = torch.einsum("nij,nhwj->nhwi", rays.inverse_k, homogeneous)
     if not conventions.z_depth:
-        directions = nn.functional.normalize(directions, dim=-1)
-    world = torch.einsum("nij,nhwj->nhwi", rays.rotation, directions)
-    return world * depths[..., None] + rays.centre[:, None, None]
+        found = nn.functional.normalize(found, dim=-1)
+    return found
 
 
 def shapes(
@@ -149,11 +162,26 @@ class Placer:
         stride: pixels along each side of a Gaussian's place.
         from_image: add the image's own colour to the predicted one.
         conventions: of geometry.
+        shrink_seen: exponent of `semgs.model.overlap.shrinkage`, for the sizes of colour Gaussians; 0 leaves them.
     """
 
     stride: int
     from_image: bool
     conventions: Conventions
+    shrink_seen: float = 0.0
+
+    def rays(self, scene: Padded, size: tuple[int, int], like: Tensor) -> Rays:
+        """Of all views, at the Gaussians' scale.
+
+        Args:
+            scene: the views.
+            size: (height, width) of the images before they were padded [px].
+            like: a tensor of the device and dtype to compute with.
+        """
+        rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), like)
+        if self.shrink_seen == 0 or scene.views <= PAIR:
+            return rays
+        return replace(rays, others=Others.of(scene.cameras, size, like))
 
     def __call__(
         self,
@@ -178,6 +206,10 @@ class Placer:
         means = points(depths, decoded.offsets, rays, self.conventions)
         shown = small if self.from_image else None
         appearance = colour_appearance(decoded.attributes, shown, depths, rays, self.conventions)
+        if rays.others is not None:
+            own = directions(depths, decoded.offsets, rays, self.conventions) * depths[..., None]
+            factors = shrinkage(seen_by(own, rays.others), self.shrink_seen)
+            appearance = replace(appearance, scales=appearance.scales * factors.flatten(1)[..., None])
         semantic = None if raw is None else semantic_appearance(raw, depths, rays)
         kept = tuple((side + self.stride - 1) // self.stride for side in size)
 
@@ -190,6 +222,7 @@ class Placer:
             flat.map(gathered),
             self._full(depths, size),
             self._full(decoded.confidences, size),
+            self._full(decoded.depth_spread, size),
             depth_range[:, None],
         )
 

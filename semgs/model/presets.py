@@ -36,6 +36,7 @@ def small() -> NetworkSettings:
             hidden=32,
             harmonics=4,
             from_image=True,
+            shrink_seen=0.5,
         ),
         semantic=SemanticSettings(transformer=TransformerSettings(blocks=2, expansion=2, reduction=2), hidden=32),
     )  # fmt: skip

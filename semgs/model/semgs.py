@@ -16,8 +16,8 @@ from semgs.model.depth import CoarseDepth, PlaneSweepDepth
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoder, coarse_disparities
 from semgs.model.layout import lay_out
-from semgs.model.placing import Placer, Rays
-from semgs.model.scene import Padded, shrunk, widened
+from semgs.model.placing import Placer
+from semgs.model.scene import Padded, widened
 from semgs.model.semantic import SHAPE, SemanticBranch
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
@@ -83,7 +83,9 @@ class SemGS(nn.Module):
         self.cnn = cnn
         self.colour = colour
         self.semantic = semantic
-        self.placer = Placer(settings.stride, settings.colour.from_image, settings.conventions)
+        self.placer = Placer(
+            settings.stride, settings.colour.from_image, settings.conventions, settings.colour.shrink_seen
+        )
 
     def train(self, mode: bool = True) -> SemGS:
         """As of every module; its convolutions take the faster layout: channels last, but for training."""
@@ -117,7 +119,7 @@ class SemGS(nn.Module):
             depth = self.colour.depth(cost, features, scene)
             decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
         bounds = scene.depth_range.flatten(0, 1)
-        rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), depth.planes.bounds)
+        rays = self.placer.rays(scene, views.size, depth.planes.bounds)
 
         def placed(at: slice) -> Encoding:
             classes = None if semantic is None else semantic(at)

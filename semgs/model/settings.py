@@ -99,6 +99,8 @@ class ColourSettings:
         hidden: width between the two layers of the colour head.
         harmonics: coefficients per colour channel that the head predicts; those beyond degree 3 are never rendered nor computed.
         from_image: the head predicts a correction of the image's own colour.
+        shrink_seen: exponent of the rule by which Gaussians that n > 2 input views see are smaller, their sizes times
+            (2 / n)^shrink_seen; 0 leaves them.
     """
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=6))
@@ -107,6 +109,7 @@ class ColourSettings:
     hidden: int = 168
     harmonics: int = 25
     from_image: bool = False
+    shrink_seen: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,7 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
             hidden=s["colour_hidden"],
             harmonics=s["harmonics"],
             from_image=s["colour_from_image"],
+            shrink_seen=0.5 if s["name"] == "small" else 0.0,  # format 1 is older than the rule
         ),
         semantic=SemanticSettings(
             transformer=transformer("semantic"),

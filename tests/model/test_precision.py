@@ -41,7 +41,7 @@ def farthest(a: Encoding, b: Encoding) -> float:
 
 
 def dtypes(encoding: Encoding) -> set[torch.dtype]:
-    found = {encoding.depths.dtype, encoding.confidences.dtype}
+    found = {encoding.depths.dtype, encoding.confidences.dtype, encoding.depth_spread.dtype}
     encoding.gaussians.map(lambda tensor: found.add(tensor.dtype) or tensor)
     return found
 

@@ -103,6 +103,7 @@ class Oracle(nn.Module):
             ),
             depths,
             torch.full_like(depths, 0.5),
+            torch.full_like(depths, 0.1),
             views.depth_range,
         )
 

@@ -47,6 +47,7 @@ class TinyNetwork(nn.Module):
             ),
             depths=depths,
             confidences=torch.ones_like(depths),
+            depth_spread=torch.zeros_like(depths),
             depth_range=views.depth_range,
         )
 

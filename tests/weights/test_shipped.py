@@ -3,6 +3,10 @@ import torch
 
 from semgs import load, open_scene, render
 from semgs.data.views import resized
+from semgs.evaluation.protocols import neighbours
+from semgs.objectives.metrics import confusion_matrix, miou, psnr
+from semgs.rendering.rendering import likeliest
+from semgs.rooms.demo import demo_scene
 from semgs.weights.file import read_header
 from semgs.weights.load import shipped
 
@@ -35,6 +39,26 @@ def test_context_views_are_drawn_as_they_were_photographed(shared, small, name):
         encoding = small(views)
         rendering = render(encoding.gaussians, views.cameras)
     error = (rendering.images.clamp(0, 1) - views.images).square().mean((1, 2, 3))
-    psnr = -10 * error.log10()
-    assert (psnr >= 22).all(), psnr.tolist()
+    found = -10 * error.log10()
+    assert (found >= 22).all(), found.tolist()
     assert torch.allclose(rendering.semantics.sum(1), torch.ones(1), atol=1e-4)
+
+
+def test_more_views_draw_held_out_views_no_worse(small):
+    """The demo at 120x160: three and four views, the two among them, against two, in the mean over the same targets."""
+    scene, size = open_scene(demo_scene()), (120, 160)
+    psnrs: dict[int, float] = {}
+    mious: dict[int, float] = {}
+    for count in (2, 3, 4):
+        ratios, confusion = [], torch.zeros(20, 20, dtype=torch.long)
+        for sample in neighbours(scene, count)[::2]:
+            target = resized(scene.read([sample.target], size=None), size)
+            with torch.inference_mode():
+                encoding = small(resized(scene.read(sample.contexts, size=None), size))
+                rendering = encoding.render(target.cameras)
+            ratios.append(psnr(rendering.images.clamp(0, 1), target.images).item())
+            confusion += confusion_matrix(likeliest(rendering.semantics), target.labels, 20)
+        psnrs[count], mious[count] = sum(ratios) / len(ratios), miou(confusion).item()
+    for count in (3, 4):
+        assert psnrs[count] >= psnrs[2], psnrs
+        assert mious[count] >= mious[2] - 0.003, mious
