@@ -251,7 +251,7 @@ MUTANTS = (
     ),
     Mutant(
         "autocast rounds cameras to bfloat16", "semgs/model/precision.py",
-        "enabled=False", "enabled=True", OF_PRECISION,
+        "first.device.type, enabled=False", "first.device.type, enabled=True", OF_PRECISION,
     ),
     # Windows
     Mutant(
