@@ -593,6 +593,24 @@ MUTANTS = (
         ("tests/training/test_files.py::test_another_seed_sees_other_scenes_and_frames",),
     ),
     Mutant(
+        "a rolled camera turns against its image", "semgs/training/augmentation.py",
+        "views.cameras.world_from_camera @ turn,", "views.cameras.world_from_camera @ turn.mT,",
+        ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
+        "a scene may end one round and begin the next", "semgs/training/turns.py",
+        "range(gap - 1 if before else 0)", "range(0)", ("tests/training/test_single_pictures.py",),
+    ),
+    Mutant(
+        "what a teacher does not speak of counts as uncertain", "semgs/training/teacher.py",
+        "(terms * known).sum((-2, -1)) / known.sum((-2, -1)).clamp(min=1)", "terms.mean((-2, -1))",
+        ("tests/training/test_teacher.py",),
+    ),
+    Mutant(
+        "vignetting takes double from the corners", "semgs/training/camera.py",
+        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_camera.py",),
+    ),
+    Mutant(
         "classes are brought to another table by position", "semgs/training/samples.py",
         "table.names.index(name) if name in table.names else IGNORE", "views.classes.names.index(name)",
         ("tests/training/test_files.py",),

@@ -226,11 +226,13 @@ class Batch:
         context: the input views [b v ...].
         target: the views to render [b v ...].
         scenes: the name of each scene of the batch.
+        taught: another network's class probabilities of the input views, 0 where it says nothing; None without such a teacher.
     """
 
     context: Views
     target: Views
     scenes: tuple[str, ...]
+    taught: Float[Tensor, "*batch v k h8 w8"] | None = None
 
 
 def stack(views: Sequence[Views]) -> Views:

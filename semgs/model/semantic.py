@@ -57,18 +57,26 @@ class SemanticBranch(nn.Module):
             cnn: the shared CNN.
             shallow: what it made of the views; None computes that if it is needed.
         """
-        refined = self._refined(scene, cnn, shallow)
+        refined = self.refined(scene, cnn, shallow)
         features: Tensor = self.transformer(refined.features, scene)
         return lambda at: self._attributes(scene.small[at], features[at], refined[at])
 
     def logits_alone(self, scene: Padded, cnn: FeatureCNN) -> Float[Tensor, "n class h w"]:
         """Class logits of each view by itself: the refinement's own, or else those of the head without the transformer."""
-        refined = self._refined(scene, cnn)
+        return self.logits_of(self.refined(scene, cnn), scene)
+
+    def logits_of(self, refined: Refined, scene: Padded) -> Float[Tensor, "n class h w"]:
+        """`logits_alone` of what was refined before."""
         if self.refinement.classifier is not None:
             return self._own_logits(self.refinement.classifier, refined)
         return self._attributes(scene.small, refined.features, refined)[:, SHAPE:]
 
-    def _refined(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Refined:
+    @property
+    def evidence_channels(self) -> int:
+        """Channels of the evidence that the refinement classifies by; 0 if it does not classify by itself."""
+        return 0 if self.refinement.classifier is None else self.refinement.classifier.in_channels
+
+    def refined(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Refined:
         """The features of each view by itself."""
 
         def features(pictures: Tensor) -> Tensor:

@@ -150,6 +150,24 @@ class SemGS(nn.Module):
             logits = self.semantic.logits_alone(scene, self.cnn)
         else:
             logits = self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:]
+        return self._distributions(logits, views)
+
+    def classify_alone(self, views: Views) -> tuple[Float[Tensor, "*batch v class h w"], Float[Tensor, "n c h4 w4"]]:
+        """As `classify` with `alone`; with it the evidence of the classes in each view, at 1/4 of its padded size.
+
+        Raises:
+            ValueError: the network has no semantic branch.
+        """
+        scene = self._padded(views, fewest=1)
+        if self.semantic is None:
+            raise ValueError("the network has no semantic branch; it cannot classify")
+        refined = self.semantic.refined(scene, self.cnn)
+        return self._distributions(self.semantic.logits_of(refined, scene), views), refined.evidence
+
+    def _distributions(
+        self, logits: Float[Tensor, "n class h2 w2"], views: Views
+    ) -> Float[Tensor, "*batch v class h w"]:
+        """The class distributions of pixels, of logits at the Gaussians' scale."""
         classes = logits.to(torch.promote_types(logits.dtype, torch.float32)).softmax(1)
         wide = widened(classes, self.stride)[..., : views.size[0], : views.size[1]]
         return wide.reshape(*views.images.shape[:-3], -1, *views.size)

@@ -99,6 +99,9 @@ class PooledSamples(Dataset):
         count, extra = (int(shared.integers(low, high + 1)) for low, high in (self.contexts, self.targets))
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k, 3))))
         scene = k // self.served + int(rng.integers(WINDOW))
+        if count + extra == 1:  # single pictures: no scene serves two samples of a group
+            place = k % self.group
+            scene = (k - place) // self.served + int(shared.permutation(WINDOW)[place % WINDOW])
         widest = 3 if count == 1 else min(3, (FRAMES - 1) // (count - 1))
         gap = int(rng.integers(1, widest + 1))
         start = int(rng.integers(FRAMES - gap * (count - 1)))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import torch
+from torch import Tensor
 
+from semgs.data.classes import IGNORE
 from semgs.data.views import Views, cropped, resized
 from semgs.geometry.cameras import Cameras
+from semgs.training.camera import photographed
 from semgs.training.settings import Augmentation
 
 
@@ -59,6 +63,40 @@ def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views
     return views.changed(images=images.clamp(0, 1))
 
 
+def rolled(views: Views, degrees: float) -> Views:
+    """The views of cameras that are turned clockwise about their optical axes: images turn the other way about the principal point.
+
+    What a turned camera would see outside of the image is filled: the image with its own mirror image, labels with 255, depths with 0.
+
+    Args:
+        views: with any leading axes, on the CPU.
+        degrees: the angle.
+    """
+    radians = np.radians(degrees)
+    turn = torch.eye(4, dtype=torch.float64)
+    turn[:2, :2] = torch.tensor([[np.cos(radians), -np.sin(radians)], [np.sin(radians), np.cos(radians)]])
+    half = torch.eye(3, dtype=torch.float64)  # OpenCV counts from the centre of the first pixel
+    half[:2, 2] = 0.5
+    intrinsics = views.cameras.intrinsics.flatten(end_dim=-3)
+    there_from_here = (half.inverse() @ intrinsics @ turn[:3, :3] @ intrinsics.inverse() @ half)[:, :2].numpy()
+
+    def moved(maps: Tensor, interpolation: int, border: int, value: int = 0) -> Tensor:
+        turned = maps.contiguous().clone()
+        planes, flags = turned.view(-1, *views.size).numpy(), interpolation | cv2.WARP_INVERSE_MAP
+        channels = max(1, len(planes) // max(1, len(there_from_here)))
+        for plane, matrix in zip(planes, there_from_here.repeat(channels, axis=0), strict=True):
+            plane[:] = cv2.warpAffine(plane, matrix, views.size[::-1], None, flags, border, value)
+        return turned
+
+    nearest, filled = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT
+    return views.changed(
+        images=moved(views.images, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101),
+        labels=None if views.labels is None else moved(views.labels, nearest, filled, IGNORE),
+        depths=None if views.depths is None else moved(views.depths, nearest, filled),
+        cameras=Cameras.trusted(views.cameras.world_from_camera @ turn, views.cameras.intrinsics, views.size),
+    )
+
+
 class Variation:
     """What is done to one sample, the same for all views that it is given.
 
@@ -74,12 +112,21 @@ class Variation:
         self._place = (float(rng.uniform()), float(rng.uniform()))
         self._flip = settings.flip and bool(rng.integers(2))
         self._colours = int(rng.integers(2**63))
+        self._roll = settings.roll and float(rng.uniform(-settings.roll, settings.roll)) * int(rng.integers(2))
+        self._camera = int(rng.integers(2**63))
 
     def __call__(self, views: Views, size: tuple[int, int]) -> Views:
         """The views, varied and brought to a size (height, width) [px]; without augmentation the middle of each is what is kept."""
-        views = window(views, size, self._share, self._place if self._settings.crop < 1 else (0.5, 0.5))
-        if self._flip:
-            views = flipped(views)
+        views = self.placed(views, size)
         if self._settings.colour:
             views = recoloured(views, self._settings.colour, np.random.Generator(np.random.PCG64(self._colours)))
+        if self._settings.camera:
+            views = photographed(views, self._settings.camera, np.random.Generator(np.random.PCG64(self._camera)))
         return views
+
+    def placed(self, views: Views, size: tuple[int, int]) -> Views:
+        """As the call, with the colours as they are: rolled, cropped, resized and mirrored."""
+        if self._roll:
+            views = rolled(views, self._roll)
+        views = window(views, size, self._share, self._place if self._settings.crop < 1 else (0.5, 0.5))
+        return flipped(views) if self._flip else views

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
 from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.scenes import scene_paths
@@ -19,6 +20,8 @@ from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, Sample, Samples
 from semgs.training.settings import VALIDATION_SEED, Augmentation, Source, TrainingSettings
 from semgs.training.survey import Survey, survey
+from semgs.training.teacher import teacher_of
+from semgs.training.turns import Turns
 
 COUNTED_ROOMS = 64
 """Rooms in which classes are counted, two small views of each."""
@@ -137,6 +140,7 @@ def training_batches(
     samples = Samples(
         settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
         (settings.contexts, settings.targets), data.classes, settings.augmentation,
+        _turns(settings, settings.seed, weights, rooms, data.folders, settings.batch, length), teacher_of(settings),
     )  # fmt: skip
     return DataLoader(
         Portions(samples, settings.batch, share or Share(), settings.steps),
@@ -182,16 +186,35 @@ def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
     samples = Samples(
         VALIDATION_SEED, settings.size, 1, rooms, [folders] if folders else [], [1.0],
         ((fewest, fewest), settings.targets), data.classes, Augmentation(),
+        _turns(settings, VALIDATION_SEED, [1.0], rooms, [folders] if folders else [], 1, count),
     )  # fmt: skip
     return [_batch([samples[k]]) for k in range(count)]
 
 
+def _turns(
+    settings: TrainingSettings,
+    seed: int,
+    weights: Sequence[float],
+    rooms: object,
+    folders: Sequence[Folder],
+    gap: int,
+    length: int,
+) -> Turns | None:
+    """Whose turn it is in samples of single pictures; None for samples of several views, whose scenes are drawn."""
+    if not settings.single_pictures:
+        return None
+    scenes = [*([] if rooms is None else [0]), *(len(folder.paths) for folder in folders)]
+    return Turns(seed, weights, scenes, gap, length)
+
+
 def _batch(samples: Sequence[Sample]) -> Batch:
     """Samples as one batch."""
+    taught = [sample.taught for sample in samples if sample.taught is not None]
     return Batch(
         stack([sample.context for sample in samples]),
         stack([sample.target for sample in samples]),
         tuple(sample.scene for sample in samples),
+        torch.stack(taught) if taught else None,
     )
 
 

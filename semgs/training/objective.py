@@ -33,6 +33,14 @@ class Supervision(ABC):
         Every term is a mean over scenes, so that the means of equal shares of a batch average to that of the whole.
         """
 
+    def head(self, network: Any) -> nn.Module | None:
+        """What learns beside the network and is dropped afterwards; None for nothing."""
+        return None
+
+    def loss_with(self, network: Any, batch: Batch, head: nn.Module) -> dict[str, Tensor]:
+        """As `loss`, with the head that `head` gave."""
+        return self.loss(network, batch)
+
     @abstractmethod
     def learning(self, network: Any) -> set[str]:
         """Names of the parameters that learn."""
@@ -58,16 +66,22 @@ class Objective(nn.Module):
     Args:
         network: what learns.
         supervision: what it learns from.
+
+    Attributes:
+        head: what learns beside the network, None for nothing.
     """
 
     def __init__(self, network: Any, supervision: Supervision) -> None:
         super().__init__()
         self.network = network
         self.supervision = supervision
+        self.head = supervision.head(network)
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """Each of `TERMS` as a number, `total` with its gradient; all are NaN if there is no loss."""
-        return self.supervision.loss(self.network, batch)
+        if self.head is None:
+            return self.supervision.loss(self.network, batch)
+        return self.supervision.loss_with(self.network, batch, self.head)
 
 
 def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:

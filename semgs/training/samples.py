@@ -22,6 +22,8 @@ from semgs.rooms.pool import PooledSamples
 from semgs.rooms.stream import RoomSamples
 from semgs.training.augmentation import Variation, window
 from semgs.training.settings import Augmentation
+from semgs.training.teacher import Teacher, coordinates
+from semgs.training.turns import Turn, Turns, frame_of
 
 OPEN = 20_000
 """Frames of the scenes that a process keeps open, but for the last one: their headers, not their pictures."""
@@ -39,12 +41,14 @@ class Sample:
         target: the views to compare with.
         scene: its name.
         bad: scenes that were tried before and could not be read: path and why.
+        taught: the teacher's class probabilities of the context [v k h/8 w/8], 0 where it says nothing; None without a teacher.
     """
 
     context: Views
     target: Views
     scene: str
     bad: tuple[tuple[str, str], ...] = ()
+    taught: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,8 @@ class Samples:
         counts: of views, where there are no rooms: fewest and most contexts, and targets.
         classes: the table that labels are brought to.
         augmentation: of every sample.
+        turns: which scene each sample is of, for samples of a single picture; None draws them.
+        teacher: of single pictures, if there is one.
     """
 
     def __init__(
@@ -86,11 +92,14 @@ class Samples:
         counts: tuple[tuple[int, int], int],
         classes: ClassTable,
         augmentation: Augmentation,
+        turns: Turns | None = None,
+        teacher: Teacher | None = None,
     ) -> None:
         self._seed, self._size, self._group = seed, size, group
         self._rooms, self._folders, self._counts = rooms, tuple(folders), counts
         self._chances = np.array(weights, dtype=np.float64) / sum(weights)
         self._classes, self._augmentation = classes, augmentation
+        self._turns, self._teacher = turns, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0
 
@@ -100,17 +109,21 @@ class Samples:
         Raises:
             InputError: twenty scenes, one after the other, could not be read.
         """
-        source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances))
+        turn = None if self._turns is None else self._turns[k]
+        source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances)) if turn is None else turn.source
         if self._rooms is not None and source == 0:
             context, target = self._rooms[k]
             sample = Sample(context, target, f"room {self._rooms.seed}/{k}")
         else:
-            sample = self._from_files(k, self._folders[source - (self._rooms is not None)])
+            sample = self._from_files(k, self._folders[source - (self._rooms is not None)], turn)
         vary = Variation(self._augmentation, self._seed, k)
         context, target = (
             vary(completed(relabelled(views, self._classes)), self._size) for views in (sample.context, sample.target)
         )
-        return replace(sample, context=context, target=target)
+        taught = None
+        if self._teacher is not None:
+            taught = self._teacher.followed(sample.taught, vary.placed(coordinates(sample.context), self._size))
+        return replace(sample, context=context, target=target, taught=taught)
 
     def counts(self, k: int) -> tuple[int, int]:
         """How many contexts and targets sample k has."""
@@ -122,24 +135,40 @@ class Samples:
         (fewest, most), others = self._counts
         return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), others
 
-    def _from_files(self, k: int, folder: Folder) -> Sample:
-        """Sample k from the first scene that can be read of those drawn for it."""
-        contexts, targets = self.counts(k)
+    def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> Sample:
+        """Sample k from the first scene that can be read: the one whose turn it is, then those drawn for it."""
         rng = self._generator(k, 5)
         bad: dict[str, str] = {}
-        for _ in range(TRIES):
-            path = folder.paths[int(rng.choice(len(folder.paths), p=folder.chances or None))]
+        for attempt in range(TRIES):
+            if turn is not None and attempt == 0:
+                path = folder.paths[turn.scene]
+            else:
+                path = folder.paths[int(rng.choice(len(folder.paths), p=folder.chances or None))]
             try:
-                scene, bounds = self._opened(path)
-                choice = drawn(scene, bounds, contexts, targets, rng)
-                views = self._read(scene, bounds, [*choice.context, *choice.targets])
+                sample = self._drawn(path, k, rng) if turn is None else self._single(path, turn)
             except InputError as error:
                 bad[str(path)] = str(error)
                 continue
-            context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
-            return Sample(context, target, scene.name, tuple(bad.items()))
+            return replace(sample, bad=tuple(bad.items()))
         first, why = next(iter(bad.items()))
         raise InputError(first, "a scene that can be read", why)
+
+    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> Sample:
+        """Frames of a scene that go together, drawn."""
+        contexts, targets = self.counts(k)
+        scene, bounds = self._opened(path)
+        choice = drawn(scene, bounds, contexts, targets, rng)
+        views = self._read(scene, bounds, [*choice.context, *choice.targets])
+        context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
+        return Sample(context, target, scene.name)
+
+    def _single(self, path: Path, turn: Turn) -> Sample:
+        """One frame of a scene, the one whose turn it is, and nothing to compare with."""
+        scene, bounds = self._opened(path)
+        frame = frame_of(self._seed, turn, len(scene))
+        views = self._read(scene, bounds, [frame], with_depths=False)
+        taught = None if self._teacher is None else self._teacher.maps(scene, frame)
+        return Sample(views, views.select([]), scene.name, taught=taught)
 
     def _opened(self, path: Path) -> tuple[Scene, DepthRange]:
         """A scene and its near and far, kept for the next time."""
@@ -152,9 +181,11 @@ class Samples:
         self._open.move_to_end(path)
         return self._open[path]
 
-    def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int]) -> Views:
+    def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int], with_depths: bool = True) -> Views:
         """Frames of a scene at one size, which those of the first are brought to."""
         chosen = [scene.frames[index] for index in frames]
+        if not with_depths:
+            chosen = [replace(frame, depth_path=None) for frame in chosen]
         maps = {frame.lens: frame.lens.maps() for frame in chosen if not frame.lens.is_pinhole}
         views = [frame.view((bounds.near, bounds.far), scene.classes, maps=maps.get(frame.lens)) for frame in chosen]
         return joined([window(view, views[0].size) for view in views]).checked()

@@ -24,7 +24,7 @@ ROOMS = "rooms"
 CLASS_WEIGHTINGS = {"inverse_root_frequency": 0.5, "inverse_fourth_root_frequency": 0.25}
 """Rules by which classes weigh more the rarer they are: the power of one over a class's share of the pixels."""
 
-PLACES = ("data", "scenes", "validation", "init", "backbone", "assets")
+PLACES = ("data", "scenes", "validation", "init", "backbone", "teacher", "assets")
 """Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
 
 
@@ -72,10 +72,18 @@ class Augmentation:
     """Smallest side of the window that is cut out, as a share of the picture's; the camera's focal length and centre move along. 1 cuts none."""
     flip: bool = False
     """Mirror every second sample, poses included (MVSplat's)."""
+    roll: float = 0.0
+    """Turn every second sample about the camera's axis, by up to so many degrees either way; needs supervision by pictures, because
+    the corners are filled with the mirrored image (and the label 255)."""
+    camera: float = 0.0
+    """Vary what a photo camera does to an image: blur, vignetting, white balance, noise, gamma, JPEG and, in one sample of ten, grey. 1 is
+    as far as phones go, 0 is none."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.colour <= 1 or not 0.2 <= self.crop <= 1:
             raise ValueError(f"augmentation is {self}; expected colour in 0..1 and crop in 0.2..1")
+        if not 0 <= self.roll <= 45 or not 0 <= self.camera <= 1:
+            raise ValueError(f"augmentation is {self}; expected roll in 0..45 degrees and camera in 0..1")
 
 
 @dataclass(frozen=True)
@@ -100,7 +108,8 @@ class TrainingSettings:
     size: tuple[int, int] = (240, 320)
     """Height and width of the pictures [px]."""
     contexts: tuple[int, int] = (2, 4)
-    """Fewest and most input views; each step draws its own number, equal for all scenes of its batch."""
+    """Fewest and most input views; each step draws its own number, equal for all scenes of its batch. With supervision by pictures, 1 1
+    and no targets make a batch of single pictures, each of another scene."""
     targets: int = 2
     """Views rendered and compared per scene, other than the inputs."""
     context_targets: bool = False
@@ -132,7 +141,8 @@ class TrainingSettings:
     start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back. With supervision by
     depth, classes stay as they are instead."""
     sampling: Literal["even", "balanced"] = "even"
-    """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare."""
+    """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare. Single pictures
+    do not draw: all scenes of a folder take turns."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Variations of the samples; all off unless asked for."""
     init: str = "random"
@@ -143,6 +153,11 @@ class TrainingSettings:
     segmentation network as safetensors (docs/train.md)."""
     backbone_rate: float = 0.1
     """Learning rate of the class backbone, as a share of that of the other layers."""
+    teacher: str = ""
+    """Folder of another network's class probabilities for the training pictures, as scripts/teach.py writes it: they are learned as well,
+    by a head that is dropped afterwards, so that the backbone does not forget what it knew. Needs single pictures."""
+    teacher_weight: float = 1.0
+    """Weight of that second loss, a Kullback-Leibler divergence."""
     semantic_branch: Literal["kept", "drawn"] = "kept"
     """Of the weights to start from: keep all, or draw the semantic branch anew and keep depth and colour."""
     classes: ClassTable | None = None
@@ -173,13 +188,16 @@ class TrainingSettings:
         fewest, most = self.contexts
         for text in self.data:
             Source.parsed(text)
-        count = len(self.classes or SCANNET20)
+        count, alone = len(self.classes or SCANNET20), self.supervision == "pictures"
         checks = {
             "steps": (self.steps >= 1, "at least 1"),
             "batch": (self.batch >= 1, "at least 1"),
             "size": (min(self.size) >= 16, "at least 16 pixels a side"),
-            "contexts": (2 <= fewest <= most, "fewest and most input views, 2 or more, in this order"),
-            "targets": (self.targets >= 1, "at least 1"),
+            "contexts": (
+                (1 if alone else 2) <= fewest <= most,
+                "fewest and most input views, 2 or more (1 with supervision by pictures), in this order",
+            ),
+            "targets": (self.targets >= (0 if alone else 1), "at least 1 (0 with supervision by pictures)"),
             "learning_rate": (self.learning_rate > 0, "a positive number"),
             "warmup": (0 < self.warmup < 1, "a share between 0 and 1"),
             "backbone_rate": (0 < self.backbone_rate <= 1, "above 0, at most 1"),
@@ -199,6 +217,19 @@ class TrainingSettings:
                 not self.hold_shared or self.supervision != "rendered",
                 "False, unless supervision is labels, pictures or depth",
             ),
+            "augmentation": (
+                alone or not self.augmentation.roll,
+                "no roll, but with supervision by pictures: the corners of a turned image show nothing true",
+            ),
+            "sampling": (
+                not self.single_pictures or self.sampling == "even",
+                "even with single pictures, whose scenes take turns",
+            ),
+            "teacher": (
+                not self.teacher or self.single_pictures,
+                "none, but with single pictures (--supervision pictures --contexts 1 1 --targets 0)",
+            ),
+            "teacher_weight": (self.teacher_weight > 0, "a positive number"),
             "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
             "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
@@ -220,6 +251,11 @@ class TrainingSettings:
             raise ValueError(
                 "no weights to start from: give --init FILE (MVSplat's re10k checkpoint), or --init random"
             )
+
+    @property
+    def single_pictures(self) -> bool:
+        """Whether each sample is one picture alone, so that a batch is of as many scenes as it has pictures."""
+        return self.supervision == "pictures" and self.contexts == (1, 1) and self.targets == 0
 
     @property
     def sources(self) -> tuple[Source, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,9 @@ from torch.optim.swa_utils import AveragedModel
 
 from semgs.training.engine import launched
 from semgs.training.objective import Objective, Supervision
+
+HEAD = "head."
+"""What the names of a head's tensors begin with in a checkpoint."""
 
 SHARE = "share"
 """Key of a group of parameters: its share of the learning rate."""
@@ -34,6 +37,7 @@ class TrainingState:
         skipped_in_a_row: those of them since the last good step.
         seconds: time spent so far, over all sittings.
         best_step, best_score: of the best validation so far; -1 and -inf before the first.
+        head: what learns beside the model and is in no file of weights; None for nothing.
     """
 
     model: nn.Module
@@ -48,6 +52,7 @@ class TrainingState:
     seconds: float = 0.0
     best_step: int = -1
     best_score: float = -math.inf
+    head: nn.Module | None = None
 
     @classmethod
     def begin(
@@ -78,17 +83,21 @@ class TrainingState:
         fabric = fabric or launched(next(model.parameters()).device.type)
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
-        optimizer = torch.optim.Adam(_groups(model, slow, slow_share), lr=learning_rate)
-        objective = fabric.setup_module(Objective(model, supervision))
+        objective = Objective(model, supervision)
+        head = objective.head
+        optimizer = torch.optim.Adam(_groups(_learners(model, head), slow, slow_share), lr=learning_rate)
+        objective = fabric.setup_module(objective)
         if not supervision.measures:
             hold_statistics(model)
-        return cls(model, supervision, fabric, objective, average, optimizer)
+        return cls(model, supervision, fabric, objective, average, optimizer, head=head)
 
     def tensors(self) -> dict[str, Tensor]:
-        """Copies of every tensor: weights (`model.`), their average (`average.`), Adam's moments (`optimizer.`)."""
+        """Copies of every tensor: weights (`model.`), their average (`average.`), a head's (`head.`), Adam's moments (`optimizer.`)."""
         tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
+        if self.head is not None:
+            tensors |= {f"{HEAD}{name}": tensor for name, tensor in self.head.state_dict().items()}
         tensors |= {f"average.{name}": tensor for name, tensor in self.average.state_dict().items()}
-        for name, parameter in self.model.named_parameters():
+        for name, parameter in _learners(self.model, self.head).items():
             moments = self.optimizer.state.get(parameter, {})
             tensors |= {f"optimizer.{name}/{key}": tensor for key, tensor in moments.items()}
         return {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
@@ -112,13 +121,15 @@ class TrainingState:
         try:
             self.model.load_state_dict(_under("model.", tensors))
             self.average.load_state_dict(_under("average.", tensors))
+            if self.head is not None:
+                self.head.load_state_dict(_under(HEAD, tensors))
         except RuntimeError as error:
             raise ValueError(f"those of another one: {error}") from error
         moments: dict[str, dict[str, Tensor]] = {}
         for name, tensor in _under("optimizer.", tensors).items():
             parameter, key = name.rsplit("/", 1)
             moments.setdefault(parameter, {})[key] = tensor
-        names = {parameter: name for name, parameter in self.model.named_parameters()}
+        names = {parameter: name for name, parameter in _learners(self.model, self.head).items()}
         order = [names[one] for group in self.optimizer.param_groups for one in group["params"]]
         held = {order.index(name): values for name, values in moments.items()}
         self.optimizer.load_state_dict({"state": held, "param_groups": self.optimizer.state_dict()["param_groups"]})
@@ -130,9 +141,14 @@ class TrainingState:
         self.best_score = float(numbers.get("best_score", -math.inf))
 
 
-def _groups(model: nn.Module, slow: Collection[str], share: float) -> list[dict[str, Any]]:
+def _learners(model: nn.Module, head: nn.Module | None) -> dict[str, nn.Parameter]:
+    """The parameters of a model, and of a head beside it, by name."""
+    beside = {} if head is None else {f"{HEAD}{name}": one for name, one in head.named_parameters()}
+    return dict(model.named_parameters()) | beside
+
+
+def _groups(named: Mapping[str, nn.Parameter], slow: Collection[str], share: float) -> list[dict[str, Any]]:
     """The parameters as Adam takes them, by the share of the learning rate that they have."""
-    named = dict(model.named_parameters())
     groups = [
         {"params": [one for name, one in named.items() if name not in slow], SHARE: 1.0},
         {"params": [one for name, one in named.items() if name in slow], SHARE: share},

@@ -74,7 +74,7 @@ def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSet
             terms = state.objective(piece)
             state.fabric.backward(terms["total"] / len(pieces))
         measured.append(torch.stack([terms[name].detach() for name in TERMS]))
-    norm = nn.utils.clip_grad_norm_(state.model.parameters(), settings.clip)
+    norm = nn.utils.clip_grad_norm_(state.objective.parameters(), settings.clip)
     mean = state.fabric.all_reduce(torch.stack(measured).mean(0), reduce_op="mean")
     found = dict(zip(TERMS, mean.tolist(), strict=True))
     views = found.pop("unlabelled") * len(pieces) * state.fabric.world_size

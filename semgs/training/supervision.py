@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Batch, Views
+from semgs.files.errors import InputError
 from semgs.model.encoding import Encoding
 from semgs.objectives.depth_losses import depth_losses
 from semgs.objectives.losses import cross_entropy, depth_error, losses
@@ -19,6 +20,7 @@ from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.objective import TERMS, Supervision, all_views, render_targets
 from semgs.training.pictures import class_strip, strip
 from semgs.training.settings import TrainingSettings
+from semgs.training.teacher import divergence, teacher_of
 from semgs.training.validation import Comparison, DepthValidation, Validation, validate, validate_depth
 
 
@@ -27,6 +29,7 @@ def supervision_of(settings: TrainingSettings) -> Supervision:
 
     Raises:
         ValueError: the class weights are still a rule; `Survey.class_weights` has their numbers.
+        InputError: the teacher's folder holds no maps.
     """
     weights = settings.class_weights
     if isinstance(weights, str):
@@ -34,7 +37,9 @@ def supervision_of(settings: TrainingSettings) -> Supervision:
     if settings.supervision == "labels":
         return Labels(weights, settings.hold_shared)
     if settings.supervision == "pictures":
-        return Pictures(weights, settings.hold_shared)
+        teacher = teacher_of(settings)
+        classes = 0 if teacher is None else teacher.classes
+        return Pictures(weights, settings.hold_shared, classes, settings.teacher_weight)
     if settings.supervision == "depth":
         return Depth(settings.depth_losses, settings.hold_shared)
     return Rendered(settings.losses, weights, settings.depth_weight, settings.context_targets)
@@ -134,12 +139,19 @@ class Pictures(Supervision):
     """As `Labels`, but of all views of a sample, each by itself: no view learns from another.
 
     Its batches have enough unlike pictures for batch norms to measure.
+
+    Attributes:
+        class_weights, hold_shared: as for `Labels`.
+        teacher_classes: classes of a teacher whose probabilities are learned as well, by a head of their own; 0 for no teacher.
+        teacher_weight: of that second loss.
     """
 
     measures: ClassVar[bool] = True
 
     class_weights: tuple[float, ...] | None = None
     hold_shared: bool = False
+    teacher_classes: int = 0
+    teacher_weight: float = 1.0
 
     def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
         """The cross-entropy of all views.
@@ -149,6 +161,39 @@ class Pictures(Supervision):
         """
         views = all_views(batch)
         return _label_terms(network.classify(views, alone=True), views, self.class_weights, "pictures")
+
+    def head(self, network: Any) -> nn.Module | None:
+        """From the evidence of the network's classes to the teacher's, linear, zero at first.
+
+        Raises:
+            InputError: the network's refinement does not classify by itself.
+        """
+        if not self.teacher_classes:
+            return None
+        channels = network.semantic.evidence_channels
+        if not channels:
+            raise InputError(
+                "--teacher", "a network whose refinement classifies each view by itself", "one that does not",
+                advice="give --network.class-backbone or --network.semantic-pyramid",
+            )  # fmt: skip
+        head = nn.Conv2d(channels, self.teacher_classes, 1)
+        for parameter in head.parameters():
+            nn.init.zeros_(parameter)
+        return head.to(next(network.parameters()).device)
+
+    def loss_with(self, network: Any, batch: Batch, head: nn.Module) -> dict[str, Tensor]:
+        """The cross-entropy and, in `total` only, the divergence from the teacher.
+
+        Raises:
+            ValueError: the views have no labels, or there is nothing of the teacher.
+        """
+        if batch.taught is None:
+            raise ValueError("the batch has nothing of the teacher; expected its probabilities beside the pictures")
+        views = all_views(batch)
+        distributions, evidence = network.classify_alone(views)
+        terms = _label_terms(distributions, views, self.class_weights, "pictures")
+        second = divergence(head(evidence), batch.taught.flatten(end_dim=-4).to(evidence.device)).mean()
+        return terms | {"total": terms["total"] + self.teacher_weight * second}
 
     def learning(self, network: Any) -> set[str]:
         """As for labels, without the layers that compare views."""

@@ -88,7 +88,8 @@ def test_what_differs_from_the_preset_is_told_in_words():
     settings = parsed("small --out run --steps 77 --style plain --augmentation.flip").settings
     assert from_preset(settings) == [
         f"steps: 77 (preset small: {small().steps})",
-        "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True) (preset small: Augmentation(colour=0.0, crop=1.0, flip=False))",
+        "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True, roll=0.0, camera=0.0) "
+        "(preset small: Augmentation(colour=0.0, crop=1.0, flip=False, roll=0.0, camera=0.0))",
         "style: plain (preset small: home)",
     ]
     assert from_preset(small()) == []

@@ -10,8 +10,9 @@ import torch
 from posed import posed_views
 
 from semgs.data.views import Views
-from semgs.training.augmentation import Variation, flipped, recoloured, window
+from semgs.training.augmentation import Variation, flipped, recoloured, rolled, window
 from semgs.training.settings import Augmentation
+from semgs.training.teacher import coordinates
 
 SIZE = (48, 70)
 
@@ -93,6 +94,23 @@ def test_factors_of_a_grey_picture_are_within_their_bounds_and_come_near_them():
     assert logs.mean(0).abs().max() < 0.05  # as often up as down: 0.18 / 300^0.5 = 0.01
 
 
+def test_a_roll_turns_image_and_camera_together():
+    """A point of the world stays on its pixel: an image of the places of its own pixels says where they came from."""
+    views = posed_views(1, (48, 70), seed=4)
+    turned = rolled(coordinates(views), 20.0)
+    pixel = torch.tensor([41.5, 20.5, 1.0], dtype=torch.float64)
+    ray = turned.cameras.intrinsics[0].inverse() @ pixel
+    point = turned.cameras.world_from_camera[0] @ torch.cat((3 * ray, torch.ones(1, dtype=torch.float64)))
+    seen = views.cameras.intrinsics[0] @ (views.cameras.camera_from_world[0] @ point)[:3]
+    there = seen[:2] / seen[2] / torch.tensor([70, 48])
+    assert torch.allclose(turned.images[0, :2, 20, 41].double(), there, atol=1e-3)
+    labelled = views.changed(labels=torch.zeros(1, 48, 70, dtype=torch.uint8))
+    labels = rolled(labelled, 20.0).labels
+    assert labels is not None
+    assert set(labels.unique().tolist()) == {0, 255}
+    assert torch.equal(rolled(labelled, 0.0).images, views.images)
+
+
 def test_colours_change_alike_in_all_views_and_stay_colours():
     views = posed_views(2, SIZE, seed=4)
     rng = np.random.default_rng(1)
@@ -119,7 +137,9 @@ def test_without_augmentation_nothing_is_touched():
     assert Variation(Augmentation(), 3, 7)(views, SIZE) is views
 
 
-@pytest.mark.parametrize("change", [{"colour": -0.1}, {"crop": 0.0}, {"crop": 1.2}])
+@pytest.mark.parametrize(
+    "change", [{"colour": -0.1}, {"crop": 0.0}, {"crop": 1.2}, {"roll": -1.0}, {"roll": 50.0}, {"camera": 1.5}]
+)
 def test_augmentations_that_cannot_be_are_refused(change):
-    with pytest.raises(ValueError, match="expected colour in"):
+    with pytest.raises(ValueError, match=r"expected (colour|roll) in"):
         Augmentation(**change)

@@ -1,0 +1,96 @@
+"""What a published segmentation network says of every picture of some scenes, for `semgs train --teacher OUT`.
+
+    python scripts/teach.py NETWORK.tflite OUT SCENES [SCENES ...]
+
+NETWORK is a segmentation network for LiteRT with uint8 pictures in and class numbers out, such as MOSAIC of MLPerf Mobile; LiteRT is no
+dependency of semgs: pip install ai-edge-litert. SCENES are what `semgs train --data` takes. Each picture is stretched to the size that the
+network takes; the softmax of its logits, averaged down to an eighth of the picture, goes to OUT/SOURCE/SCENE.npy as float16
+[frame rows columns class]. Scenes that are there already are left out, so the same command goes on after new scenes were added.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+
+from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.views import Views
+from semgs.files.atomic import write_bytes
+from semgs.training.teacher import STRIDE, Teacher
+
+AFTER_LOGITS = ("ARG_MAX", "RESIZE_BILINEAR", "RESIZE_NEAREST_NEIGHBOR", "CAST", "SQUEEZE")
+"""Operators that make class numbers of logits."""
+
+
+class Segmenter:
+    """A network for LiteRT that gives class numbers; here it gives probabilities.
+
+    Args:
+        path: the .tflite file.
+        threads: that it computes with.
+    """
+
+    def __init__(self, path: Path, threads: int = 1) -> None:
+        from ai_edge_litert.interpreter import Interpreter
+
+        self._network: Any = Interpreter(str(path), num_threads=threads, experimental_preserve_all_tensors=True)
+        self._network.allocate_tensors()
+        given = self._network.get_input_details()[0]
+        self._input, self._size = given["index"], tuple(int(side) for side in given["shape"][1:3])
+        made_by = {}
+        for one in self._network._get_ops_details():
+            for output in one["outputs"]:
+                made_by.setdefault(int(output), one)  # the network's own operators come before those of delegates
+        self._logits = self._network.get_output_details()[0]["index"]
+        while made_by[self._logits]["op_name"] in AFTER_LOGITS:
+            self._logits = int(made_by[self._logits]["inputs"][0])
+        details = {one["index"]: one for one in self._network.get_tensor_details()}
+        self._scale, self._zero = details[self._logits]["quantization"]
+
+    def probabilities(self, image: np.ndarray) -> np.ndarray:
+        """Of each class [rows columns class] in an image [h w 3], uint8; at the resolution of the logits."""
+        small = cv2.resize(image, self._size[::-1], interpolation=cv2.INTER_AREA)
+        self._network.set_tensor(self._input, small[None])
+        self._network.invoke()
+        logits = (self._network.get_tensor(self._logits)[0].astype(np.float32) - self._zero) * (self._scale or 1)
+        found = np.exp(logits - logits.max(-1, keepdims=True))
+        return found / found.sum(-1, keepdims=True)
+
+
+def said_of(views: Views, segmenter: Segmenter) -> np.ndarray:
+    """Probabilities of a view at an eighth of its size, float16 [1 rows columns class]."""
+    image = np.rint(255 * views.images[0].permute(1, 2, 0).numpy()).astype(np.uint8)
+    found = segmenter.probabilities(np.ascontiguousarray(image))
+    size = [side // STRIDE for side in views.size]
+    maps = torch.from_numpy(found).permute(2, 0, 1)[None]
+    small = torch.nn.functional.interpolate(maps, size=size, mode="area")
+    return small.permute(0, 2, 3, 1).numpy().astype(np.float16)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("network", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("scenes", nargs="+")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    segmenter, count, began = Segmenter(given.network), 0, time.process_time()
+    for path in [path for scenes in given.scenes for path in scene_paths(scenes)]:
+        scene = open_scene(path.absolute())
+        file = Teacher(given.out, 0).path(scene)
+        if file.exists():
+            continue
+        said = np.concatenate([said_of(frame.view((1, 2)), segmenter) for frame in scene.frames])
+        file.parent.mkdir(parents=True, exist_ok=True)
+        data = io.BytesIO()
+        np.save(data, said)
+        write_bytes(file, data.getbuffer())
+        count += len(said)
+    print(f"{count} pictures, {time.process_time() - began:.0f} core-seconds")
