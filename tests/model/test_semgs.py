@@ -183,7 +183,10 @@ def test_base_has_the_papers_sizes():
     assert len([*base.cnn.layer1, *base.cnn.layer2, *base.cnn.layer3]) == 6
     assert len(base.semantic.refinement.residual) == 2
     for two_layers in (base.colour.depth.regressor.head, base.colour.heads.colour, base.semantic.head):
-        assert [type(layer).__name__ for layer in two_layers] == ["Conv2d", "GELU", "Conv2d"]
+        first, activation, last = two_layers
+        assert isinstance(first, torch.nn.Conv2d)
+        assert isinstance(activation, torch.nn.GELU)
+        assert isinstance(last, torch.nn.Conv2d)
     assert len(base.classes) == 20
     assert base.cnn(torch.zeros(1, 3, 32, 48)).shape == (1, 128, 8, 12)
     for transformer in (base.colour.transformer.swin, base.semantic.transformer.swin):
