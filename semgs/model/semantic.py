@@ -61,12 +61,8 @@ class SemanticBranch(nn.Module):
         features: Tensor = self.transformer(refined.features, scene)
         return lambda at: self._attributes(scene.small[at], features[at], refined[at])
 
-    def logits_alone(self, scene: Padded, cnn: FeatureCNN) -> Float[Tensor, "n class h w"]:
-        """Class logits of each view by itself: the refinement's own, or else those of the head without the transformer."""
-        return self.logits_of(self.refined(scene, cnn), scene)
-
     def logits_of(self, refined: Refined, scene: Padded) -> Float[Tensor, "n class h w"]:
-        """`logits_alone` of what was refined before."""
+        """Class logits of each view by itself: the refinement's own, or else those of the head without the transformer."""
         if self.refinement.classifier is not None:
             return self._own_logits(self.refinement.classifier, refined)
         return self._attributes(scene.small, refined.features, refined)[:, SHAPE:]
@@ -108,7 +104,7 @@ class SemanticBranch(nn.Module):
         return self.cnn is None and self.refinement.reads_shallow
 
     def layers(self, alone: bool = False) -> tuple[str, ...]:
-        """Beginnings of the names of the parameters that the classes depend on; with `alone`, those of `logits_alone`."""
+        """Beginnings of the names of the parameters that the classes depend on; with `alone`, those of `logits_of`."""
         refinement = [f"refinement.{name}" for name, _ in self.refinement.named_children()]
         if not alone:
             return ("cnn", *refinement, "transformer", "upsampler", "head")

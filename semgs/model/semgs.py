@@ -143,14 +143,12 @@ class SemGS(nn.Module):
         Raises:
             ValueError: there is one view only, or the network has no semantic branch.
         """
-        scene = self._padded(views, fewest=1 if alone else 2)
+        if alone:
+            return self.classify_alone(views)[0]
+        scene = self._padded(views)
         if self.semantic is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
-        if alone:
-            logits = self.semantic.logits_alone(scene, self.cnn)
-        else:
-            logits = self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:]
-        return self._distributions(logits, views)
+        return self._distributions(self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:], views)
 
     def classify_alone(self, views: Views) -> tuple[Float[Tensor, "*batch v class h w"], Float[Tensor, "n c h4 w4"]]:
         """As `classify` with `alone`; with it the evidence of the classes in each view, at 1/4 of its padded size.
