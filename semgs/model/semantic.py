@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -21,6 +22,19 @@ SHAPE = 7
 
 Attributes = Callable[[slice], Tensor]
 """Given which of the views, what the head says of them [n channel h w]: raw sizes, quaternions and logits of the classes."""
+
+
+@dataclass(frozen=True)
+class ClassMaps:
+    """What classes the branch sees at each Gaussian's place in the views.
+
+    Attributes:
+        distributions: over the classes; the texels at the lower and right border may reach past the view.
+        evidence: what the classes of each view by itself are linear in, at 1/4 of its padded size; None after the transformer.
+    """
+
+    distributions: Float[Tensor, "*batch v class h2 w2"]
+    evidence: Float[Tensor, "n k h4 w4"] | None
 
 
 class SemanticBranch(nn.Module):

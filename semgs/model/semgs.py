@@ -18,7 +18,7 @@ from semgs.model.heads import Decoder, coarse_disparities
 from semgs.model.layout import lay_out
 from semgs.model.placing import Placer
 from semgs.model.scene import Padded, widened
-from semgs.model.semantic import SHAPE, SemanticBranch
+from semgs.model.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
 from semgs.model.transformer import CameraTransformer
@@ -143,32 +143,27 @@ class SemGS(nn.Module):
         Raises:
             ValueError: there is one view only, or the network has no semantic branch.
         """
-        if alone:
-            return self.classify_alone(views)[0]
-        scene = self._padded(views)
-        if self.semantic is None:
-            raise ValueError("the network has no semantic branch; it cannot classify")
-        return self._distributions(self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:], views)
+        maps = self.class_maps(views, alone).distributions
+        return widened(maps, self.stride)[..., : views.size[0], : views.size[1]]
 
-    def classify_alone(self, views: Views) -> tuple[Float[Tensor, "*batch v class h w"], Float[Tensor, "n c h4 w4"]]:
-        """As `classify` with `alone`; with it the evidence of the classes in each view, at 1/4 of its padded size.
+    def class_maps(self, views: Views, alone: bool = False) -> ClassMaps:
+        """As `classify`, one distribution for each Gaussian's place; the cheaper way to learn from labels.
 
         Raises:
-            ValueError: the network has no semantic branch.
+            ValueError: as for `classify`.
         """
-        scene = self._padded(views, fewest=1)
         if self.semantic is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
-        refined = self.semantic.refined(scene, self.cnn)
-        return self._distributions(self.semantic.logits_of(refined, scene), views), refined.evidence
-
-    def _distributions(
-        self, logits: Float[Tensor, "n class h2 w2"], views: Views
-    ) -> Float[Tensor, "*batch v class h w"]:
-        """The class distributions of pixels, of logits at the Gaussians' scale."""
-        classes = logits.to(torch.promote_types(logits.dtype, torch.float32)).softmax(1)
-        wide = widened(classes, self.stride)[..., : views.size[0], : views.size[1]]
-        return wide.reshape(*views.images.shape[:-3], -1, *views.size)
+        scene, evidence = self._padded(views, fewest=1 if alone else 2), None
+        if alone:
+            refined = self.semantic.refined(scene, self.cnn)
+            logits, evidence = self.semantic.logits_of(refined, scene), refined.evidence
+        else:
+            logits = self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:]
+        rows, columns = (-(-side // self.stride) for side in views.size)
+        inside = logits[..., :rows, :columns]
+        classes = inside.to(torch.promote_types(inside.dtype, torch.float32)).softmax(1)
+        return ClassMaps(classes.reshape(*views.images.shape[:-3], *classes.shape[1:]), evidence)
 
     def sweep(self, views: Views) -> CoarseDepth:
         """The depth of N >= 2 views as the plane sweep finds it: no refinement, no heads, no semantic branch.

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
+from torch.nn.functional import pad
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
@@ -101,11 +102,27 @@ def cross_entropy(
     A rendered distribution is positive everywhere, because the light that passes all Gaussians is spread evenly over
     the classes. The smallest normal number stands in for a zero that rounding might leave.
     """
-    probability, labelled = _true_class_probability(distributions, labels)
+    return coarse_cross_entropy(distributions, labels, 1, class_weights)
+
+
+def coarse_cross_entropy(
+    distributions: Float[Tensor, "v class h2 w2"],
+    labels: UInt8[Tensor, "v h w"],
+    stride: int,
+    class_weights: Sequence[float] | None = None,
+) -> Float[Tensor, " v"]:
+    """As `cross_entropy` of the distributions with each of their pixels repeated `stride` times along both sides.
+
+    No large map is made of them: each distribution is asked for all labels of its `stride` x `stride` pixels. The last row and
+    column may reach past the labels.
+    """
+    asked = _gathered(labels, distributions.shape[-2:], stride)
+    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
+    probability, labelled = exact.gather(-3, _indices(asked)), asked != IGNORE
     terms = -probability.clamp(min=torch.finfo(probability.dtype).tiny).log()
     if class_weights is not None:
-        terms = terms * terms.new_tensor(class_weights)[_indices(labels)]
-    return per_known_pixel((terms * labelled).sum((-2, -1)), labelled)
+        terms = terms * terms.new_tensor(class_weights)[_indices(asked)]
+    return per_known_pixel((terms * labelled).sum((-3, -2, -1)), labels != IGNORE)
 
 
 def regional_smoothness(
@@ -143,7 +160,15 @@ def _true_class_probability(
     return exact.gather(-3, _indices(labels)[..., None, :, :])[..., 0, :, :], labels != IGNORE
 
 
-def _indices(labels: UInt8[Tensor, "v h w"]) -> Tensor:
+def _gathered(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int) -> UInt8[Tensor, "v s h2 w2"]:
+    """The s = stride x stride labels of each texel; beyond the picture they are ignored."""
+    (rows, columns), (height, width) = size, labels.shape[-2:]
+    whole = pad(labels, (0, stride * columns - width, 0, stride * rows - height), value=IGNORE)
+    blocks = whole.reshape(-1, rows, stride, columns, stride)
+    return blocks.permute(0, 2, 4, 1, 3).reshape(-1, stride * stride, rows, columns)
+
+
+def _indices(labels: UInt8[Tensor, "*v h w"]) -> Tensor:
     """Labels as indices; ignored pixels point to class 0 and must be masked."""
     return torch.where(labels == IGNORE, 0, labels).long()
 

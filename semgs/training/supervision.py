@@ -13,8 +13,9 @@ from semgs.data.classes import IGNORE
 from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.model.encoding import Encoding
+from semgs.model.semantic import ClassMaps
 from semgs.objectives.depth_losses import depth_losses
-from semgs.objectives.losses import cross_entropy, depth_error, losses
+from semgs.objectives.losses import coarse_cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
 from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.objective import TERMS, Supervision, all_views, render_targets
@@ -118,7 +119,7 @@ class Labels(Supervision):
         Raises:
             ValueError: they have no labels.
         """
-        return _label_terms(network.classify(batch.context), batch.context, self.class_weights, "labels")
+        return _label_terms(network, network.class_maps(batch.context), batch.context, self.class_weights, "labels")
 
     def learning(self, network: Any) -> set[str]:
         """The semantic branch, and the shared layers unless they are held."""
@@ -160,7 +161,7 @@ class Pictures(Supervision):
             ValueError: they have no labels.
         """
         views = all_views(batch)
-        return _label_terms(network.classify(views, alone=True), views, self.class_weights, "pictures")
+        return _label_terms(network, network.class_maps(views, alone=True), views, self.class_weights, "pictures")
 
     def head(self, network: Any) -> nn.Module | None:
         """From the evidence of the network's classes to the teacher's, linear, zero at first.
@@ -190,9 +191,10 @@ class Pictures(Supervision):
         if batch.taught is None:
             raise ValueError("the batch has nothing of the teacher; expected its probabilities beside the pictures")
         views = all_views(batch)
-        distributions, evidence = network.classify_alone(views)
-        terms = _label_terms(distributions, views, self.class_weights, "pictures")
-        second = divergence(head(evidence), batch.taught.flatten(end_dim=-4).to(evidence.device)).mean()
+        maps = network.class_maps(views, alone=True)
+        terms = _label_terms(network, maps, views, self.class_weights, "pictures")
+        taught = batch.taught.flatten(end_dim=-4).to(maps.distributions.device)
+        second = divergence(head(maps.evidence), taught).mean()
         return terms | {"total": terms["total"] + self.teacher_weight * second}
 
     def learning(self, network: Any) -> set[str]:
@@ -262,7 +264,7 @@ class Depth(Supervision):
 
 
 def _label_terms(
-    distributions: Tensor, views: Views, class_weights: tuple[float, ...] | None, supervision: str
+    network: Any, maps: ClassMaps, views: Views, class_weights: tuple[float, ...] | None, supervision: str
 ) -> dict[str, Tensor]:
     """The terms if only the classes of the views' own pixels count; nothing is rendered, so there is no PSNR.
 
@@ -271,8 +273,9 @@ def _label_terms(
     """
     if views.labels is None:
         raise ValueError(f"the scenes have no labels; supervision by {supervision} needs them")
+    distributions = maps.distributions.flatten(end_dim=-4)
     labels = views.labels.to(distributions.device).flatten(end_dim=-3)
-    total = cross_entropy(distributions.flatten(end_dim=-4), labels, class_weights).mean()
+    total = coarse_cross_entropy(distributions, labels, network.stride, class_weights).mean()
     none = total.new_zeros(())
     unlabelled = (labels == IGNORE).flatten(1).all(1).sum().to(total)
     found = dict.fromkeys(TERMS, none) | {"semantic": total.detach(), "psnr": none + torch.nan}

@@ -10,7 +10,14 @@ import torch
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.objectives.losses import LossWeights, cross_entropy, depth_error, losses, regional_smoothness
+from semgs.objectives.losses import (
+    LossWeights,
+    coarse_cross_entropy,
+    cross_entropy,
+    depth_error,
+    losses,
+    regional_smoothness,
+)
 from semgs.rendering.rendering import Rendering
 
 TABLE = ClassTable("three", ("wall", "floor", "chair"), ((1, 2, 3), (4, 5, 6), (7, 8, 9)), (1, 2, 5))
@@ -58,6 +65,28 @@ def test_cross_entropy_is_the_mean_of_minus_log_over_the_labelled_pixels_worked_
     # Four pixels are of class 2 with probability 1/2, six of the others with 1/4, two are ignored.
     by_hand = (4 * math.log(2) + 6 * math.log(4)) / 10
     assert cross_entropy(given, LABELS[None]).item() == pytest.approx(by_hand, rel=1e-12)
+
+
+def test_a_coarse_distribution_answers_for_every_labelled_pixel_of_its_block():
+    coarse = torch.tensor([[[[0.5, 0.25]], [[0.5, 0.75]]]])  # two texels of 2x2 pixels, of a picture 2 high and 3 wide
+    labels = torch.tensor([[[0, 1, 0], [IGNORE, 1, 1]]], dtype=torch.uint8)
+    expected = -(3 * math.log(0.5) + math.log(0.25) + math.log(0.75)) / 5
+    assert float(coarse_cross_entropy(coarse, labels, 2)) == pytest.approx(expected)
+    weighted = -(math.log(0.5) + 6 * math.log(0.5) + math.log(0.25) + 3 * math.log(0.75)) / 5
+    assert float(coarse_cross_entropy(coarse, labels, 2, [1.0, 3.0])) == pytest.approx(weighted)
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3])
+def test_the_coarse_cross_entropy_is_that_of_the_repeated_distributions(stride: int):
+    generator = torch.Generator().manual_seed(stride)
+    coarse = torch.rand(2, 3, 4, 5, generator=generator, dtype=torch.float64).softmax(1).requires_grad_()
+    size = (4 * stride - (stride > 1), 5 * stride - (stride > 2))
+    labels = torch.randint(0, 4, (2, *size), generator=generator).to(torch.uint8)
+    labels[labels == 3] = IGNORE
+    whole = coarse.repeat_interleave(stride, -1).repeat_interleave(stride, -2)[..., : size[0], : size[1]]
+    found, slow = coarse_cross_entropy(coarse, labels, stride), cross_entropy(whole, labels)
+    torch.testing.assert_close(found, slow)
+    torch.testing.assert_close(*(torch.autograd.grad(loss.sum(), coarse, retain_graph=True) for loss in (found, slow)))
 
 
 def test_smoothness_of_a_single_step_worked_out_by_hand():

@@ -11,11 +11,12 @@ import pytest
 import torch
 from networks import network as network_of
 from posed import posed_views
-from torch import Tensor, nn
+from torch import nn
 
 from semgs.data.views import Batch, Views
 from semgs.figures.depth import NOTHING
 from semgs.model.depth import CoarseDepth
+from semgs.model.semantic import ClassMaps
 from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint
@@ -47,9 +48,12 @@ class Deep(nn.Module):
 class Undecided(nn.Module):
     """Gives every class of every pixel the same probability, and keeps what it was asked."""
 
-    def classify(self, views: Views, alone: bool = False) -> Tensor:
+    stride = 2
+
+    def class_maps(self, views: Views, alone: bool = False) -> ClassMaps:
         self.asked = (len(views), alone)
-        return torch.full((*views.images.shape[:-3], 20, *views.size), 1 / 20)
+        height, width = views.size
+        return ClassMaps(torch.full((*views.images.shape[:-3], 20, height // 2, width // 2), 1 / 20), None)
 
 
 def test_the_settings_name_one_of_four(settings):
