@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 KNOWN = ("neighbours", "peers", "pinned FILE")
 """The protocols, as they are typed."""
 
-NETWORKS = ("small", "base", "mvsplat")
+NETWORKS = ("small", "base", "base_text", "mvsplat")
 """Names that weights may ship under."""
 
 VIEWS = (2, 3, 4)

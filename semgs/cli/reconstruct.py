@@ -67,7 +67,7 @@ class Reconstruct:
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
     """Height x width to read the pictures at, such as 240x320. By default they are reduced, aspect kept, sides
     rounded to multiples of 16, to at most 76,800 pixels."""
-    model: Literal["small", "base", "mvsplat"] = "small"
+    model: Literal["small", "base", "base_text", "mvsplat"] = "small"
     """small runs on a laptop; base has the paper's sizes; mvsplat knows colour only."""
     weights: Annotated[str, tyro.conf.arg(metavar="PATH")] = "shipped"
     """A file of weights, "shipped" for those inside the package, "random", or hf://OWNER/NAME[@REVISION] to fetch some from the

@@ -80,5 +80,6 @@ PresetSettings = (
     Annotated[TrainingSettings, _preset("small")]
     | Annotated[TrainingSettings, _preset("base")]
     | Annotated[TrainingSettings, _preset("paper")]
+    | Annotated[TrainingSettings, _preset("base_text")]
 )
 """A preset's name, then what shall differ from it."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from semgs.model.conventions import MVSPLAT
+from dataclasses import replace
+
+from semgs.model.conventions import MVSPLAT, Conventions
 from semgs.model.settings import (
     ColourSettings,
     DepthSettings,
     MVSplatHeads,
     NetworkSettings,
+    PaperHeads,
     SemanticSettings,
     TransformerSettings,
 )
@@ -16,6 +19,19 @@ from semgs.model.settings import (
 def base() -> NetworkSettings:
     """The paper's sizes; its colour branch and depth have MVSplat's layer shapes."""
     return NetworkSettings(name="base")
+
+
+def base_text() -> NetworkSettings:
+    """`base` with every sentence of the paper read word by word; docs/method.md lists what that changes."""
+    start = base()
+    transformer, semantic = start.colour.transformer, SemanticSettings()
+    return replace(
+        start,
+        name="base_text",
+        colour=replace(start.colour, transformer=replace(transformer, output_transform=False), heads=PaperHeads()),
+        semantic=replace(semantic, transformer=replace(semantic.transformer, output_transform=False)),
+        conventions=Conventions(candidates="linear"),
+    )
 
 
 def small() -> NetworkSettings:
@@ -52,7 +68,7 @@ def mvsplat() -> NetworkSettings:
     )
 
 
-PRESETS = {"small": small, "base": base, "mvsplat": mvsplat}
+PRESETS = {"small": small, "base": base, "base_text": base_text, "mvsplat": mvsplat}
 """By their names."""
 
 NAMES = tuple(PRESETS)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float, UInt8
@@ -29,7 +30,7 @@ class Losses:
     Attributes:
         semantic: L_sem, mean cross-entropy of a labelled pixel [nat].
         colour: L_c, mean squared error of a channel of a pixel.
-        smoothness: L_rs over the number of labelled pixels.
+        smoothness: L_rs, a mean or a sum over pixels as `LossWeights.smoothness_over` says.
         total: the weighted sum, to be minimised.
         unlabelled: views whose semantic terms are 0 because they have no labelled pixel, or the rendering no classes.
     """
@@ -86,7 +87,7 @@ def losses(
         distributions = rendering.semantics.flatten(end_dim=-4)
         labels = target.labels.reshape(views, *target.size)
         semantic = cross_entropy(distributions, labels, class_weights).mean()
-        smoothness = regional_smoothness(distributions, labels).mean()
+        smoothness = regional_smoothness(distributions, labels, weights.smoothness_over).mean()
         unlabelled = int((labels == IGNORE).flatten(1).all(1).sum())
     total = weights.semantic * semantic + weights.colour * colour + weights.smoothness * smoothness
     return Losses(semantic, colour, smoothness, total, unlabelled)
@@ -126,9 +127,11 @@ def coarse_cross_entropy(
 
 
 def regional_smoothness(
-    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v h w"]
+    distributions: Float[Tensor, "v class h w"],
+    labels: UInt8[Tensor, "v h w"],
+    over: Literal["pixels", "sum"] = "pixels",
 ) -> Float[Tensor, " v"]:
-    """L_rs of each view over its number of labelled pixels; 0 where a view has none.
+    """L_rs of each view, divided by the number of its labelled pixels or, with `over` "sum", as it is; 0 where a view has none.
 
     The paper's double sum runs over classes l and, inside, over neighbours down and right that both belong to the region
     of l, of |S^_l - S^_l|. A pixel belongs to one region only, so that is one sum over neighbours of equal label, in
@@ -139,7 +142,7 @@ def regional_smoothness(
     right = (labels[..., :, 1:] == labels[..., :, :-1]) & labelled[..., :, 1:]
     total = (probability.diff(dim=-2).abs() * down).sum((-2, -1))
     total = total + (probability.diff(dim=-1).abs() * right).sum((-2, -1))
-    return per_known_pixel(total, labelled)
+    return total if over == "sum" else per_known_pixel(total, labelled)
 
 
 def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*batch v h w"]) -> Float[Tensor, ""]:

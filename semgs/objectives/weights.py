@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -13,11 +14,14 @@ class LossWeights:
         semantic: of the cross-entropy L_sem.
         colour: of the squared error L_c.
         smoothness: of the regional smoothness L_rs; 0 is the paper's ablation without it.
+        smoothness_over: what L_rs of a view is: its sum divided by the number of labelled pixels, or the sum itself, as equation 6 of the
+            paper reads. The sum grows with the size of the images.
     """
 
     semantic: float = 0.1
     colour: float = 1.0
     smoothness: float = 0.001
+    smoothness_over: Literal["pixels", "sum"] = "pixels"
 
 
 @dataclass(frozen=True)

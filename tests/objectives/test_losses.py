@@ -94,6 +94,7 @@ def test_smoothness_of_a_single_step_worked_out_by_hand():
     given[0, :, 0, 0] = torch.tensor([0.7, 0.2, 0.1], dtype=torch.float64)
     # Pixel (0, 0) is of class 0, as are its neighbours right and down; both differ from it by 0.7 - 1/3 in channel 0.
     assert regional_smoothness(given, LABELS[None]).item() == pytest.approx(2 * (0.7 - 1 / 3) / 10, rel=1e-12)
+    assert regional_smoothness(given, LABELS[None], "sum").item() == pytest.approx(2 * (0.7 - 1 / 3), rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -104,6 +105,19 @@ def test_smoothness_equals_the_double_sum_of_the_paper(seed: int):
     given = distributions(seed, views=2, size=(5, 7))
     expected = [smoothness_of_the_paper(*pair) for pair in zip(given, labels, strict=True)]
     assert regional_smoothness(given, labels).tolist() == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_loss_has_the_smoothness_of_a_labelled_pixel_or_the_sum_of_a_view():
+    images, semantics = (
+        torch.zeros(1, 3, 3, 4, dtype=torch.float64),
+        torch.full((1, 3, 3, 4), 1 / 3, dtype=torch.float64),
+    )
+    semantics[0, :, 0, 0] = torch.tensor([0.7, 0.2, 0.1], dtype=torch.float64)
+    target = views(images, LABELS[None])
+    mean = losses(rendering(images, semantics), target, LossWeights(0.0, 0.0, 1.0))
+    whole = losses(rendering(images, semantics), target, LossWeights(0.0, 0.0, 1.0, smoothness_over="sum"))
+    assert mean.total.item() == pytest.approx((0.7 - 1 / 3) / 5)
+    assert whole.total.item() == pytest.approx(2 * (0.7 - 1 / 3))
 
 
 def test_smoothness_is_zero_where_each_region_is_constant_however_sharp_the_borders():

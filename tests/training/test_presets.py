@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from semgs.objectives.weights import LossWeights
-from semgs.training.presets import PRESETS, base, paper, small
-from semgs.training.settings import Augmentation, Switches
+from semgs.training.presets import PRESETS, base, base_text, paper, small
+from semgs.training.settings import Augmentation, Switches, differences
 from semgs.training.state import TrainingState
 from semgs.training.supervision import supervision_of
 
@@ -24,6 +24,15 @@ def test_paper_is_the_papers_training():
     assert (settings.sampling, settings.augmentation, settings.network) == ("even", Augmentation(), Switches())
     with pytest.raises(ValueError, match="no data"):
         settings.check_whole()
+
+
+def test_the_paper_word_by_word_differs_from_its_preset_in_the_network_the_smoothness_and_the_start():
+    literal = differences(base_text(), paper())
+    assert literal == {
+        "model": ("base_text", "base"),
+        "losses": (LossWeights(0.1, 1.0, 0.001, smoothness_over="sum"), LossWeights(0.1, 1.0, 0.001)),
+        "init": ("random", ""),
+    }
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -1,0 +1,35 @@
+"""The networks that have names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from networks import preset
+
+from semgs.model import presets
+from semgs.model.conventions import Conventions
+from semgs.model.settings import MVSplatHeads, PaperHeads
+
+
+def test_the_paper_word_by_word_is_base_in_all_else():
+    literal, base = presets.base_text(), presets.base()
+    assert literal.conventions == Conventions(candidates="linear")
+    assert literal.colour.heads == PaperHeads()
+    assert not literal.colour.transformer.output_transform and not literal.semantic.transformer.output_transform
+    back = replace(
+        literal,
+        name="base",
+        conventions=base.conventions,
+        colour=replace(
+            literal.colour,
+            heads=MVSplatHeads(),
+            transformer=replace(literal.colour.transformer, output_transform=True),
+        ),
+        semantic=replace(literal.semantic, transformer=replace(literal.semantic.transformer, output_transform=True)),
+    )
+    assert back == base
+
+
+def test_the_paper_word_by_word_has_the_parameters_of_its_heads():
+    """13,286,056 is the number of `base` with the paper's heads, in docs/method.md; the other readings have no parameters."""
+    assert sum(parameter.numel() for parameter in preset("base_text").parameters()) == 13_286_056
