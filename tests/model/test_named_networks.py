@@ -15,7 +15,8 @@ def test_the_paper_word_by_word_is_base_in_all_else():
     literal, base = presets.base_text(), presets.base()
     assert literal.conventions == Conventions(candidates="linear")
     assert literal.colour.heads == PaperHeads()
-    assert not literal.colour.transformer.output_transform and not literal.semantic.transformer.output_transform
+    assert not literal.colour.transformer.output_transform
+    assert not literal.semantic.transformer.output_transform
     back = replace(
         literal,
         name="base",

@@ -1,0 +1,138 @@
+"""Where depth goes wrong: its error at each step of the network, apart for flat and textured places, borders, and what two views see or one.
+
+    python scripts/locate_depth_errors.py WEIGHTS SCENES [SCENES ...]
+
+Each scene's two middle frames at 240x320 are the input views; their true depth is needed. Prints a table in Markdown: the mean relative error of the
+candidate with the best raw cost, of the expectation after the regressor, and of the final depth, and in how many places the best raw candidate is the right
+one or its neighbour. Places are texels at 1/4 of the image.
+
+A place is a border where depths within two pixels differ by over 5 %. Of the others, one is textured where grey values within four pixels vary by
+over 0.02 (standard deviation, 0..1). It is seen by both if the other view's true depth there agrees within 3 %.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn.functional import avg_pool2d, max_pool2d
+
+from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.views import Views
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import back_project, project
+from semgs.geometry.plane_sweep import expected_depth
+from semgs.model.cnn import SHRINK
+from semgs.model.scene import Padded
+from semgs.model.semgs import SemGS
+from semgs.weights.load import load
+
+SIZE = (240, 320)
+STEPS = ("raw cost", "regressor", "final")
+PLACES = ("all", "textured", "flat", "border", "seen by both", "seen by one")
+
+
+@dataclass(frozen=True)
+class Found:
+    """Depth of two views at 1/4 of the image by each of `STEPS`, and whether the best raw candidate is right."""
+
+    depths: dict[str, Float[Tensor, "2 h4 w4"]]
+    right: Bool[Tensor, "2 h4 w4"]
+
+
+@torch.no_grad()
+def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
+    """What the network finds on its way."""
+    scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
+    features = model.colour.transformer(model.cnn(scene.pictures), scene)
+    cost = model.colour.depth.cost(features, scene, None)
+    depth = model.colour.depth(cost, features, scene)
+    candidates = depth.planes.depths[..., None, None]
+    best = cost.argmax(1, keepdim=True)
+    nearest = (1 / candidates - 1 / truth.clamp(min=1e-3)[:, None]).abs().argmin(1, keepdim=True)
+    by_step = {
+        "raw cost": candidates.expand(cost.shape).gather(1, best)[:, 0],
+        "regressor": expected_depth(depth.probabilities, depth.planes.depths, model.settings.conventions.candidates),
+        "final": at_centres(model(views).depths),
+    }
+    return Found(by_step, ((best - nearest).abs() <= 1)[:, 0])
+
+
+def at_centres(maps: Float[Tensor, "*n h w"]) -> Float[Tensor, "*n h4 w4"]:
+    """The pixel below and to the right of each texel's centre."""
+    return maps[..., SHRINK // 2 :: SHRINK, SHRINK // 2 :: SHRINK]
+
+
+def places(views: Views) -> dict[str, Bool[Tensor, "2 h4 w4"]]:
+    """Which texels are of which of `PLACES`; those without true depth are of none."""
+    depths = views.depths
+    known = at_centres(depths) > 0
+    logs = depths.clamp(min=1e-3).log()
+    border = at_centres(max_pool2d(logs, 5, 1, 2) + max_pool2d(-logs, 5, 1, 2)) > 0.05
+    grey = views.images.mean(-3)
+    mean, square = (avg_pool2d(maps, 9, 1, 4, count_include_pad=False) for maps in (grey, grey.square()))
+    textured = at_centres(square - mean.square()) > 0.02**2
+    both = torch.stack([_agrees(views, here, 1 - here) for here in (0, 1)])
+    found = {
+        "all": known, "textured": textured & ~border, "flat": ~textured & ~border, "border": border,
+        "seen by both": both, "seen by one": ~both,
+    }  # fmt: skip
+    return {name: mask & known for name, mask in found.items()}
+
+
+def _agrees(views: Views, here: int, there: int) -> Bool[Tensor, "h4 w4"]:
+    """Whether another view's true depth is that of this view's points, where it sees them."""
+    points = at_centres(back_project(views.depths[here].double(), views.cameras[here]).movedim(-1, 0)).movedim(0, -1)
+    u, v, z = project(points.flatten(end_dim=-2), views.cameras[there]).unbind(-1)
+    height, width = views.size
+    inside = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    column, row = u.nan_to_num().clamp(0, width - 1).long(), v.nan_to_num().clamp(0, height - 1).long()
+    other = views.depths[there][row, column]
+    return (inside & ((other / z - 1).abs() < 0.03)).reshape(points.shape[:2])
+
+
+def pairs(folders: list[str]) -> Iterator[Views]:
+    """The two middle frames of every scene."""
+    for folder in folders:
+        for path in scene_paths(folder):
+            scene = open_scene(path)
+            middle = len(scene) // 2
+            views = scene.read([middle - 1, middle], SIZE)
+            if views.depths is None:
+                raise InputError(path, "a scene with true depth", "one without")
+            yield views
+
+
+def table(weights: str, folders: list[str]) -> str:
+    """The errors as Markdown."""
+    model = load(weights).eval()
+    errors: dict[tuple[str, str], list[Tensor]] = defaultdict(list)
+    for views in pairs(folders):
+        truth = at_centres(views.depths)
+        result = found(model, views, truth)
+        for place, mask in places(views).items():
+            errors["right", place].append(result.right[mask].double())
+            for step in STEPS:
+                errors[step, place].append((result.depths[step][mask] / truth[mask] - 1).abs().double())
+    whole = sum(map(len, errors["right", "all"]))
+    lines = [["place", "share", *[f"{step}: AbsRel" for step in STEPS], "best raw candidate right"], ["---"] * 6]
+    for place in PLACES:
+        share = sum(map(len, errors["right", place])) / whole
+        means = [float(torch.cat(errors[step, place]).mean()) for step in STEPS]
+        right = float(torch.cat(errors["right", place]).mean())
+        lines.append([place, f"{share:.0%}", *[f"{mean:.3f}" for mean in means], f"{right:.0%}"])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    try:
+        print(table(sys.argv[1], sys.argv[2:]))
+    except InputError as error:
+        sys.exit(f"error: {error}")
