@@ -141,6 +141,7 @@ def training_batches(
         settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
         (settings.contexts, settings.targets), data.classes, settings.augmentation,
         _turns(settings, settings.seed, weights, rooms, data.folders, settings.batch, length), teacher_of(settings),
+        settings.batch * round(settings.half_size * settings.steps),
     )  # fmt: skip
     return DataLoader(
         Portions(samples, settings.batch, share or Share(), settings.steps),

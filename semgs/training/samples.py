@@ -79,6 +79,7 @@ class Samples:
         augmentation: of every sample.
         turns: which scene each sample is of, for samples of a single picture; None draws them.
         teacher: of single pictures, if there is one.
+        halved: samples before this number have half the size.
     """
 
     def __init__(
@@ -94,8 +95,9 @@ class Samples:
         augmentation: Augmentation,
         turns: Turns | None = None,
         teacher: Teacher | None = None,
+        halved: int = 0,
     ) -> None:
-        self._seed, self._size, self._group = seed, size, group
+        self._seed, self._size, self._group, self._halved = seed, size, group, halved
         self._rooms, self._folders, self._counts = rooms, tuple(folders), counts
         self._chances = np.array(weights, dtype=np.float64) / sum(weights)
         self._classes, self._augmentation = classes, augmentation
@@ -117,12 +119,14 @@ class Samples:
         else:
             sample = self._from_files(k, self._folders[source - (self._rooms is not None)], turn)
         vary = Variation(self._augmentation, self._seed, k)
+        height, width = self._size
+        size = self._size if k >= self._halved else (height // 2, width // 2)
         context, target = (
-            vary(completed(relabelled(views, self._classes)), self._size) for views in (sample.context, sample.target)
+            vary(completed(relabelled(views, self._classes)), size) for views in (sample.context, sample.target)
         )
         taught = None
         if self._teacher is not None:
-            taught = self._teacher.followed(sample.taught, vary.placed(coordinates(sample.context), self._size))
+            taught = self._teacher.followed(sample.taught, vary.placed(coordinates(sample.context), size))
         return replace(sample, context=context, target=target, taught=taught)
 
     def counts(self, k: int) -> tuple[int, int]:

@@ -107,6 +107,8 @@ class TrainingSettings:
     """Scenes per step, over all processes."""
     size: tuple[int, int] = (240, 320)
     """Height and width of the pictures [px]."""
+    half_size: float = 0.0
+    """Share of the steps, the first ones, whose pictures are half as high and wide: they cost a quarter. Validation is at the full size."""
     contexts: tuple[int, int] = (2, 4)
     """Fewest and most input views; each step draws its own number, equal for all scenes of its batch. With supervision by pictures, 1 1
     and no targets make a batch of single pictures, each of another scene."""
@@ -193,6 +195,10 @@ class TrainingSettings:
             "steps": (self.steps >= 1, "at least 1"),
             "batch": (self.batch >= 1, "at least 1"),
             "size": (min(self.size) >= 16, "at least 16 pixels a side"),
+            "half_size": (
+                0 <= self.half_size <= 1 and (not self.half_size or min(self.size) >= 32),
+                "a share in 0..1, and 0 if a side is below 32 pixels",
+            ),
             "contexts": (
                 (1 if alone else 2) <= fewest <= most,
                 "fewest and most input views, 2 or more (1 with supervision by pictures), in this order",

@@ -92,6 +92,16 @@ def test_a_batch_holds_one_picture_of_each_scene_and_nothing_to_compare_with(fiv
     assert all(torch.equal(a.context.images, b.context.images) for a, b in zip(whole[3:], rest, strict=True))
 
 
+def test_the_first_steps_have_half_the_size_and_validation_never(five: Path, tmp_path: Path):
+    settings = replace(SETTINGS, data=(str(five),), size=(32, 48), half_size=0.6, validation=str(five))
+    found = batches(settings, tmp_path / "run")
+    assert [batch.context.images.shape[-2:] for batch in found] == [(16, 24)] * 3 + [(32, 48)] * 2
+    resumed = batches(settings, tmp_path / "again", start=2)
+    assert all(torch.equal(a.context.images, b.context.images) for a, b in zip(found[2:], resumed, strict=True))
+    scored = validation_batches(settings, surveyed(settings, tmp_path / "run"))
+    assert all(batch.context.images.shape[-2:] == (32, 48) for batch in scored)
+
+
 def test_validation_shows_one_picture_of_each_scene(five: Path, tmp_path: Path):
     settings = replace(SETTINGS, data=("rooms",), validation=str(five), validation_scenes=5)
     found = validation_batches(settings, surveyed(settings, tmp_path))
@@ -139,6 +149,8 @@ def test_a_pooled_scene_serves_no_two_single_pictures_of_a_batch(tmp_path: Path)
             "no roll",
         ),
         ({"sampling": "balanced"}, "take turns"),
+        ({"half_size": 0.5}, "0 if a side is below 32 pixels"),
+        ({"half_size": 1.5, "size": (32, 48)}, "half_size is 1.5; expected a share in 0..1"),
         ({"teacher": "somewhere", "targets": 1}, "single pictures"),
         ({"teacher_weight": 0.0}, "teacher_weight is"),
     ],
