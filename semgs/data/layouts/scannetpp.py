@@ -26,7 +26,7 @@ from jaxtyping import Float32, UInt8
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.fisheye import FisheyeLens
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap_text import TextCamera, read_cameras, read_images
+from semgs.data.layouts.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
 from semgs.data.layouts.fields import Fields, parsed
 from semgs.data.layouts.poses import checked_poses
 from semgs.data.layouts.scannet_labels import find_table, read_table
@@ -303,14 +303,11 @@ def _posed(folder: Path, device: _Device, as_toolbox: bool) -> _Posed:
 
 def _from_colmap(folder: Path, device: _Device, as_toolbox: bool) -> _Posed:
     """The cameras of COLMAP's text files."""
-    cameras = read_cameras(folder / CAMERAS)
+    cameras = read_cameras(folder / CAMERAS, PARAMETERS)
     lenses = {
         number: _lens(folder / CAMERAS, f"camera {number}", camera, as_toolbox) for number, camera in cameras.items()
     }
-    images = sorted(read_images(folder / IMAGES), key=lambda image: image.name)
-    for image in images:
-        if image.camera not in lenses:
-            raise InputError(folder / IMAGES, "a camera that cameras.txt has", f"{image.camera}", key=image.place)
+    images = sorted(read_images(folder / IMAGES, cameras), key=lambda image: image.name)
     poses = checked_poses(
         folder / IMAGES, [image.world_from_camera for image in images], [image.place for image in images]
     )
@@ -386,11 +383,11 @@ def _shared_lens(fields: Fields, as_toolbox: bool) -> Lens:
         raise fields.refused("w" if width is None else "h", "a number of pixels", "nothing")
     values.update({name: fields.number(name) or 0.0 for name in names})
     return _lens(
-        Path(str(fields.path)), fields.place + "camera_model", TextCamera(model, (height, width), values), as_toolbox
+        Path(str(fields.path)), fields.place + "camera_model", ColmapCamera(model, (height, width), values), as_toolbox
     )
 
 
-def _lens(path: Path, key: str, camera: TextCamera, as_toolbox: bool) -> Lens:
+def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> Lens:
     """The lens of a camera.
 
     Raises:
