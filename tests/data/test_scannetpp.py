@@ -269,7 +269,7 @@ def test_without_embree_there_are_no_labels_and_the_extra_is_named(scan, monkeyp
     scene = open_scene(scan / "iphone")
     assert scene.classes is None
     assert scene.read([0]).depths is not None
-    assert any("semgs[raycast]" in note for note in scene.notes)
+    assert any("pip install '.[raycast]'" in note for note in scene.notes)
 
 
 def test_masks_are_undistorted_with_their_pictures(scan):

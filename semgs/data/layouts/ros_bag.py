@@ -178,7 +178,7 @@ class _Bag:
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise ImportError(
-                f'{path} is a ROS bag; reading it needs rosbags: pip install "semgs[ros]"', name="rosbags"
+                f"{path} is a ROS bag; reading it needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
             ) from error
         self.path = path
         try:

@@ -483,7 +483,7 @@ def _mesh(scan: Path) -> tuple[LabelledMesh | None, list[str]]:
         return None, [f"There is no scans/{MESH}, so there are no labels."]
     if not all(find_spec(library) for library in ("embreex", "trimesh")):
         return None, [
-            'Labels and depth of the mesh need embreex and trimesh, which are not installed; pip install "semgs[raycast]"'
+            "Labels and depth of the mesh need embreex and trimesh, which are not installed; pip install '.[raycast]' in SemGS's folder"
         ]
     bare = LabelledMesh(folder, scan.absolute().name, ())
     if bare.annotations is None:
