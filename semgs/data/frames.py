@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -13,6 +12,7 @@ from jaxtyping import Float32, UInt8
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.lens import Lens
 from semgs.data.views import Views, resized
+from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
 from semgs.files.stored import Stored
@@ -133,12 +133,9 @@ class Frame:
             InputError: it is absent, damaged or of another type.
         """
         if path.suffix.lower() == ".npy":
-            try:
-                counts = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-            except (OSError, ValueError, EOFError) as error:
-                raise InputError(path, "an array of depths", str(error)) from error
-            if not isinstance(counts, np.ndarray) or counts.ndim != 2 or counts.dtype.kind not in "fiu":
-                raise InputError(path, "an array [height width] of numbers", f"{getattr(counts, 'shape', counts)}")
+            counts = read_array(path)
+            if counts.ndim != 2:
+                raise InputError(path, "an array [height width] of numbers", f"{counts.shape}")
         else:
             counts = read_uint16(path)
         depths = counts.astype(np.float32) * np.float32(self.depth_unit)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import math
 import struct
+import warnings
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,11 @@ from semgs.files.errors import InputError
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
+
+MOST_PIXELS = 1 << 26
+"""Pictures with more pixels than this are not decoded: 67 megapixels, which as float32 take 0.8 GB."""
+
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _ORIENTATION = 0x0112
 _SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
@@ -128,7 +134,12 @@ def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = N
         header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
         turn = is_turned(path, header, size)
         if data[:4] == b"\x89PNG" and data[24] == 16:
-            pixels = _eight_bits(np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)))
+            # Pillow is content without the last bytes; OpenCV is not, and its libraries print so.
+            whole = _PNG_END in data
+            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if whole else None
+            if decoded is None:
+                raise InputError(path, "a complete picture", "one cut short")
+            pixels = _eight_bits(np.asarray(decoded))
         else:
             pixels = _channels(path, image)
     rgb = _on_white(pixels)
@@ -253,7 +264,7 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     """The picture with its header read and its pixels not yet.
 
     Raises:
-        InputError: the file is absent, or no JPEG or PNG.
+        InputError: the file is absent, no JPEG or PNG, or has more than `MOST_PIXELS`.
     """
     held = stored(path)
     if data is None and not held.is_file():
@@ -261,11 +272,17 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     if data is None and not isinstance(held, Path):
         data = _bytes(held)
     try:
-        return Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the bound is below, and lower
+            image = Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
         raise InputError(path, "a JPEG or PNG picture", "something else or a damaged header") from error
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG picture", str(error)) from error
+    if image.width * image.height > MOST_PIXELS:
+        image.close()
+        raise InputError(path, f"a picture of at most {MOST_PIXELS:,} pixels", f"{image.width}x{image.height}")
+    return image
 
 
 def _header(path: str | Stored, image: Image.Image) -> PictureHeader:

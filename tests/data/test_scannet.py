@@ -390,7 +390,7 @@ def test_a_damaged_frame_is_named_when_it_is_read(copied, written):
     whole[behind : behind + 40] = bytes(40)
     path.write_bytes(whole)
     with pytest.raises(
-        InputError, match=r"depth of frame 1: expected an array of depths, found depth that cannot be inflated"
+        InputError, match=r"depth of frame 1: expected an array of numbers, found depth that cannot be inflated"
     ):
         open_scene(copied).read([1])
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -160,6 +162,30 @@ def test_pictures_cut_short_are_refused(tmp_path, kind, read):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(InputError, match="expected a complete picture"):
         read(path)
+
+
+@pytest.mark.parametrize("cut", [1, 12, 16, 20])
+def test_a_16_bit_png_without_its_last_bytes_is_refused_and_nothing_is_printed(tmp_path, capfd, cut):
+    pixels = np.random.default_rng(6).integers(0, 65536, (HEIGHT, WIDTH, 3)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "a.png"), pixels)
+    (tmp_path / "a.png").write_bytes((tmp_path / "a.png").read_bytes()[:-cut])
+    with pytest.raises(InputError, match=r"a\.png: expected a complete picture, found one cut short"):
+        read_rgb(tmp_path / "a.png")
+    assert capfd.readouterr().err == ""
+
+
+def test_pictures_beyond_the_bound_are_refused_from_their_header(tmp_path):
+    """13000x13000, of which the smallest file has no pixels at all."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    for width, height in ((13000, 13000), (8193, 8192)):
+        header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+        (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", b"") + chunk(b"IEND", b""))
+        for read in (read_header, read_rgb, read_uint8, read_uint16):
+            with pytest.raises(InputError, match=f"of at most 67,108,864 pixels, found {width}x{height}"):
+                read(tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"])

@@ -250,7 +250,8 @@ def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     try:
         return Lens(size, (focal[0], focal[1]), centre, (k1, k2, p1, p2, k3))
     except ValueError as error:
-        raise fields.refused("k1", "a distortion that can be undone", str(error)) from error
+        key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
+        raise fields.refused(key, "a camera that can be", str(error)) from error
 
 
 def _focal(fields: Fields, axis: str, side: int) -> float | None:
