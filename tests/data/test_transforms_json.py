@@ -23,6 +23,7 @@ SIZE = (120, 170)
 FX, FY, CX, CY = 150.0, 143.0, 91.3, 55.2
 PINHOLE = {"fl_x": FX, "fl_y": FY, "cx": CX, "cy": CY, "w": SIZE[1], "h": SIZE[0]}
 DISTORTION = {"k1": 0.11, "k2": -0.06, "p1": 0.003, "p2": -0.004, "k3": 0.01}
+FAR = [[1, 0, 0, 5], [0, 1, 0, -3e12], [0, 0, 1, 2], [0, 0, 0, 1]]
 EYES = [(0.5, -0.3, -3.2), (-0.4, 0.2, -2.9), (0.1, 0.4, -3.4)]
 
 
@@ -223,6 +224,10 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (assigned("h", 0), "h", "0"),
         (assigned("k1", True), "k1", "True"),
         (assigned("k1", -1e6), "k1", "cannot be undone"),
+        (assigned("fl_x", 1e9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
+        (assigned("fl_x", 1e-9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
+        (assigned("cx", 1e300), "fl_x", "principal point (1e+300, 55.2)"),
+        (assigned("transform_matrix", FAR, 1), "frames[1].transform_matrix", "a position 3e+12 from the origin; at most 1e+12 is read"),
         (assigned("k4", 0.1), "k4", "0.1"),
         (assigned("camera_model", "OPENCV_FISHEYE"), "camera_model", "OPENCV_FISHEYE"),
         (assigned("is_fisheye", True), "is_fisheye", "True"),

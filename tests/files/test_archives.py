@@ -99,5 +99,7 @@ def test_members_longer_than_their_archive_are_refused_before_they_are_read(tmp_
     listed = data.rindex(b"PK\1\2")
     data[listed + 20 : listed + 28] = struct.pack("<II", 3_000_000_000, 3_000_000_000)
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"scene\.zip: a: expected members inside it, found one of 3,000,000,000 bytes"):
+    with pytest.raises(
+        InputError, match=r"scene\.zip: a: expected members inside it, found one of 3,000,000,000 bytes"
+    ):
         members(path)
