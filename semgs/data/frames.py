@@ -11,7 +11,7 @@ from jaxtyping import Float32, UInt8
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.lens import Lens
-from semgs.data.views import Views, resized
+from semgs.data.views import Views, reframed, resized
 from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
@@ -36,7 +36,7 @@ class Frame:
         picture_path: where it is: a file, or what stands for one in an archive or a recording.
         lens: the camera that took it, distortion included.
         world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
-        depth_path: z-depth map, 16-bit PNG or .npy, or whatever holds or yields it; None where there is none.
+        depth_path: z-depth map, 16-bit PNG or PGM, or .npy, or whatever holds or yields it; None where there is none.
         depth_unit: what one count of the depth map is worth [m].
         label_path: class map, 8-bit PNG, or whatever holds or yields it; None where there is none.
         points: which of the scene's sparse points it sees (indices), or None where the layout has none.
@@ -64,6 +64,7 @@ class Frame:
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
+        crop: bool = False,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
         """The frame as one view, distortion undone, every number checked.
@@ -72,13 +73,14 @@ class Frame:
             depth_range: near and far to give the view.
             classes: the table of its labels; None leaves labels out.
             size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the picture at its own size.
+            crop: where the size has another aspect, crop to it, as `semgs.data.views.reframed`; else the picture is stretched.
             maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
 
         Raises:
             InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
             ValueError: as `Views`.
         """
-        return self.view(depth_range, classes, size=size, maps=maps).checked()
+        return self.view(depth_range, classes, size=size, crop=crop, maps=maps).checked()
 
     def view(
         self,
@@ -86,6 +88,7 @@ class Frame:
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
+        crop: bool = False,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
         """As `read`, but trusted: for those that join several frames and check them together.
@@ -108,7 +111,7 @@ class Frame:
             depths=None if depths is None else torch.from_numpy(depths)[None],
             classes=classes or SCANNET20,
         )
-        return view if size is None else resized(view, size)
+        return view if size is None else (reframed if crop else resized)(view, size)
 
     def read_image(self) -> UInt8[np.ndarray, "h w 3"]:
         """The picture as it is stored, RGB.

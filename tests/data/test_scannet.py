@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -437,6 +438,9 @@ def test_another_table_is_refused_with_path_and_column(copied, content, message)
     (copied.parent.parent / "scannetv2-labels.combined.tsv").write_bytes(content)
     with pytest.raises(InputError, match=message):
         open_scene(copied)
+    scene = open_scene(copied, needs_labels=False)
+    assert scene.classes is None
+    assert re.search(f"^The labels are left out: .*{message}", scene.notes[-1])
 
 
 def spoil(folder: Path, name: str, content: bytes | None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import torch
 from landmarks import POINTS, drawn, found, looking
 from PIL import Image
 
-from semgs.data.scenes import open_scene
+from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
 
@@ -362,6 +363,21 @@ def test_labels_need_a_known_table(tmp_path, shared, key):
     with pytest.raises(InputError) as caught:
         open_scene(with_maps(tmp_path, shared, DEPTHS, LABELS))
     assert caught.value.key == key
+
+
+def test_labels_of_an_unknown_table_are_left_out_and_told_where_nobody_needs_them(tmp_path):
+    folder = with_maps(tmp_path / "a", {"label_set": "scannet200"}, DEPTHS, LABELS)
+    for needed in (open_scene, lambda path: open_scenes(path.parent)):
+        with pytest.raises(InputError, match="label_set: expected the table of classes"):
+            needed(folder)
+    scene = open_scene(folder, needs_labels=False)
+    assert scene.classes is None
+    assert scene.read([0, 1]).labels is None
+    assert scene.read([0, 1]).depths is not None
+    assert len(scene.notes) == 1
+    assert re.fullmatch(
+        r"The labels are left out: .*label_set: .* unknown class table 'scannet200'; known: scannet20\.", scene.notes[0]
+    )
 
 
 def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tmp_path):

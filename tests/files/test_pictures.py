@@ -224,6 +224,27 @@ def test_depth_needs_sixteen_bits_and_labels_need_eight(tmp_path, rgb):
             read(tmp_path / f"{name}.png")
 
 
+def test_counts_of_a_pgm_are_taken_as_they_are(tmp_path):
+    (tmp_path / "a.pgm").write_bytes(b"P5 3 # across\n2\t4096\n" + bytes([0, 1, 1, 0, 16, 0, 0, 0, 255, 255, 2, 3]))
+    np.testing.assert_array_equal(read_uint16(tmp_path / "a.pgm"), [[1, 256, 4096], [0, 65535, 515]])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"P5 3 2 65535\n" + bytes(11), "expected a complete picture, found 11 bytes of 3x2 counts"),
+        (b"P5 999999999 999999999 65535\n" + bytes(12), "expected a complete picture, found 12 bytes of 999999999x"),
+        (b"P5 3 2 255\n" + bytes(6), "expected a 16-bit PGM .* found one whose largest count is 255"),
+        (b"P2 3 2 65535\n1 2 3 4 5 6", "expected a 16-bit PGM .* found something else"),
+        (b"", "expected a 16-bit PGM .* found something else"),
+    ],
+)
+def test_other_pgms_are_refused(tmp_path, content, message):
+    (tmp_path / "a.pgm").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_uint16(tmp_path / "a.pgm")
+
+
 def test_grey_pictures_for_features_are_reduced_in_proportion(tmp_path):
     Image.fromarray(smooth()).save(tmp_path / "a.jpg", quality=95)
     grey = read_grey(tmp_path / "a.jpg", (200, 310), 100)

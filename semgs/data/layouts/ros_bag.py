@@ -187,6 +187,9 @@ class _Bag:
         except Exception as error:  # whatever the readers of several storages raise on damage
             raise InputError(path, "a ROS bag", f"one that rosbags cannot read: {error}") from error
         weakref.finalize(self, _close, self._reader)
+        for one in self._reader.connections:
+            if not isinstance(one.topic, str):  # as YAML has 5 without quotes
+                raise InputError(path, "names of topics", f"{one.topic!r}, which is no text", "metadata.yaml")
         self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
         self.counts = {topic: info.msgcount for topic, info in self._reader.topics.items()}
 

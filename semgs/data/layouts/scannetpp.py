@@ -113,6 +113,7 @@ class ScannedFrame(Frame):
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
+        crop: bool = False,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
         """As `Frame.view`; labels and depth are exact at the centres of the pixels that are read.
@@ -121,7 +122,7 @@ class ScannedFrame(Frame):
             InputError: as `Frame.view`, and where a file of the scan cannot be used.
             ImportError: embreex or trimesh is not installed.
         """
-        view = super().view(depth_range, classes or SCANNET20, size=size, maps=maps)
+        view = super().view(depth_range, classes or SCANNET20, size=size, crop=crop, maps=maps)
         hidden = torch.zeros(1, *view.size, dtype=torch.bool) if view.labels is None else view.labels == IGNORE
         labels, depths = None, view.depths
         if self.mesh is not None:
@@ -178,7 +179,8 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
     folder = scan / device.folder
     posed = _posed(folder, device, TOOLBOX_UNDISTORTION in as_peers)
     pictures = _pictures(folder, posed.device, posed.names)
-    mesh, notes = _mesh(scan)
+    scanned = _mesh(scan)
+    mesh = scanned.mesh
     masks = next((folder / place for place in posed.device.masks if (folder / place).is_dir()), None)
     bad = _bad(folder)
     frames, absent, used = [], [], set[str]()
@@ -215,7 +217,8 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
         layout=f"{LAYOUT} {device.folder}",
         unit="metric",
         frames=tuple(frames),
-        classes=SCANNET20 if mesh is not None and mesh.annotations is not None else None,
+        classes=SCANNET20 if mesh and mesh.annotations and scanned.unread is None else None,
+        unread_labels=scanned.unread,
         absent=tuple(absent),
         notes=(
             *posed.notes,
@@ -226,7 +229,7 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
             ),
             *([f"{marked} pictures are marked as bad and left out."] if marked else []),
             *_unmasked(frames, masks),
-            *notes,
+            *scanned.notes,
             *([] if mesh else _sensor_notes(frames, device)),
             *_other_device(scan, path, device),
             *(f"Read as peers do: {READINGS[one]}." for one in as_peers if one in APPLICABLE and posed.device is DSLR),
@@ -472,27 +475,38 @@ def _check_size(picture: Path, lens: Lens) -> None:
         )
 
 
-def _mesh(scan: Path) -> tuple[LabelledMesh | None, list[str]]:
-    """The mesh of a scan with what its objects' names mean, and what the user should be told of it.
+@dataclass(frozen=True)
+class _Scanned:
+    """What a laser scan left: its mesh with what its objects' names mean, what the user should be told, and why not if they mean nothing."""
+
+    mesh: LabelledMesh | None
+    notes: tuple[str, ...] = ()
+    unread: InputError | None = None
+
+
+def _mesh(scan: Path) -> _Scanned:
+    """The mesh of a scan, if it is there and can be read.
 
     Raises:
-        InputError: the annotations or ScanNet's table are broken.
+        InputError: the annotations are broken.
     """
     folder = scan / "scans"
     if not (folder / MESH).is_file():
-        return None, [f"There is no scans/{MESH}, so there are no labels."]
+        return _Scanned(None, (f"There is no scans/{MESH}, so there are no labels.",))
     if not all(find_spec(library) for library in ("embreex", "trimesh")):
-        return None, [
-            "Labels and depth of the mesh need embreex and trimesh, which are not installed; pip install '.[raycast]' in SemGS's folder"
-        ]
+        needed = "Labels and depth of the mesh need embreex and trimesh, which are not installed"
+        return _Scanned(None, (f"{needed}; pip install '.[raycast]' in SemGS's folder.",))
     bare = LabelledMesh(folder, scan.absolute().name, ())
     if bare.annotations is None:
-        return bare, [
-            f"There is no {bare.folder / 'segments_anno.json'}: depth is the mesh's, and there are no labels."
-        ]
-    table = find_table(scan)
+        sentence = f"There is no {bare.folder / 'segments_anno.json'}: depth is the mesh's, and there are no labels."
+        return _Scanned(bare, (sentence,))
     names = object_names(bare.annotations)
-    known, missed = labels_of(names, read_table(table) if table else None)
+    place = find_table(scan)
+    try:
+        table = read_table(place) if place else None
+    except InputError as error:
+        return _Scanned(bare, unread=error)
+    known, missed = labels_of(names, table)
     notes = []
     if missed:
         told = ", ".join(f"{name or '(no name)'} ({count})" for name, count in missed[:NAMED])
@@ -504,7 +518,7 @@ def _mesh(scan: Path) -> tuple[LabelledMesh | None, list[str]]:
         notes.append(
             "ScanNet's scannetv2-labels.combined.tsv is not with the data; with it, more names would be known."
         )
-    return replace(bare, labels=known), notes
+    return _Scanned(replace(bare, labels=known), tuple(notes))
 
 
 def _unmasked(frames: Sequence[ScannedFrame], masks: Path | None) -> list[str]:
