@@ -60,7 +60,7 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 def gsplat(cuda: torch.device) -> torch.device:
     """A CUDA device that gsplat draws on, compiled; the test is skipped where gsplat is not installed."""
     if find_spec("gsplat") is None:
-        pytest.skip('gsplat is not installed; pip install "semgs[cuda]"')
+        pytest.skip("gsplat is not installed; pip install '.[cuda]' in SemGS's folder")
     from semgs.rendering.gsplat_backend import rasterizer
 
     with warnings.catch_warnings():  # torch's compiler of extensions has advice to give

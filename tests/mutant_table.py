@@ -54,6 +54,8 @@ CHOICE = "semgs/data/choice.py"
 SCANNET = "semgs/data/layouts/scannet.py"
 SCANNETPP = "semgs/data/layouts/scannetpp.py"
 
+COLMAP = "semgs/data/layouts/colmap_files.py"
+
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
     """Tests of a reader in `tests/data/layouts`."""
@@ -94,6 +96,7 @@ OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
 OF_LOSSES = ("tests/objectives/test_losses.py",)
 OF_DEPTH_LOSSES = ("tests/objectives/test_depth_losses.py",)
 OF_METRICS = ("tests/objectives/test_metrics.py",)
+OF_COLMAP = ("tests/data/test_colmap_files.py",)
 OF_CHOICE = ("tests/data/test_choice.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
@@ -770,6 +773,30 @@ MUTANTS = (
         "prepared poses keep OpenCV's axes", "semgs/data/preparation.py",
         "pose[:3, 1:3] *= -1", "pose[:3, 1:3] *= 1",
         ("tests/data/test_preparation.py::test_a_prepared_scene_is_the_scene_resized_with_its_camera",),
+    ),
+    Mutant(
+        "the translation of a COLMAP pose is that of the camera in the world", COLMAP,
+        "= rotations, -rotations @ values[:, 4:, None]", "= rotations, values[:, 4:, None]", OF_COLMAP,
+    ),
+    Mutant(
+        "the counts of a COLMAP file are believed", COLMAP, "if count > (len(data) - _COUNT.size) // least:", "if False:", OF_COLMAP,
+    ),
+    Mutant(
+        "tracks of COLMAP points are read by the points of images", COLMAP, '"<u4")[::2]', '"<u4")[1::2]', OF_COLMAP,
+    ),
+    Mutant(
+        "another aspect is cropped from the left, not about the middle", "semgs/data/views.py",
+        "(views.size[1] - columns) // 2", "0",
+        ("tests/data/test_views.py::test_another_aspect_is_cropped_about_the_middle_and_never_stretched",),
+    ),
+    Mutant(
+        "zip members are inflated whole, whatever size they list", "semgs/files/archives.py",
+        ".decompress(data, self.size + 1)", ".decompress(data)", ("tests/files/test_archives.py",),
+    ),
+    Mutant(
+        "counts of a PGM have their low byte first", "semgs/files/pictures.py",
+        'np.frombuffer(data, ">u2"', 'np.frombuffer(data, "<u2"',
+        ("tests/files/test_pictures.py::test_counts_of_a_pgm_are_taken_as_they_are",),
     ),
     # Choice of views
     Mutant(

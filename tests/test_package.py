@@ -40,6 +40,18 @@ def test_the_public_names_are_there():
         _ = semgs.laod
 
 
+def test_extras_are_named_as_they_are_installed_from_a_clone_since_the_package_is_on_no_index():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    files = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "semgs").rglob("*.py")]
+    named = {
+        extra
+        for file in files
+        for told in re.findall(r"pip install (?:-e )?(\S+\[[\w,]+\])", file.read_text())
+        for extra in re.fullmatch(r"""["']\.\[(.+)\]""", told)[1].split(",")
+    }
+    assert {"cuda", "hub", "ros", "raycast", "rooms", "train"} <= named <= extras.keys()
+
+
 def test_the_wheel_holds_every_file_of_the_package_and_nothing_else(wheel: zipfile.ZipFile):
     listed = subprocess.run(["git", "ls-files", "semgs"], cwd=ROOT, capture_output=True, text=True, check=False)
     if listed.returncode:

@@ -65,8 +65,8 @@ class Reconstruct:
     context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]")] = ()
     """Take these frames, by position or name, instead of choosing."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
-    """Height x width to read the pictures at, such as 240x320. By default they are reduced, aspect kept, sides
-    rounded to multiples of 16, to at most 76,800 pixels."""
+    """Height x width to read the images at, such as 240x320. Images of another aspect are cropped about the middle.
+    By default they are reduced, aspect kept, sides rounded to multiples of 16, to at most 76,800 pixels."""
     model: Literal["small", "base", "base_text", "mvsplat"] = "small"
     """small runs on a laptop; base has the paper's sizes; mvsplat knows colour only."""
     weights: Annotated[str, tyro.conf.arg(metavar="PATH")] = "shipped"
@@ -91,7 +91,7 @@ class Reconstruct:
             from semgs.data.scenes import open_asked
 
         device = chosen_device(self.device)
-        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked)
+        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
         stages = Stages(show_stage)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)

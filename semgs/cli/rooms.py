@@ -59,7 +59,7 @@ class Rooms:
     a baseline; other is a second world that is held out: choose by it, do not train in it."""
     render: Renders = "shaded"
     """How scenes are lit: shaded has sun, sky, lamps and shadows, a fifth of a second a frame; traced follows light from wall to
-    wall, with reflections and mirrors, some seconds a frame (pip install 'semgs[rooms]'); mixed traces one scene in ten."""
+    wall, with reflections and mirrors, some seconds a frame (pip install '.[rooms]'); mixed traces one scene in ten."""
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and pictures, which is checked once against its lock: half of the homes are furnished with its meshes,
     most get its pictures. Other uses files of its own. Again for another folder; none needs nothing."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -12,7 +11,8 @@ from jaxtyping import Float32, UInt8
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.lens import Lens
-from semgs.data.views import Views, resized
+from semgs.data.views import Views, reframed, resized
+from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
 from semgs.files.stored import Stored
@@ -36,7 +36,7 @@ class Frame:
         picture_path: where it is: a file, or what stands for one in an archive or a recording.
         lens: the camera that took it, distortion included.
         world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
-        depth_path: z-depth map, 16-bit PNG or .npy, or whatever holds or yields it; None where there is none.
+        depth_path: z-depth map, 16-bit PNG or PGM, or .npy, or whatever holds or yields it; None where there is none.
         depth_unit: what one count of the depth map is worth [m].
         label_path: class map, 8-bit PNG, or whatever holds or yields it; None where there is none.
         points: which of the scene's sparse points it sees (indices), or None where the layout has none.
@@ -64,6 +64,7 @@ class Frame:
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
+        crop: bool = False,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
         """The frame as one view, distortion undone, every number checked.
@@ -72,13 +73,14 @@ class Frame:
             depth_range: near and far to give the view.
             classes: the table of its labels; None leaves labels out.
             size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the picture at its own size.
+            crop: where the size has another aspect, crop to it, as `semgs.data.views.reframed`; else the picture is stretched.
             maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
 
         Raises:
             InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
             ValueError: as `Views`.
         """
-        return self.view(depth_range, classes, size=size, maps=maps).checked()
+        return self.view(depth_range, classes, size=size, crop=crop, maps=maps).checked()
 
     def view(
         self,
@@ -86,6 +88,7 @@ class Frame:
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
+        crop: bool = False,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
         """As `read`, but trusted: for those that join several frames and check them together.
@@ -108,7 +111,7 @@ class Frame:
             depths=None if depths is None else torch.from_numpy(depths)[None],
             classes=classes or SCANNET20,
         )
-        return view if size is None else resized(view, size)
+        return view if size is None else (reframed if crop else resized)(view, size)
 
     def read_image(self) -> UInt8[np.ndarray, "h w 3"]:
         """The picture as it is stored, RGB.
@@ -133,12 +136,9 @@ class Frame:
             InputError: it is absent, damaged or of another type.
         """
         if path.suffix.lower() == ".npy":
-            try:
-                counts = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-            except (OSError, ValueError, EOFError) as error:
-                raise InputError(path, "an array of depths", str(error)) from error
-            if not isinstance(counts, np.ndarray) or counts.ndim != 2 or counts.dtype.kind not in "fiu":
-                raise InputError(path, "an array [height width] of numbers", f"{getattr(counts, 'shape', counts)}")
+            counts = read_array(path)
+            if counts.ndim != 2:
+                raise InputError(path, "an array [height width] of numbers", f"{counts.shape}")
         else:
             counts = read_uint16(path)
         depths = counts.astype(np.float32) * np.float32(self.depth_unit)

@@ -7,8 +7,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from semgs.files.pictures import MOST_PIXELS
+
 HALF = 0.5
 """OpenCV's first pixel centre is at 0, ours at 0.5: taken from cx, cy and positions before its calls, added after."""
+
+FOCAL = (0.01, 100.0)
+"""A focal length is between these, in longer sides of the picture: angles of view from 179 degrees to half a degree."""
+
+FURTHEST_CENTRE = 10.0
+"""The principal point lies no further from the picture's corner than this, in longer sides."""
 
 _GRID = 32
 """Distortion is checked at so many places along each side."""
@@ -28,8 +36,9 @@ class Lens:
         distortion: (k1, k2, p1, p2, k3), all 0 for a pinhole.
 
     Raises:
-        ValueError: the size or a focal length is not positive, a number is not finite, or the distortion is so strong that no
-            pinhole sees the whole picture after it is undone.
+        ValueError: the size is not positive or beyond `MOST_PIXELS`, a number is not finite, a focal length or the principal point
+            is not within `FOCAL` and `FURTHEST_CENTRE`, or the distortion is so strong that no pinhole sees the whole picture
+            after it is undone.
     """
 
     size: tuple[int, int]
@@ -45,6 +54,17 @@ class Lens:
         if not np.isfinite((*self.focal, *self.centre, *self.distortion)).all():
             raise ValueError(
                 f"focal {self.focal}, centre {self.centre}, distortion {self.distortion}; expected finite numbers"
+            )
+        if self.size[0] * self.size[1] > MOST_PIXELS:
+            raise ValueError(f"size {self.size} (height, width); expected at most {MOST_PIXELS:,} pixels")
+        longer = max(self.size)
+        if not all(FOCAL[0] * longer <= focal <= FOCAL[1] * longer for focal in self.focal):
+            raise ValueError(
+                f"focal lengths {self.focal} px; expected {FOCAL[0]:g} to {FOCAL[1]:g} times the longer side of {longer} px"
+            )
+        if max(map(abs, self.centre)) > FURTHEST_CENTRE * longer:
+            raise ValueError(
+                f"principal point {self.centre} px; expected it within {FURTHEST_CENTRE:g} times the longer side of {longer} px"
             )
         if not self.is_pinhole and not self._can_be_undone():
             raise ValueError(

@@ -34,13 +34,11 @@ from semgs.data.lens import Lens
 from semgs.data.prepared_record import RECORD
 from semgs.data.scene import Scene
 from semgs.data.terms import terms_of
-from semgs.data.views import INDOOR_DEPTH_RANGE, Views, cropped, resized
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views, reframed
 from semgs.files.errors import InputError
 from semgs.files.pictures import png_bytes
 
 MILLIMETRE = 0.001
-STRETCH = 0.01
-"""Pictures whose aspect is further off than this are cropped, not stretched."""
 _MIDNIGHT = (1980, 1, 1, 0, 0, 0)
 """The time of every member: the earliest that a zip archive can tell."""
 
@@ -181,10 +179,7 @@ def prepared_view(
     view = frame.read(INDOOR_DEPTH_RANGE, scene.classes, maps=maps)
     rows, columns = view.size
     height, width = size if (rows <= columns) == (size[0] <= size[1]) else size[::-1]
-    if abs(rows * width / (columns * height) - 1) > STRETCH:
-        kept = (min(rows, round(columns * height / width)), min(columns, round(rows * width / height)))
-        view = cropped(view, (rows - kept[0]) // 2, (columns - kept[1]) // 2, kept)
-    return resized(view, (height, width))
+    return reframed(view, (height, width))
 
 
 def fingerprint(scene: Scene) -> dict[str, Any]:

@@ -98,5 +98,7 @@ def _embree() -> tuple[type, type]:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     except ImportError as error:
-        raise ImportError('casting rays needs embreex, which is not installed; pip install "semgs[raycast]"') from error
+        raise ImportError(
+            "casting rays needs embreex, which is not installed; pip install '.[raycast]' in SemGS's folder"
+        ) from error
     return EmbreeScene, TriangleMesh

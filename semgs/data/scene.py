@@ -30,7 +30,8 @@ class Scene:
         layout: what it was recognised as: "transforms.json", "COLMAP", "ScanNet", "ScanNet++ dslr", ...
         unit: "metric" or "unknown": what lengths are in.
         frames: the usable frames.
-        classes: the table of the labels, None where the scene has none.
+        classes: the table of the labels, None where the scene has none or they cannot be read.
+        unread_labels: why labels that are there cannot be read: their table is unknown or damaged. None where there is no such thing.
         absent: names that are listed and whose pictures are missing.
         notes: what the user should be told, a sentence each.
         points: sparse points [n 3] in the world, or None.
@@ -45,6 +46,7 @@ class Scene:
     unit: str
     frames: tuple[Frame, ...]
     classes: ClassTable | None = None
+    unread_labels: InputError | None = None
     absent: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     points: np.ndarray | None = field(default=None, repr=False)
@@ -133,7 +135,7 @@ class Scene:
 
         Args:
             frames: positions or names, in the order wanted.
-            size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the pictures at their own size.
+            size: (height, width) to bring them to, as `semgs.data.views.reframed`: other aspects are cropped; None leaves the pictures at their own size.
             depth_range: near and far to give them; None is `depth_range` of these frames.
 
         Raises:
@@ -154,5 +156,5 @@ class Scene:
             if frame.lens != lens and not frame.lens.is_pinhole:
                 lens, maps = frame.lens, frame.lens.maps()
             given = None if frame.lens.is_pinhole else maps
-            views.append(frame.view((bounds.near, bounds.far), self.classes, size=size, maps=given))
+            views.append(frame.view((bounds.near, bounds.far), self.classes, size=size, crop=True, maps=given))
         return joined(views).checked()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.asked import Asked
@@ -74,6 +74,7 @@ def open_scene(
     body: str | None = None,
     intrinsics: Sequence[float] | None = None,
     depth_unit: float | None = None,
+    needs_labels: bool = True,
 ) -> Scene:
     """The scene at a path; its layout is recognised from what the folder holds.
 
@@ -81,16 +82,17 @@ def open_scene(
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names of `semgs.data.peers.READINGS`: what to read as peers do, where ours differs.
         camera, world, body, intrinsics, depth_unit: as in `semgs.data.asked.Asked`, for layouts that leave them open.
+        needs_labels: whether labels that are there but cannot be read are an error; if not, they are left out and a note says why.
 
     Raises:
         InputError: nothing is there, no layout is recognised (what was looked for is listed), the scene's own description is broken,
-            a reading is asked for that its layout does not have, or something is told that it does not leave open.
+            the table of its labels is unknown or damaged (if they are needed), a reading is asked for that its layout does not have, or something is told that it does not leave open.
         ValueError: there is no reading of that name, or what is told cannot be.
     """
-    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit))
+    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit), needs_labels)
 
 
-def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked) -> Scene:
+def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene:
     """As `open_scene`, with all that is told of the scene as one.
 
     Raises:
@@ -99,7 +101,7 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked) -> Sce
     check_readings(as_peers)
     path = Path(path).expanduser()
     existing_folder(path)
-    scene = _opened(path, as_peers, asked)
+    scene = _opened(path, as_peers, asked, needs_labels)
     if scene is None:
         raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
     return scene
@@ -162,10 +164,21 @@ def _found(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _opened(path: Path, as_peers: Collection[str], asked: Asked) -> Scene | None:
-    """The scene at a path, None where it has no known layout."""
+def _opened(path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene | None:
+    """The scene at a path, None where it has no known layout.
+
+    Raises:
+        InputError: as `open_scene`.
+    """
     layout = next((one for one in LAYOUTS if one.recognises(path)), None)
-    return layout.scene(path, as_peers, asked) if layout is not None else None
+    if layout is None:
+        return None
+    scene = layout.scene(path, as_peers, asked)
+    if scene.unread_labels is None:
+        return scene
+    if needs_labels:
+        raise scene.unread_labels
+    return replace(scene, notes=(*scene.notes, f"The labels are left out: {scene.unread_labels}."))
 
 
 def _children(path: Path) -> list[Path]:

@@ -22,6 +22,10 @@ DEFAULT_PIXELS = 76_800
 """Pictures are reduced to at most so many pixels unless the user asks for a size: 240 x 320."""
 
 
+STRETCH = 0.01
+"""Pictures whose aspect is off by no more than this are stretched where others are cropped."""
+
+
 @dataclass(frozen=True, init=False)
 class Views:
     """Posed pictures of one scene, or of a batch of scenes.
@@ -291,6 +295,8 @@ def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
         ValueError: the window is empty or reaches outside the pictures.
     """
     height, width = size
+    if (height, width) == views.size and top == left == 0:
+        return views
     if not (0 <= top < top + height <= views.size[0] and 0 <= left < left + width <= views.size[1]):
         raise ValueError(
             f"the window has rows {top}..{top + height} and columns {left}..{left + width}; "
@@ -300,6 +306,29 @@ def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
     shift = torch.eye(3, dtype=torch.float64)
     shift[0, 2], shift[1, 2] = -left, -top
     return views.map(lambda maps: maps[window], cameras=views.cameras.adjusted(shift, (height, width)))
+
+
+def reframed(views: Views, size: Sequence[int]) -> Views:
+    """The views at another size without distortion: cropped about the middle to its aspect, then resized.
+
+    Args:
+        views: with any leading axes.
+        size: the new (height, width) [px].
+
+    Raises:
+        ValueError: the size is not two positive integers.
+    """
+    size = checked_size(size)
+    rows, columns = kept_size(views.size, size)
+    return resized(cropped(views, (views.size[0] - rows) // 2, (views.size[1] - columns) // 2, (rows, columns)), size)
+
+
+def kept_size(old: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
+    """(height, width) of the part that `reframed` keeps: all of it where the aspects differ by no more than `STRETCH` [px]."""
+    (rows, columns), (height, width) = old, size
+    if abs(rows * width / (columns * height) - 1) <= STRETCH:
+        return old
+    return max(1, min(rows, round(columns * height / width))), max(1, min(columns, round(rows * width / height)))
 
 
 def default_size(size: Sequence[int]) -> tuple[int, int]:

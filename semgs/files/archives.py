@@ -16,6 +16,9 @@ from pathlib import Path, PurePosixPath
 
 from semgs.files.errors import InputError
 
+MOST_BYTES = 1 << 28
+"""A member that is larger than this when it is inflated is not read [bytes]: 256 MiB, four times the largest of photos."""
+
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
 _HEADER = struct.Struct("<4s22xHH")
@@ -31,6 +34,7 @@ class Member:
         inside: its name in there, with slashes ("images/000.jpg").
         header: where its local header begins.
         length: bytes that it takes in the archive.
+        size: bytes of its content.
         checksum: CRC-32 of its content.
         deflated: whether it is compressed.
     """
@@ -39,6 +43,7 @@ class Member:
     inside: str
     header: int
     length: int
+    size: int
     checksum: int
     deflated: bool = False
 
@@ -60,8 +65,10 @@ class Member:
         """The content.
 
         Raises:
-            OSError: the archive cannot be read, was changed, or is damaged here.
+            OSError: the archive cannot be read, was changed, or is damaged here, or the content is larger than `MOST_BYTES`.
         """
+        if self.size > MOST_BYTES:
+            raise OSError(errno.EFBIG, f"{self.size:,} bytes; at most {MOST_BYTES:,} are read")
         with self.archive.open("rb") as file:
             file.seek(self.header)
             start = file.read(_HEADER.size)
@@ -72,10 +79,11 @@ class Member:
             else:
                 data = b""
         try:
-            content = zlib.decompress(data, -zlib.MAX_WBITS) if self.deflated else data
+            # No more than the archive lists, whatever is in there.
+            content = zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, self.size + 1) if self.deflated else data
         except zlib.error:
             content = b""
-        if len(data) != self.length or zlib.crc32(content) != self.checksum:
+        if len(data) != self.length or len(content) != self.size or zlib.crc32(content) != self.checksum:
             raise OSError(errno.EIO, "its bytes are not those that the archive lists: damaged, or changed meanwhile")
         return content
 
@@ -104,23 +112,28 @@ def members(archive: Path) -> dict[str, Member]:
     """The files of a zip archive by their names in it.
 
     Raises:
-        InputError: it is no zip archive, is damaged, or has a member that is encrypted or compressed in another way than deflate.
+        InputError: it is no zip archive, is damaged, or has a member that is encrypted, compressed in another way than deflate, or
+            longer than the archive.
     """
     try:
         with zipfile.ZipFile(archive) as opened:
             listed = [one for one in opened.infolist() if not one.is_dir()]
+            end = archive.stat().st_size
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
     for one in listed:
         if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
             found = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
             raise InputError(archive, "members that are stored or deflated", f"one {found}", one.filename)
+        if one.header_offset + one.compress_size > end:
+            raise InputError(archive, "members inside it", f"one of {one.compress_size:,} bytes", one.filename)
     return {
         one.filename: Member(
             archive,
             one.filename,
             one.header_offset,
             one.compress_size,
+            one.file_size,
             one.CRC,
             one.compress_type == zipfile.ZIP_DEFLATED,
         )

@@ -1,4 +1,4 @@
-"""Pictures in and out: JPEG and PNG to arrays, arrays to PNG.
+"""Pictures in and out: JPEG and PNG (and PGM for depth) to arrays, arrays to PNG.
 
 What a file means is decided here and nowhere else. 8-bit RGB is what comes out; 16-bit is rounded to 8, grey is repeated,
 palettes are looked up, transparent areas are laid on white (as NeRF's synthetic scenes are meant). What has no certain
@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import struct
+import warnings
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,13 @@ from semgs.files.errors import InputError
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
+
+MOST_PIXELS = 1 << 26
+"""Pictures with more pixels than this are not decoded: 67 megapixels, which as float32 take 0.8 GB."""
+
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
+_PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
+"""A PGM's header: width, height and the largest count, with spaces and comments between; a single space before the counts."""
 _ORIENTATION = 0x0112
 _SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
@@ -128,7 +137,12 @@ def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = N
         header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
         turn = is_turned(path, header, size)
         if data[:4] == b"\x89PNG" and data[24] == 16:
-            pixels = _eight_bits(np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)))
+            # Pillow is content without the last bytes; OpenCV is not, and its libraries print so.
+            whole = _PNG_END in data
+            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if whole else None
+            if decoded is None:
+                raise InputError(path, "a complete picture", "one cut short")
+            pixels = _eight_bits(np.asarray(decoded))
         else:
             pixels = _channels(path, image)
     rgb = _on_white(pixels)
@@ -163,16 +177,35 @@ def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.nda
 
 
 def read_uint16(path: str | Stored) -> np.ndarray:
-    """A 16-bit PNG of one channel, uint16 [h w]: depth maps.
+    """A 16-bit PNG or binary PGM of one channel, uint16 [h w]: depth maps. The counts of a PGM are taken as they are, whatever its maximum.
 
     Raises:
         InputError: absent, cut short, or not that.
     """
+    if stored(path).suffix.lower() == ".pgm":
+        return _pgm_counts(path, _bytes(path))
     with _opened(path) as image:
         _decode(path, image)
         if image.mode not in _SIXTEEN_BITS or image.format != "PNG":
             raise InputError(path, "a 16-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
         return np.asarray(image).astype(np.uint16)
+
+
+def _pgm_counts(path: str | Stored, data: bytes) -> np.ndarray:
+    """The counts of a PGM, uint16 [h w]. https://netpbm.sourceforge.net/doc/pgm.html
+
+    Raises:
+        InputError: cut short, or not 16 bits.
+    """
+    header = _PGM.match(data)
+    width, height, most = (int(number) for number in header.groups()) if header else (0, 0, 0)
+    if header is None or not 255 < most < 1 << 16:
+        raise InputError(
+            path, "a 16-bit PGM (P5)", f"one whose largest count is {most}" if header else "something else"
+        )
+    if len(data) - header.end() < 2 * width * height:
+        raise InputError(path, "a complete picture", f"{len(data) - header.end()} bytes of {width}x{height} counts")
+    return np.frombuffer(data, ">u2", width * height, header.end()).reshape(height, width).astype(np.uint16)
 
 
 def read_uint8(path: str | Stored) -> np.ndarray:
@@ -253,7 +286,7 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     """The picture with its header read and its pixels not yet.
 
     Raises:
-        InputError: the file is absent, or no JPEG or PNG.
+        InputError: the file is absent, no JPEG or PNG, or has more than `MOST_PIXELS`.
     """
     held = stored(path)
     if data is None and not held.is_file():
@@ -261,11 +294,17 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     if data is None and not isinstance(held, Path):
         data = _bytes(held)
     try:
-        return Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the bound is below, and lower
+            image = Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
         raise InputError(path, "a JPEG or PNG picture", "something else or a damaged header") from error
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG picture", str(error)) from error
+    if image.width * image.height > MOST_PIXELS:
+        image.close()
+        raise InputError(path, f"a picture of at most {MOST_PIXELS:,} pixels", f"{image.width}x{image.height}")
+    return image
 
 
 def _header(path: str | Stored, image: Image.Image) -> PictureHeader:

@@ -11,7 +11,7 @@ from semgs.data.choice import Choice
 from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
-from semgs.data.views import Views, default_size
+from semgs.data.views import Views, default_size, kept_size
 from semgs.model.encoding import Encoding
 from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.plan import Plan
@@ -103,7 +103,7 @@ def reconstruct(
         scene: an open scene.
         choice: the frames to use and those to hold out.
         model: in evaluation mode, on the device to compute on; rendering is done where `render` does it.
-        size: (height, width) to read the frames at [px]; None is `default_size` of the first one's.
+        size: (height, width) to read the frames at [px]; None is `default_size` of the first one's. Other aspects are cropped.
         stages: told of each stage: read, encode, render.
         notes: what else the user should know, a sentence each.
 
@@ -136,7 +136,13 @@ def reconstruct(
         target=None
         if target is None or held_out is None
         else _shown(scene, choice.targets, target, held_out, model.classes),
-        notes=(*notes, *scene.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(encoded.plan)),
+        notes=(
+            *notes,
+            *scene.notes,
+            *_note_of_aspect(scene, choice, context.size),
+            *_notes(scene, choice, context, model.classes),
+            *_note_of_memory(encoded.plan),
+        ),
         plan=encoded.plan,
     )
 
@@ -168,6 +174,21 @@ def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | N
     if not choice.targets:
         notes.append("No frame is held out, so nothing here tells how well a new view comes out.")
     return notes
+
+
+def _note_of_aspect(scene: Scene, choice: Choice, size: tuple[int, int]) -> list[str]:
+    """That pictures were cropped, if any were."""
+    frames = [scene.frames[position] for position in (*choice.context, *choice.targets)]
+    kept = {frame.name: kept_size(frame.lens.size, size) for frame in frames}
+    changed = [frame for frame in frames if kept[frame.name] != frame.lens.size]
+    if not changed:
+        return []
+    first = changed[0]
+    (rows, columns), (height, width) = first.lens.size, kept[first.name]
+    return [
+        f"{len(changed)} of {len(frames)} pictures have another aspect than {size[0]}x{size[1]} (height x width) and are cropped "
+        f"about the middle, their cameras with them; {first.name} from {rows}x{columns} to {height}x{width} before it is resized."
+    ]
 
 
 def _note_of_memory(planned: Plan | None) -> list[str]:

@@ -84,7 +84,9 @@ def rasterizer() -> Callable:
             from gsplat import rasterization
             from gsplat.cuda._backend import _C
     except ImportError as error:
-        raise ImportError('splatting on CUDA needs gsplat; pip install "semgs[cuda]"', name="gsplat") from error
+        raise ImportError(
+            "splatting on CUDA needs gsplat; pip install '.[cuda]' in SemGS's folder", name="gsplat"
+        ) from error
     if _C is None:
         raise ImportError(
             "gsplat found no CUDA toolkit (nvcc) to compile itself with; install one, or uninstall gsplat to draw on the CPU",

@@ -149,7 +149,7 @@ def _installed() -> bool:
     if find_spec("gsplat") is not None:
         return True
     warnings.warn(
-        'Gaussians on a CUDA device are drawn on the CPU, since gsplat is not installed; pip install "semgs[cuda]" for speed',
+        "Gaussians on a CUDA device are drawn on the CPU, since gsplat is not installed; pip install '.[cuda]' in SemGS's folder for speed",
         stacklevel=4,
     )
     return False

@@ -51,7 +51,9 @@ def device() -> tuple[Any, Any]:
     try:
         import pyoidn
     except ImportError as error:
-        raise ImportError('tracing rooms needs pyoidn, which is not installed; pip install "semgs[rooms]"') from error
+        raise ImportError(
+            "tracing rooms needs pyoidn, which is not installed; pip install '.[rooms]' in SemGS's folder"
+        ) from error
     cpu = pyoidn.Device(pyoidn.OIDN_DEVICE_TYPE_CPU)
     cpu.set_int("numThreads", 1)
     cpu.set_bool("setAffinity", False)

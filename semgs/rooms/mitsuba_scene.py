@@ -93,7 +93,9 @@ def library() -> ModuleType:
         import drjit
         import mitsuba
     except ImportError as error:
-        raise ImportError('tracing rooms needs mitsuba, which is not installed; pip install "semgs[rooms]"') from error
+        raise ImportError(
+            "tracing rooms needs mitsuba, which is not installed; pip install '.[rooms]' in SemGS's folder"
+        ) from error
     mitsuba.set_variant("scalar_rgb")
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(1)

@@ -30,7 +30,7 @@ def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: s
         from lightning_fabric import Fabric
         from lightning_fabric.plugins import MixedPrecision, Precision
     except ImportError as error:
-        raise ImportError('training needs Lightning Fabric: pip install "semgs[train]"') from error
+        raise ImportError("training needs Lightning Fabric: pip install '.[train]' in SemGS's folder") from error
 
     class LayersInBfloat16(MixedPrecision):
         """Autocast around the forward pass; views go in and terms come out in the precision they have."""

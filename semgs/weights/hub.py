@@ -67,7 +67,7 @@ def fetched(text: str) -> Path:
         from huggingface_hub import HfApi, hf_hub_download
     except ImportError as error:
         raise ImportError(
-            'weights on the hub need huggingface_hub: pip install "semgs[hub]"', name="huggingface_hub"
+            "weights on the hub need huggingface_hub: pip install '.[hub]' in SemGS's folder", name="huggingface_hub"
         ) from error
     try:
         repository = HfApi().model_info(asked.repository, revision=asked.revision, files_metadata=True)

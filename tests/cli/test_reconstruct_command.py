@@ -51,6 +51,19 @@ def test_all_files_appear_and_the_summary_tells_what_was_done(done: tuple[Path, 
     assert "untrained" in (out / "report.html").read_text()
 
 
+def test_labels_of_another_version_do_not_stop_a_reconstruction(scene: Path, tmp_path: Path) -> None:
+    file = scene / "transforms.json"
+    described = json.loads(file.read_text()) | {"label_set": "scannet20_v3"}
+    described["frames"][0]["label_file_path"] = "images/000.png"
+    file.write_text(json.dumps(described))
+    out = tmp_path / "out"
+    assert main(["reconstruct", str(scene), "--out", str(out), "--weights", "random", "--context", "0", "1"]) == 0
+    told = [note for note in json.loads((out / "report.json").read_text())["notes"] if "labels are left out" in note]
+    assert len(told) == 1
+    assert "scannet20_v3" in told[0]
+    assert main(["evaluate", "random", "--data", str(scene), "--out", str(tmp_path / "eval")]) == 2
+
+
 def test_what_the_ply_holds_looks_like_the_scene(done: tuple[Path, str]) -> None:
     out, _ = done
     scene = semgs.load_scene(out)

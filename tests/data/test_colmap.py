@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +17,6 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
 from semgs.geometry.rotations import quaternion_from_matrix
-
-pytest.importorskip("pycolmap")
 
 SIZE = (130, 180)
 EYES = [(0.5, -0.3, -3.2), (-0.4, 0.2, -2.9), (0.1, 0.4, -3.4)]
@@ -160,13 +160,15 @@ def test_absent_pictures_are_counted(tmp_path):
     assert any("1 of the model's 3 pictures are absent" in note for note in scene.notes)
 
 
-def test_other_camera_models_are_refused_by_name(tmp_path):
+@pytest.mark.parametrize(("form", "place"), [("text", r"cameras\.txt: line 2"), ("binary", r"cameras\.bin: camera 7")])
+def test_other_camera_models_are_refused_by_name(tmp_path, form, place):
     write_pictures(tmp_path / "images", "PINHOLE")
-    write_text(tmp_path / "sparse", "OPENCV")
-    cameras = tmp_path / "sparse" / "cameras.txt"
-    cameras.write_text(cameras.read_text().replace("OPENCV", "OPENCV_FISHEYE"))
+    WRITERS[form](tmp_path / "sparse", "OPENCV")
+    for file in (tmp_path / "sparse").glob("cameras.*"):
+        numbers = struct.pack("<Ii", 7, 4), struct.pack("<Ii", 7, 5)
+        file.write_bytes(file.read_bytes().replace(*(numbers if form == "binary" else (b"OPENCV", b"OPENCV_FISHEYE"))))
     with pytest.raises(
-        InputError, match=r"camera 7: expected a camera model of SIMPLE_PINHOLE, .* found OPENCV_FISHEYE"
+        InputError, match=place + r": expected a camera model of SIMPLE_PINHOLE, .* found OPENCV_FISHEYE"
     ):
         open_scene(tmp_path)
 
@@ -201,6 +203,29 @@ def test_damaged_models_are_refused(tmp_path, name, old, new):
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(InputError, match="sparse/0"):
         open_scene(tmp_path)
+
+
+@pytest.mark.parametrize("form", WRITERS)
+@pytest.mark.parametrize("on_disk", [b"caf\xe9.png", "caf\u00e9.png".encode()], ids=["Latin-1", "UTF-8"])
+def test_a_latin_1_name_is_found_by_its_letters_or_its_bytes(tmp_path, form, on_disk):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    WRITERS[form](tmp_path / "sparse", "PINHOLE")
+    (tmp_path / "images" / "a.png").rename(tmp_path / "images" / os.fsdecode(on_disk))
+    file = next((tmp_path / "sparse").glob("images.*"))
+    file.write_bytes(file.read_bytes().replace(b"a.png", b"caf\xe9.png"))
+    scene = open_scene(tmp_path)
+    assert [frame.name for frame in scene.frames] == ["b.png", "c.png", "caf\u00e9.png"]
+    assert scene.read([1, 2]).size == SIZE
+
+
+def test_a_model_is_read_without_pycolmap_and_without_points(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pycolmap", None)
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_binary(tmp_path / "sparse", "PINHOLE")
+    (tmp_path / "sparse" / "points3D.bin").unlink()
+    scene = open_scene(tmp_path)
+    assert len(scene) == 3
+    assert scene.points is None
 
 
 def test_pictures_of_another_size_than_the_camera_are_refused(tmp_path):

@@ -103,3 +103,26 @@ def test_lenses_that_cannot_be_are_refused(size, focal, centre):
 def test_distortion_that_folds_over_within_the_picture_is_refused(k1):
     with pytest.raises(ValueError, match="cannot be undone over the whole picture"):
         Lens(SIZE, FOCAL, CENTRE, (k1, 0.0, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("size", "focal", "centre", "message"),
+    [
+        (SIZE, (3.2, 290.0), CENTRE, r"0\.01 to 100 times the longer side of 330 px"),
+        (SIZE, (300.0, 33001.0), CENTRE, r"0\.01 to 100 times the longer side of 330 px"),
+        (SIZE, FOCAL, (171.3, -3301.0), r"principal point \(171\.3, -3301\.0\) px; expected it within 10 times"),
+        ((8192, 8193), (9000.0, 9000.0), (4096.0, 4096.0), "at most 67,108,864 pixels"),
+        ((2**40, 2**40), (2.0**40, 2.0**40), CENTRE, "at most 67,108,864 pixels"),
+        (SIZE, (np.inf, 290.0), CENTRE, "expected finite numbers"),
+        (SIZE, FOCAL, (np.nan, 120.0), "expected finite numbers"),
+    ],
+)
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, DISTORTIONS[0]])
+def test_cameras_that_nobody_has_are_refused_with_the_bound(size, focal, centre, message, distortion):
+    with pytest.raises(ValueError, match=message):
+        Lens(size, focal, centre, distortion)
+
+
+def test_cameras_at_the_bounds_are_taken():
+    assert Lens(SIZE, (3.301, 33000.0), (3300.0, -3300.0)).is_pinhole
+    assert Lens((8192, 8192), (9000.0, 9000.0), (4096.0, 4096.0)).is_pinhole

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -390,7 +391,7 @@ def test_a_damaged_frame_is_named_when_it_is_read(copied, written):
     whole[behind : behind + 40] = bytes(40)
     path.write_bytes(whole)
     with pytest.raises(
-        InputError, match=r"depth of frame 1: expected an array of depths, found depth that cannot be inflated"
+        InputError, match=r"depth of frame 1: expected an array of numbers, found depth that cannot be inflated"
     ):
         open_scene(copied).read([1])
 
@@ -437,6 +438,9 @@ def test_another_table_is_refused_with_path_and_column(copied, content, message)
     (copied.parent.parent / "scannetv2-labels.combined.tsv").write_bytes(content)
     with pytest.raises(InputError, match=message):
         open_scene(copied)
+    scene = open_scene(copied, needs_labels=False)
+    assert scene.classes is None
+    assert re.search(f"^The labels are left out: .*{message}", scene.notes[-1])
 
 
 def spoil(folder: Path, name: str, content: bytes | None) -> None:

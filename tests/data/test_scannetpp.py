@@ -269,7 +269,18 @@ def test_without_embree_there_are_no_labels_and_the_extra_is_named(scan, monkeyp
     scene = open_scene(scan / "iphone")
     assert scene.classes is None
     assert scene.read([0]).depths is not None
-    assert any("semgs[raycast]" in note for note in scene.notes)
+    assert any("pip install '.[raycast]'" in note for note in scene.notes)
+
+
+def test_a_table_of_another_version_leaves_the_depth(copied):
+    (copied / "scannetv2-labels.combined.tsv").write_text("index\tname\n1\twall\n")
+    with pytest.raises(InputError, match=r"\.tsv: id: expected ScanNet's"):
+        open_scene(copied / "iphone")
+    scene = open_scene(copied / "iphone", needs_labels=False)
+    view = scene.read([0])
+    assert (scene.classes, view.labels) == (None, None)
+    assert view.depths is not None
+    assert scene.notes[-1].startswith("The labels are left out: ")
 
 
 def test_masks_are_undistorted_with_their_pictures(scan):

@@ -13,7 +13,7 @@ from landmarks import looking
 from PIL import Image
 
 from semgs.data.scenes import open_scene, open_scenes
-from semgs.data.views import resized
+from semgs.data.views import reframed
 from semgs.files.errors import InputError
 
 SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]
@@ -49,9 +49,9 @@ def test_frames_are_read_in_the_order_asked_for(folder):
     assert views.depths is None
 
 
-def test_reading_at_a_size_is_reading_and_resizing(folder):
+def test_reading_at_a_size_is_reading_and_cropping_to_its_aspect_and_resizing(folder):
     scene = open_scene(folder)
-    whole, small = resized(scene.read([0, 1]), (48, 80)), scene.read([0, 1], size=(48, 80))
+    whole, small = reframed(scene.read([0, 1]), (48, 80)), scene.read([0, 1], size=(48, 80))
     assert torch.equal(whole.images, small.images)
     assert torch.equal(whole.cameras.intrinsics, small.cameras.intrinsics)
 

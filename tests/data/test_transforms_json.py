@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import torch
 from landmarks import POINTS, drawn, found, looking
 from PIL import Image
 
-from semgs.data.scenes import open_scene
+from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
 
@@ -23,6 +24,7 @@ SIZE = (120, 170)
 FX, FY, CX, CY = 150.0, 143.0, 91.3, 55.2
 PINHOLE = {"fl_x": FX, "fl_y": FY, "cx": CX, "cy": CY, "w": SIZE[1], "h": SIZE[0]}
 DISTORTION = {"k1": 0.11, "k2": -0.06, "p1": 0.003, "p2": -0.004, "k3": 0.01}
+FAR = [[1, 0, 0, 5], [0, 1, 0, -3e12], [0, 0, 1, 2], [0, 0, 0, 1]]
 EYES = [(0.5, -0.3, -3.2), (-0.4, 0.2, -2.9), (0.1, 0.4, -3.4)]
 
 
@@ -223,6 +225,10 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (assigned("h", 0), "h", "0"),
         (assigned("k1", True), "k1", "True"),
         (assigned("k1", -1e6), "k1", "cannot be undone"),
+        (assigned("fl_x", 1e9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
+        (assigned("fl_x", 1e-9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
+        (assigned("cx", 1e300), "fl_x", "principal point (1e+300, 55.2)"),
+        (assigned("transform_matrix", FAR, 1), "frames[1].transform_matrix", "a position 3e+12 from the origin; at most 1e+12 is read"),
         (assigned("k4", 0.1), "k4", "0.1"),
         (assigned("camera_model", "OPENCV_FISHEYE"), "camera_model", "OPENCV_FISHEYE"),
         (assigned("is_fisheye", True), "is_fisheye", "True"),
@@ -357,6 +363,21 @@ def test_labels_need_a_known_table(tmp_path, shared, key):
     with pytest.raises(InputError) as caught:
         open_scene(with_maps(tmp_path, shared, DEPTHS, LABELS))
     assert caught.value.key == key
+
+
+def test_labels_of_an_unknown_table_are_left_out_and_told_where_nobody_needs_them(tmp_path):
+    folder = with_maps(tmp_path / "a", {"label_set": "scannet200"}, DEPTHS, LABELS)
+    for needed in (open_scene, lambda path: open_scenes(path.parent)):
+        with pytest.raises(InputError, match="label_set: expected the table of classes"):
+            needed(folder)
+    scene = open_scene(folder, needs_labels=False)
+    assert scene.classes is None
+    assert scene.read([0, 1]).labels is None
+    assert scene.read([0, 1]).depths is not None
+    assert len(scene.notes) == 1
+    assert re.fullmatch(
+        r"The labels are left out: .*label_set: .* unknown class table 'scannet200'; known: scannet20\.", scene.notes[0]
+    )
 
 
 def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 import torch
 from landmarks import POINTS, drawn, found, looking
 
-from semgs.data.views import Views, cropped, default_size, joined, resized, stack
+from semgs.data.views import Views, cropped, default_size, joined, kept_size, reframed, resized, stack
 from semgs.geometry.cameras import Cameras, project
 
 SIZE = (180, 250)
@@ -118,6 +118,32 @@ def test_a_batch_is_resized_and_cropped_as_its_scenes_are(views):
         assert torch.equal(together.images[1], apart.images[[1, 0]])
         assert torch.equal(together.cameras.intrinsics[0], apart.cameras.intrinsics)
         assert torch.equal(together.labels[1, 0], apart.labels[1])
+
+
+def test_another_aspect_is_cropped_about_the_middle_and_never_stretched(views):
+    moved = reframed(views, (90, 90))  # of 180x250 the middle 180x180 stay, from column 35 on, halved
+    k, old = moved.cameras.intrinsics[0], views.cameras.intrinsics[0]
+    torch.testing.assert_close(k[0], torch.stack((old[0, 0] / 2, old[0, 1] / 2, (old[0, 2] - 35) / 2)))
+    torch.testing.assert_close(k[1], old[1] / 2)
+    assert torch.equal(moved.images, resized(cropped(views, 0, 35, (180, 180)), (90, 90)).images)
+    assert torch.equal(moved.depths, views.depths[:, 1::2, 36:216:2])
+    upright = reframed(views, (144, 100))
+    assert upright.size == (144, 100)
+    assert (upright.cameras.focal_px / views.cameras.focal_px).allclose(torch.tensor(0.8, dtype=torch.float64))
+
+
+@pytest.mark.parametrize(
+    ("old", "size", "kept"),
+    [
+        ((360, 480), (272, 272), (360, 360)),
+        ((480, 360), (272, 272), (360, 360)),
+        ((968, 1296), (240, 320), (968, 1296)),  # 0.4 % apart: stretched
+        ((1080, 1920), (240, 320), (1080, 1440)),
+        ((3, 1000), (1000, 3), (3, 1)),
+    ],
+)
+def test_what_is_kept_of_another_aspect(old, size, kept):
+    assert kept_size(old, size) == kept
 
 
 @pytest.mark.parametrize("size", [(0, 10), (10, -3), (10,), (-1, -2)])

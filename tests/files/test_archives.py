@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import struct
+import tracemalloc
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,7 +56,7 @@ def test_damage_is_told_and_not_passed_on(archive: Path):
         picture.read_bytes()
     archive.write_bytes(data[: len(data) // 2])
     with pytest.raises(OSError, match="not those that the archive lists"):
-        Member(archive, "x", 10**6, 5, 0).read_bytes()
+        Member(archive, "x", 10**6, 5, 5, 0).read_bytes()
     with pytest.raises(InputError, match="a zip archive, found one that cannot be read"):
         members(archive)
 
@@ -69,4 +72,34 @@ def test_other_compressions_and_encryption_are_refused(tmp_path: Path):
         members(path)
     path.write_bytes(b"")
     with pytest.raises(InputError, match="a zip archive"):
+        members(path)
+
+
+def test_a_member_is_inflated_to_its_listed_size_and_no_further(tmp_path: Path):
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("zeros", bytes(10_000_000))
+    assert path.stat().st_size < 20_000
+    (member,) = members(path).values()
+    assert len(member.read_bytes()) == member.size == 10_000_000
+    tracemalloc.start()
+    with pytest.raises(OSError, match="not those that the archive lists"):
+        replace(member, size=1000).read_bytes()
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
+    with pytest.raises(OSError, match=r"3,000,000,000 bytes; at most 268,435,456 are read"):
+        replace(member, size=3_000_000_000).read_bytes()
+
+
+def test_members_longer_than_their_archive_are_refused_before_they_are_read(tmp_path: Path):
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("a", b"abc")
+    data = bytearray(path.read_bytes())
+    listed = data.rindex(b"PK\1\2")
+    data[listed + 20 : listed + 28] = struct.pack("<II", 3_000_000_000, 3_000_000_000)
+    path.write_bytes(data)
+    with pytest.raises(
+        InputError, match=r"scene\.zip: a: expected members inside it, found one of 3,000,000,000 bytes"
+    ):
         members(path)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -162,6 +164,30 @@ def test_pictures_cut_short_are_refused(tmp_path, kind, read):
         read(path)
 
 
+@pytest.mark.parametrize("cut", [1, 12, 16, 20])
+def test_a_16_bit_png_without_its_last_bytes_is_refused_and_nothing_is_printed(tmp_path, capfd, cut):
+    pixels = np.random.default_rng(6).integers(0, 65536, (HEIGHT, WIDTH, 3)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "a.png"), pixels)
+    (tmp_path / "a.png").write_bytes((tmp_path / "a.png").read_bytes()[:-cut])
+    with pytest.raises(InputError, match=r"a\.png: expected a complete picture, found one cut short"):
+        read_rgb(tmp_path / "a.png")
+    assert capfd.readouterr().err == ""
+
+
+def test_pictures_beyond_the_bound_are_refused_from_their_header(tmp_path):
+    """13000x13000, of which the smallest file has no pixels at all."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    for width, height in ((13000, 13000), (8193, 8192)):
+        header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+        (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", b"") + chunk(b"IEND", b""))
+        for read in (read_header, read_rgb, read_uint8, read_uint16):
+            with pytest.raises(InputError, match=f"of at most 67,108,864 pixels, found {width}x{height}"):
+                read(tmp_path / "a.png")
+
+
 @pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"])
 def test_what_is_no_picture_is_refused(tmp_path, content):
     (tmp_path / "a.png").write_bytes(content)
@@ -196,6 +222,27 @@ def test_depth_needs_sixteen_bits_and_labels_need_eight(tmp_path, rgb):
     for read, name in ((read_uint16, "8"), (read_uint16, "rgb"), (read_uint8, "16"), (read_uint8, "rgb")):
         with pytest.raises(InputError, match="PNG of one channel"):
             read(tmp_path / f"{name}.png")
+
+
+def test_counts_of_a_pgm_are_taken_as_they_are(tmp_path):
+    (tmp_path / "a.pgm").write_bytes(b"P5 3 # across\n2\t4096\n" + bytes([0, 1, 1, 0, 16, 0, 0, 0, 255, 255, 2, 3]))
+    np.testing.assert_array_equal(read_uint16(tmp_path / "a.pgm"), [[1, 256, 4096], [0, 65535, 515]])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"P5 3 2 65535\n" + bytes(11), "expected a complete picture, found 11 bytes of 3x2 counts"),
+        (b"P5 999999999 999999999 65535\n" + bytes(12), "expected a complete picture, found 12 bytes of 999999999x"),
+        (b"P5 3 2 255\n" + bytes(6), "expected a 16-bit PGM .* found one whose largest count is 255"),
+        (b"P2 3 2 65535\n1 2 3 4 5 6", "expected a 16-bit PGM .* found something else"),
+        (b"", "expected a 16-bit PGM .* found something else"),
+    ],
+)
+def test_other_pgms_are_refused(tmp_path, content, message):
+    (tmp_path / "a.pgm").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_uint16(tmp_path / "a.pgm")
 
 
 def test_grey_pictures_for_features_are_reduced_in_proportion(tmp_path):

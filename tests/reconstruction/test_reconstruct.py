@@ -37,6 +37,23 @@ def test_the_views_keep_their_size_or_take_the_one_asked_for(wall_scene: Callabl
     assert reconstruct(scene, choice, oracle, (36, 60)).size == (36, 60)
 
 
+def test_pictures_of_another_aspect_are_cropped_and_it_is_said(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 3]), oracle, (32, 32))
+    assert [note for note in result.notes if "aspect" in note] == [
+        "4 of 4 pictures have another aspect than 32x32 (height x width) and are cropped about the middle, their cameras with them; "
+        f"{scene.frames[0].name} from 40x56 to 40x40 before it is resized."
+    ]
+    (fx, fy), (old_fx, old_fy) = result.context.views.cameras.focal_px[0], scene.cameras[0].focal_px
+    assert (fx / old_fx, fy / old_fy) == pytest.approx((0.8, 0.8))
+    assert result.context.scores[0].depth_error is not None
+    assert result.context.scores[0].depth_error < 0.01
+    same = reconstruct(scene, given(scene, [0, 3]), oracle, (80, 112))
+    assert not any("aspect" in note for note in same.notes)
+
+
 def test_a_colour_only_network_is_scored_without_classes_and_says_so(
     wall_scene: Callable[..., Scene], colour_oracle: Network
 ) -> None:

@@ -57,7 +57,7 @@ def test_without_the_extra_one_line_names_it_and_nothing_is_written(missing, ren
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert missing in told
-    assert 'pip install "semgs[rooms]"' in told
+    assert "pip install '.[rooms]' in SemGS's folder" in told
     assert not (tmp_path / "out").exists()
 
 

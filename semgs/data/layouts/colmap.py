@@ -1,19 +1,17 @@
-"""COLMAP models: `cameras`, `images` and `points3D`, text or binary, read by pycolmap.
+"""COLMAP models: `cameras`, `images` and perhaps `points3D`, binary or text, with the pictures beside them.
 
-Poses are world to camera with OpenCV axes, intrinsics pixels with the centre of the first pixel at (0.5, 0.5), as ours. Lengths
-are in a unit of COLMAP's choice. https://colmap.github.io/format.html
+Lengths are in a unit of COLMAP's choice. `colmap_files` has the format and its conventions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap_files import check_complete
+from semgs.data.layouts.colmap_files import ColmapCamera, ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
@@ -27,14 +25,8 @@ LOOKED_FOR = "a COLMAP model (cameras, images and points3D, .bin or .txt) in " +
     f"{p or '.'}/" for p in PLACES
 )
 
-MODELS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
-    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-}
-"""The camera models that are read, and what their parameters are."""
+MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
+"""The camera models that are read."""
 
 POINTS_FOR_DEPTH = 50_000
 """Of larger models every n-th point tells which frames see it: enough for near and far of any frame."""
@@ -54,29 +46,27 @@ def open_model(path: Path) -> Scene:
     Raises:
         InputError: the model is damaged, a camera is not one of `MODELS`, fewer than two pictures are there, or one has another
             size than its camera.
-        ImportError: pycolmap is not installed.
     """
     model = _model(path) or path
-    check_complete(model)
-    reconstruction = _reconstruction(model)
-    images = sorted((image for image in reconstruction.images.values() if image.has_pose), key=lambda image: image.name)
-    lenses = {key: _lens(model, camera) for key, camera in reconstruction.cameras.items()}
-    poses = checked_poses(
-        model, [_world_from_camera(image) for image in images], [f"image {one.name}" for one in images]
-    )
-    points, sightings = _points(reconstruction)
+    ending = _ending(model) or ".bin"
+    cameras = read_cameras(model / f"cameras{ending}", MODELS)
+    lenses = {number: _lens(model / f"cameras{ending}", number, camera) for number, camera in cameras.items()}
+    listed = model / f"images{ending}"
+    images = sorted(read_images(listed, cameras), key=lambda image: image.name)
+    poses = checked_poses(listed, [image.world_from_camera for image in images], [image.place for image in images])
+    points = _points(model / f"points3D{ending}", {image.number for image in images})
     pictures = _pictures_folder(model, [image.name for image in images])
     frames, absent, transparent = [], [], 0
     for image, pose in zip(images, poses, strict=True):
-        picture = pictures / image.name
-        if not picture.is_file():
+        picture = _picture(pictures, image.name)
+        if picture is None:
             absent.append(image.name)
             continue
-        lens = lenses[image.camera_id]
+        lens = lenses[image.camera]
         header = read_header(picture)
         is_turned(picture, header, lens.size)
         transparent += header.transparent
-        seen = np.array(sightings.get(image.image_id, ()), dtype=np.int64)
+        seen = points.seen.get(image.number, np.zeros(0, np.int64))
         frames.append(Frame(image.name, picture, lens, pose, points=seen))
     return Scene(
         path=model,
@@ -86,96 +76,54 @@ def open_model(path: Path) -> Scene:
         frames=tuple(frames),
         absent=tuple(absent),
         notes=tuple(_notes(model, pictures, absent, len(images), transparent)),
-        points=points if len(points) else None,
+        points=points.positions if len(points.positions) else None,
     )
 
 
 def _model(path: Path) -> Path | None:
     """The folder of the model that belongs to a path."""
-    for place in PLACES:
-        folder = path / place
-        if any(all((folder / f"{name}.{kind}").is_file() for name in ("cameras", "images")) for kind in ("bin", "txt")):
-            return folder
-    return None
+    return next((path / place for place in PLACES if _ending(path / place)), None)
 
 
-def _reconstruction(model: Path) -> Any:
-    """The model as pycolmap reads it.
-
-    Raises:
-        ImportError: pycolmap is not installed.
-        InputError: it cannot be read.
-    """
-    try:
-        import pycolmap
-    except ImportError as error:
-        raise ImportError(
-            f'{model} is a COLMAP model; reading it needs pycolmap: pip install "semgs[sfm]"', name="pycolmap"
-        ) from error
-    try:
-        return pycolmap.Reconstruction(str(model))
-    except Exception as error:  # whatever pycolmap raises on a damaged model: ValueError, IndexError, RuntimeError
-        raise InputError(model, "a COLMAP model", f"one that pycolmap cannot read: {error}") from error
+def _ending(folder: Path) -> str | None:
+    """The ending of the files of the model in a folder; None if it holds none."""
+    kinds = (".bin", ".txt")
+    return next(
+        (kind for kind in kinds if all((folder / f"{one}{kind}").is_file() for one in ("cameras", "images"))), None
+    )
 
 
-def _lens(model: Path, camera: Any) -> Lens:
+def _lens(path: Path, number: int, camera: ColmapCamera) -> Lens:
     """The lens of a COLMAP camera.
 
     Raises:
-        InputError: its model is not one of `MODELS`, or its numbers make no camera.
+        InputError: its numbers make no camera.
     """
-    key = f"camera {camera.camera_id}"
-    name = camera.model.name
-    if name not in MODELS:
-        raise InputError(
-            model,
-            "a camera model of " + ", ".join(MODELS),
-            name,
-            key,
-            "undistort with `colmap image_undistorter` first",
-        )
-    values = dict(zip(MODELS[name], (float(value) for value in camera.params), strict=True))
+    values = camera.values
     focal = values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
+    k1, k2, p1, p2 = (values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
     try:
-        return Lens(
-            size=(int(camera.height), int(camera.width)),
-            focal=focal,
-            centre=(values["cx"], values["cy"]),
-            distortion=(
-                values.get("k1", 0.0),
-                values.get("k2", 0.0),
-                values.get("p1", 0.0),
-                values.get("p2", 0.0),
-                0.0,
-            ),
-        )
+        return Lens(camera.size, focal, (values["cx"], values["cy"]), (k1, k2, p1, p2, 0.0))
     except ValueError as error:
-        raise InputError(model, "a camera that can be", str(error), key) from error
+        raise InputError(path, "a camera that can be", str(error), f"camera {number}") from error
 
 
-def _world_from_camera(image: Any) -> np.ndarray:
-    """The pose of a COLMAP image, camera to world."""
-    pose = np.eye(4)
-    pose[:3] = image.cam_from_world().inverse().matrix()
-    return pose
+def _points(path: Path, images: Collection[int]) -> ColmapPoints:
+    """The sparse points of a model, none where it has no file of them."""
+    return read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else ColmapPoints(np.zeros((0, 3)), {})
 
 
-def _points(reconstruction: Any) -> tuple[np.ndarray, dict[int, list[int]]]:
-    """The sparse points [n 3], and for each image id which of them it sees."""
-    points = list(reconstruction.points3D.values())
-    positions = np.array([point.xyz for point in points], dtype=np.float64).reshape(-1, 3)
-    sightings: dict[int, list[int]] = {}
-    for index in range(0, len(points), 1 + len(points) // POINTS_FOR_DEPTH):
-        for image_id in {element.image_id for element in points[index].track.elements}:
-            sightings.setdefault(image_id, []).append(index)
-    return positions, sightings
+def _picture(folder: Path, name: str) -> Path | None:
+    """The picture of that name; where the name was Latin-1, perhaps still in these bytes. None if there is no such file."""
+    names = (name, name.encode("latin-1", "ignore").decode("utf-8", "surrogateescape"))
+    return next((folder / one for one in names if (folder / one).is_file()), None)
 
 
 def _pictures_folder(model: Path, names: Sequence[str]) -> Path:
     """The folder that the images' names are relative to: `images` beside the model or above it, or the model's own."""
     around = [model, *model.absolute().parents[:3]]
     for folder in [*(one / "images" for one in around), *around]:
-        if any((folder / name).is_file() for name in names):
+        if any(_picture(folder, name) for name in names):
             return folder
     return next((one / "images" for one in around if (one / "images").is_dir()), model)
 

@@ -1,98 +1,429 @@
-"""The binary files of a COLMAP model, walked from end to end to see that nothing is missing.
+"""The files of a COLMAP model: cameras, images and points, binary (`.bin`) or text (`.txt`).
 
-pycolmap takes what is behind the end of a file that was cut short for numbers: it may return wrong cameras or never return. So
-the lengths are followed here first. https://colmap.github.io/format.html#binary-file-format
+Poses are world to camera with OpenCV axes and become camera to world here; intrinsics are pixels with the centre of the first pixel at
+(0.5, 0.5), as ours. Every count is compared with the file's size before anything is allocated for it, every number is finite, and every id
+that is referred to exists. `rigs` and `frames` of newer versions are not needed: `images` has every pose.
+https://colmap.github.io/format.html
 """
 
 from __future__ import annotations
 
 import mmap
 import struct
-from collections.abc import Callable
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import torch
+
 from semgs.files.errors import InputError
+from semgs.geometry.rotations import matrix_from_quaternion
 
-CAMERA_PARAMETERS = {
-    0: 3, 1: 4, 2: 4, 3: 5, 4: 8, 5: 8, 6: 12, 7: 5, 8: 4, 9: 5, 10: 12, 11: 16, 12: 4, 13: 5, 14: 3, 15: 4, 16: 6, 17: 2,
-}  # fmt: skip
-"""How many parameters each of COLMAP's camera models has, by its number."""
+PARAMETERS = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
+}
+"""The camera models that are read, and what their parameters are."""
+
+NAMES = (
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
+    "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
+)  # fmt: skip
+"""COLMAP's camera models by their numbers."""
+
+_COUNT = struct.Struct("<Q")
+_CAMERA = struct.Struct("<IiQQ")
+"""Id, model, width, height; the parameters (f64) follow."""
+_IMAGE = struct.Struct("<I7dI")
+"""Id, quaternion (w, x, y, z) and translation, camera; the name until a zero byte and the points follow."""
+_IMAGE_POINT = 24
+"""Bytes of a point of an image: x, y (f64), id (i64)."""
+_POINT = struct.Struct("<Q3d3x8xQ")
+"""Id, position, colour (3 u8) and error (f64), length of the track; the track, pairs of u32, follows."""
+_SIGHTING = 8
+"""Bytes of a pair in a track: image, point of that image."""
 
 
-def check_complete(model: Path) -> None:
-    """See that the binary files of a model, where it has any, are as long as their content says.
+@dataclass(frozen=True)
+class ColmapCamera:
+    """A camera.
+
+    Attributes:
+        model: one of `PARAMETERS`.
+        size: (height, width) [px].
+        values: its parameters by name; the corner of the first pixel is at (0, 0).
+    """
+
+    model: str
+    size: tuple[int, int]
+    values: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapImage:
+    """An image that has a pose.
+
+    Attributes:
+        number: its id.
+        name: as listed, decoded as UTF-8, or where it is none as Latin-1.
+        camera: its camera's id.
+        world_from_camera: pose [4 4].
+        place: where it is in the file, for messages.
+    """
+
+    number: int
+    name: str
+    camera: int
+    world_from_camera: np.ndarray
+    place: str
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapPoints:
+    """The sparse points.
+
+    Attributes:
+        positions: in the world [n 3].
+        seen: for each image by its id which of the points it sees, ascending positions in `positions`.
+    """
+
+    positions: np.ndarray
+    seen: dict[int, np.ndarray]
+
+
+def read_cameras(path: Path, models: Collection[str]) -> dict[int, ColmapCamera]:
+    """The cameras of a model by their ids.
+
+    Args:
+        path: `cameras.bin` or `cameras.txt`.
+        models: the camera models that the caller can use, of `PARAMETERS`.
 
     Raises:
-        InputError: one is cut short, has something behind its end, or cannot be read.
+        InputError: the file cannot be read or is damaged, or a camera has another model.
     """
-    walks = {"cameras": _camera, "images": _image, "points3D": _point, "rigs": _rig, "frames": _frame}
-    for name, walk in walks.items():
-        path = model / f"{name}.bin"
-        if not path.is_file():
+    cameras: dict[int, ColmapCamera] = {}
+    for number, camera in (_binary_cameras if _is_binary(path) else _text_cameras)(path, models):
+        if number in cameras:
+            raise InputError(path, "each camera once", f"camera {number} twice")
+        cameras[number] = camera
+    return cameras
+
+
+def read_images(path: Path, cameras: Collection[int]) -> list[ColmapImage]:
+    """The images of a model, in the order of the file.
+
+    Args:
+        path: `images.bin` or `images.txt`.
+        cameras: the ids of those that there are.
+
+    Raises:
+        InputError: the file cannot be read or is damaged, an image has no pose or a camera that is not there, or comes twice.
+    """
+    listed = list((_binary_images if _is_binary(path) else _text_images)(path))
+    poses = _world_from_camera(path, [one.pose for one in listed], [one.place for one in listed])
+    known: set[int] = set()
+    for one in listed:
+        if one.number in known:
+            raise InputError(path, "each image once", f"image {one.number} again", one.place)
+        if one.camera not in cameras:
+            raise InputError(path, f"a camera that cameras{path.suffix} has", f"{one.camera}", one.place)
+        known.add(one.number)
+    return [
+        ColmapImage(one.number, _decoded(one.name), one.camera, pose, one.place)
+        for one, pose in zip(listed, poses, strict=True)
+    ]
+
+
+def read_points(path: Path, images: Collection[int], most: int) -> ColmapPoints:
+    """The sparse points of a model and which images see them.
+
+    Args:
+        path: `points3D.bin` or `points3D.txt`.
+        images: the ids of those that there are.
+        most: of how many points at most it is found out which images see them: of every n-th.
+
+    Raises:
+        InputError: the file cannot be read or is damaged, or a point is seen by an image that is not there.
+    """
+    positions, tracks = (_binary_points if _is_binary(path) else _text_points)(path, most)
+    finite = np.isfinite(positions).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        raise InputError(path, "finite positions", f"{positions[index].tolist()}", f"entry {index}")
+    pairs = [np.stack((np.full(len(track), index), track)) for index, track in tracks.items()]
+    indices, seeing = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), np.int64)
+    order = np.argsort(seeing, kind="stable")
+    numbers, starts = np.unique(seeing[order], return_index=True)
+    for number in numbers.tolist():
+        if number not in images:
+            raise InputError(path, "points that images of this model see", f"some seen by image {number}")
+    groups = np.split(indices[order], starts[1:]) if len(numbers) else []
+    return ColmapPoints(
+        positions, {number: np.unique(group) for number, group in zip(numbers.tolist(), groups, strict=True)}
+    )
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """An image as it stands in a file; its pose is a quaternion (w, x, y, z) and a translation, world to camera."""
+
+    number: int
+    name: bytes
+    camera: int
+    pose: Sequence[float]
+    place: str
+
+
+def _binary_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, ColmapCamera]]:
+    """The cameras of a binary file with their ids."""
+    with _mapped(path) as data:
+        at = _COUNT.size
+        for _ in range(_count(path, data, _CAMERA.size)):
+            number, model, width, height = _CAMERA.unpack_from(data, at)
+            place, name = f"camera {number}", NAMES[model] if 0 <= model < len(NAMES) else f"number {model}"
+            values = struct.Struct(f"<{len(_parameters(path, place, name, models))}d")
+            yield number, _camera(path, place, name, (height, width), values.unpack_from(data, at + _CAMERA.size))
+            at += _CAMERA.size + values.size
+        _check_end(path, data, at)
+
+
+def _text_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, ColmapCamera]]:
+    """The cameras of a text file with their ids."""
+    for line, text in _lines(path):
+        place, words = f"line {line}", text.split()
+        if len(words) < 4:
+            raise InputError(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS", _shown(text), place)
+        number, width, height = _wholes(path, place, (words[0], *words[2:4]))
+        name, values = _decoded(words[1]), _numbers(path, place, words[4:])
+        wanted = len(_parameters(path, place, name, models))
+        if len(values) != wanted:
+            raise InputError(path, f"{wanted} parameters of {name}", f"{len(values)}", place)
+        yield number, _camera(path, place, name, (height, width), values)
+
+
+def _parameters(path: Path, place: str, model: str, models: Collection[str]) -> tuple[str, ...]:
+    """What the parameters of a camera model are.
+
+    Raises:
+        InputError: it is not one of `models`.
+    """
+    if model not in models:
+        advice = "undistort with `colmap image_undistorter` first"
+        raise InputError(path, "a camera model of " + ", ".join(models), model, place, advice)
+    return PARAMETERS[model]
+
+
+def _camera(path: Path, place: str, model: str, size: tuple[int, int], values: Sequence[float]) -> ColmapCamera:
+    """A camera.
+
+    Raises:
+        InputError: a parameter is not finite.
+    """
+    if not np.isfinite(values).all():
+        raise InputError(path, f"finite parameters of {model}", f"{list(values)}", place)
+    return ColmapCamera(model, size, dict(zip(PARAMETERS[model], values, strict=True)))
+
+
+def _binary_images(path: Path) -> Iterator[_Listed]:
+    """The images of a binary file."""
+    with _mapped(path) as data:
+        at = _COUNT.size
+        for _ in range(_count(path, data, _IMAGE.size + 1 + _COUNT.size)):
+            number, *pose, camera = _IMAGE.unpack_from(data, at)
+            stop = data.find(b"\0", at + _IMAGE.size)
+            if stop < 0:
+                raise _cut_short(path)
+            yield _Listed(number, data[at + _IMAGE.size : stop], camera, pose, f"image {number}")
+            (points,) = _COUNT.unpack_from(data, stop + 1)
+            at = stop + 1 + _COUNT.size + _IMAGE_POINT * points
+        _check_end(path, data, at)
+
+
+def _text_images(path: Path) -> Iterator[_Listed]:
+    """The images of a text file, two lines each: the second has its points and may be empty."""
+    lines = _lines(path, every=True)
+    for line, text in lines:
+        if not text or text.startswith(b"#"):
             continue
-        try:
-            data = path.open("rb")
-        except OSError as error:
-            raise InputError(path, "a readable file", error.strerror or str(error)) from error
-        with data:
-            length = path.stat().st_size
-            try:
-                end = _end(data.fileno(), length, walk)
-            except KeyError as error:
-                raise InputError(path, "camera models that COLMAP has", f"number {error}") from error
-        if end != length:
-            found = "one cut short" if end is None or end > length else f"{length - end} bytes behind their end"
-            raise InputError(path, f"a complete list of COLMAP {name}", found, advice="copy or export the model again")
+        place, words = f"line {line}", text.split(maxsplit=9)
+        if len(words) < 10:
+            raise InputError(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", _shown(text), place)
+        number, camera = _wholes(path, place, (words[0], words[8]))
+        yield _Listed(number, words[9], camera, _numbers(path, place, words[1:8]), place)
+        line, text = next(lines, (line, b""))
+        if len(text.split()) % 3:
+            raise InputError(
+                path, "the points of an image, X Y POINT3D_ID each, or an empty line", _shown(text), f"line {line}"
+            )
 
 
-def _end(file: int, length: int, walk: Callable[[mmap.mmap, int], int]) -> int | None:
-    """Where the content of a file ends by its own account, None if that is beyond its end."""
-    if length < 8:
-        return None
-    with mmap.mmap(file, length, access=mmap.ACCESS_READ) as data:
-        (count,) = struct.unpack_from("<Q", data)
-        position = 8
-        try:
-            for _ in range(count):
-                position = walk(data, position)
-                if position > length:
-                    return None
-        except (struct.error, IndexError):
-            return None
-    return position
+def _binary_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """The positions [n 3] of a binary file, and the track of every n-th point: which images see it."""
+    tracks = {}
+    with _mapped(path) as data:
+        at, count = _COUNT.size, _count(path, data, _POINT.size)
+        positions, step = np.empty((count, 3)), 1 + count // most
+        for index in range(count):
+            _, x, y, z, length = _POINT.unpack_from(data, at)
+            start, at = at + _POINT.size, at + _POINT.size + _SIGHTING * length
+            if at > len(data):
+                raise _cut_short(path)
+            positions[index] = x, y, z
+            if index % step == 0:
+                tracks[index] = np.frombuffer(data[start:at], "<u4")[::2].astype(np.int64)
+        _check_end(path, data, at)
+    return positions, tracks
 
 
-def _camera(data: mmap.mmap, start: int) -> int:
-    """Behind the camera at `start`: id u32, model i32, width u64, height u64, parameters f64."""
-    (model,) = struct.unpack_from("<i", data, start + 4)
-    return start + 24 + 8 * CAMERA_PARAMETERS[model]
+def _text_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """As `_binary_points`, of a text file."""
+    lines = list(_lines(path))
+    tracks = {}
+    positions, step = np.empty((len(lines), 3)), 1 + len(lines) // most
+    for index, (line, text) in enumerate(lines):
+        place, words = f"line {line}", text.split()
+        if len(words) < 8 or len(words) % 2:
+            raise InputError(
+                path, "POINT3D_ID X Y Z R G B ERROR, then pairs of IMAGE_ID POINT2D_IDX", _shown(text), place
+            )
+        positions[index] = _numbers(path, place, words[1:8])[:3]
+        if index % step == 0:
+            tracks[index] = np.array(_wholes(path, place, words[8::2]), np.int64)
+    return positions, tracks
 
 
-def _image(data: mmap.mmap, start: int) -> int:
-    """Behind the image at `start`: id u32, pose 7 f64, camera u32, name until a zero byte, points (2 f64, i64) by their number u64."""
-    stop = data.find(b"\0", start + 64)
-    if stop < 0:
-        raise IndexError(start)
-    (count,) = struct.unpack_from("<Q", data, stop + 1)
-    return stop + 9 + 24 * count
+def _world_from_camera(path: Path, poses: Sequence[Sequence[float]], places: Sequence[str]) -> np.ndarray:
+    """Camera to world [n 4 4] of quaternions and translations, world to camera.
+
+    Raises:
+        InputError: a number is not finite, or a quaternion is far from unit length.
+    """
+    values = np.array(poses, np.float64).reshape(-1, 7)
+    with np.errstate(over="ignore"):
+        norms = np.linalg.norm(values[:, :4], axis=1)
+    good = np.isfinite(values).all(axis=1) & (norms > 0.5) & (norms < 2)
+    if not good.all():
+        index = int(np.argmin(good))
+        raise InputError(path, "a unit quaternion and a translation", f"{values[index].tolist()}", places[index])
+    rotations = matrix_from_quaternion(torch.from_numpy(values[:, :4])).numpy().swapaxes(1, 2)
+    matrices = np.tile(np.eye(4), (len(values), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3:] = rotations, -rotations @ values[:, 4:, None]
+    return matrices
 
 
-def _point(data: mmap.mmap, start: int) -> int:
-    """Behind the point at `start`: id u64, position 3 f64, colour 3 u8, error f64, track (u32, u32) by its length u64."""
-    (count,) = struct.unpack_from("<Q", data, start + 43)
-    return start + 51 + 8 * count
+def _is_binary(path: Path) -> bool:
+    """Whether a file of a model is binary, by its ending."""
+    return path.suffix == ".bin"
 
 
-def _rig(data: mmap.mmap, start: int) -> int:
-    """Behind the rig at `start`: id u32, number of sensors u32, reference (i32, u32), others (i32, u32, u8, pose 7 f64 if that is 1)."""
-    (count,) = struct.unpack_from("<I", data, start + 4)
-    position = start + (16 if count else 8)
-    for _ in range(1, count):
-        position += 9 + (56 if data[position + 8] else 0)
-    return position
+@contextmanager
+def _mapped(path: Path) -> Iterator[mmap.mmap]:
+    """The bytes of a binary file; to read beyond their end is an InputError.
+
+    Raises:
+        InputError: it cannot be read, or ends before what the block reads.
+    """
+    try:
+        with path.open("rb") as file:
+            if not path.stat().st_size:
+                raise _cut_short(path)
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                yield data
+    except OSError as error:
+        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    except (struct.error, OverflowError) as error:  # the next entry would begin beyond the end, perhaps far beyond
+        raise _cut_short(path) from error
 
 
-def _frame(data: mmap.mmap, start: int) -> int:
-    """Behind the frame at `start`: id u32, rig u32, pose 7 f64, pictures (i32, u32, u64) by their number u32."""
-    (count,) = struct.unpack_from("<I", data, start + 64)
-    return start + 68 + 16 * count
+def _count(path: Path, data: mmap.mmap, least: int) -> int:
+    """How many entries of at least so many bytes a file has by its own account.
+
+    Raises:
+        InputError: they would not fit into it.
+    """
+    (count,) = _COUNT.unpack_from(data)
+    if count > (len(data) - _COUNT.size) // least:
+        raise _cut_short(path)
+    return int(count)
+
+
+def _check_end(path: Path, data: mmap.mmap, end: int) -> None:
+    """See that a file ends where its content does.
+
+    Raises:
+        InputError: it does not.
+    """
+    if end > len(data):
+        raise _cut_short(path)
+    if end < len(data):
+        raise _incomplete(path, f"{len(data) - end} bytes behind their end")
+
+
+def _cut_short(path: Path) -> InputError:
+    """The error for a binary file that ends too early."""
+    return _incomplete(path, "one cut short")
+
+
+def _incomplete(path: Path, found: str) -> InputError:
+    """The error for a binary file of another length than its content."""
+    return InputError(path, f"a complete list of COLMAP {path.stem}", found, advice="copy or export the model again")
+
+
+def _lines(path: Path, every: bool = False) -> Iterator[tuple[int, bytes]]:
+    """The stripped lines of a text file with their numbers from 1; comments and empty lines only where `every` line is wanted.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
+    except OSError as error:
+        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    for number, line in enumerate(data.splitlines(), 1):
+        stripped = line.strip()
+        if every or (stripped and not stripped.startswith(b"#")):
+            yield number, stripped
+
+
+def _numbers(path: Path, place: str, words: Iterable[bytes]) -> list[float]:
+    """Numbers of a line.
+
+    Raises:
+        InputError: a word is none.
+    """
+    try:
+        return [float(word) for word in words]
+    except ValueError as error:
+        raise InputError(path, "numbers", str(error), place) from error
+
+
+def _wholes(path: Path, place: str, words: Sequence[bytes]) -> list[int]:
+    """Whole numbers of a line, of 32 bits as COLMAP's ids are.
+
+    Raises:
+        InputError: a word is none.
+    """
+    for word in words:
+        if not word.isdigit() or int(word[:11]) >> 32:
+            raise InputError(path, "a whole number", _shown(word), place)
+    return [int(word) for word in words]
+
+
+def _decoded(name: bytes) -> str:
+    """A name; COLMAP writes the bytes that the file system has, which may be no UTF-8."""
+    try:
+        return name.decode()
+    except UnicodeDecodeError:
+        return name.decode("latin-1")
+
+
+def _shown(text: bytes) -> str:
+    """The beginning of a line, for messages."""
+    return _decoded(text[:60]) or "an empty line"

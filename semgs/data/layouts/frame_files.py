@@ -1,6 +1,6 @@
 """Frames in three files each: `frame-000000.color.png`, `.depth.png`, `.pose.txt`. 7-Scenes, 3DMatch, 12-Scenes, BundleFusion, 3RScan.
 
-Poses are camera to world with OpenCV axes [m], depth is 16-bit PNG in millimetres, 0 or 65535 where unknown. Frames are in the order of
+Poses are camera to world with OpenCV axes [m], depth is 16-bit PNG or PGM in millimetres, 0 or 65535 where unknown. Frames are in the order of
 their numbers. Intrinsics are those of `camera-intrinsics.txt` (3DMatch), `info.txt` or `_info.txt`, in the folder or above it, with the
 centre of the first pixel at (0, 0), so that half a pixel is added. Where an info.txt has a depth camera of its own, each colour pixel gets the
 depth that its ray meets.
@@ -18,8 +18,8 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.numbers import matrix
 from semgs.data.layouts.recordings import PICTURES, RecordedFrame, Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.trajectories import read_pose
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
@@ -29,7 +29,7 @@ LOOKED_FOR = "frame-000000.color.png with frame-000000.pose.txt (7-Scenes, 3DMat
 ASKS = ("intrinsics", "depth_unit")
 
 START = "frame-"
-COLOUR, DEPTH, POSE = tuple(f".color{ending}" for ending in PICTURES), (".depth.png",), (".pose.txt",)
+COLOUR, DEPTH, POSE = tuple(f".color{ending}" for ending in PICTURES), (".depth.png", ".depth.pgm"), (".pose.txt",)
 CALIBRATIONS = ("camera-intrinsics.txt", "info.txt", "_info.txt")
 
 MILLIMETRE = 0.001
@@ -77,7 +77,7 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
             Shot(
                 colour.name,
                 colour,
-                matrix(poses[number]) if number in poses else None,
+                read_pose(poses[number]) if number in poses else None,
                 (poses.get(number, path), ""),
                 depths.get(number),
             )

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from semgs.files.errors import InputError
 
 _NOT_A_NUMBER = re.compile(r"[+-]?(?:nan(?:\(.*\))?|1\.#(?:qnan|snan|ind|inf)0*|inf(?:inity)?)", re.IGNORECASE)
@@ -45,25 +43,6 @@ def rows(path: Path) -> list[tuple[int, list[float]]]:
         except ValueError:
             raise InputError(path, "numbers", f"{line!r:.60}", f"line {number}") from None
     return found
-
-
-def matrix(path: Path) -> np.ndarray:
-    """The rigid motion in a text file, 4x4, or 3x4 with its last row left out; NaN where the file says so.
-
-    Raises:
-        InputError: it cannot be read, or holds something else.
-    """
-    held = [values for _, values in rows(path)]
-    flat = [value for values in held for value in values]
-    if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for values in held)):
-        found = f"{len(held)} lines of {sorted({len(values) for values in held})} numbers" if held else "nothing"
-        raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers", found)
-    return as_motion(flat)
-
-
-def as_motion(flat: list[float]) -> np.ndarray:
-    """The 4x4 matrix of 16 numbers, or of the 12 of its first three rows."""
-    return np.array([*flat, 0.0, 0.0, 0.0, 1.0][:16] if len(flat) == 12 else flat, dtype=np.float64).reshape(4, 4)
 
 
 def _value(word: str) -> float:

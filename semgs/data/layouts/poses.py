@@ -12,6 +12,9 @@ from semgs.files.stored import Stored
 from semgs.geometry.cameras import ROTATION_TOLERANCE
 from semgs.geometry.rotations import nearest_rotation
 
+FURTHEST = 1e12
+"""Positions are no further from the origin than this along any axis [the scene's unit]: beyond it float64 tells no millimetres."""
+
 EXPECTED = "a 4x4 camera-to-world matrix [R t; 0 0 0 1] of finite numbers, R a rotation"
 
 
@@ -24,7 +27,8 @@ def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str])
         keys: the place of each in the file.
 
     Raises:
-        InputError: one is no 4x4 matrix of finite numbers, or is far from a rigid motion; its key is named.
+        InputError: one is no 4x4 matrix of finite numbers, is far from a rigid motion, or is further away than `FURTHEST`; its key
+            is named.
     """
     poses = _array(path, matrices, keys)
     finite = np.isfinite(poses).all(axis=(1, 2))
@@ -34,6 +38,10 @@ def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str])
     if (last > 1e-6).any():
         index = int(np.argmax(last > 1e-6))
         raise _refused(path, keys[index], f"a last row of {poses[index, 3].tolist()}")
+    away = np.abs(poses[:, :3, 3]).max(axis=1)
+    if (away > FURTHEST).any():
+        index = int(np.argmax(away))
+        raise _refused(path, keys[index], f"a position {away[index]:.3g} from the origin; at most {FURTHEST:g} is read")
     rotations = nearest_rotation(torch.from_numpy(poses[:, :3, :3])).numpy()
     off = np.abs(rotations - poses[:, :3, :3]).max(axis=(1, 2))
     if (off > ROTATION_TOLERANCE).any():

@@ -12,6 +12,7 @@ the reading "row-229.5" of `semgs.data.peers`. https://github.com/Harry-Zhi/sema
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -60,7 +61,11 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
     trajectory = read_trajectory(path / POSES)
     if trajectory.times is not None:
         raise InputError(path / POSES, "a 4x4 matrix a line", "lines of 8 numbers", trajectory.places[0])
-    names, told_by = _names(path)
+    unread = None
+    try:
+        names, told_by = _names(path)
+    except InputError as error:
+        names, told_by, unread = {}, None, error
     given = asked_calibration(asked)
     shots = [
         Shot(
@@ -75,7 +80,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
     ]
     by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     unknown = sorted(set(names.values()) - NYU40.keys())
-    return recorded(
+    scene = recorded(
         path,
         LAYOUT,
         shots,
@@ -93,6 +98,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
             *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
         ],
     )
+    return scene if unread is None else replace(scene, classes=None, unread_labels=unread)
 
 
 def _lens(picture: Path, size: tuple[int, int], row: float) -> Lens:

@@ -1,9 +1,9 @@
 """RGB-D frames in folders with poses in text, where no data set's name is on them but everything is named for what it is.
 
     pictures   color/ or rgb/ or image/ or images/; frame*.jpg of results/ (NICE-SLAM's); or 000.jpg beside 000.txt (EmbodiedScan's)
-    depth      depth/; depth*.png of results/; or 000.png beside 000.txt. May be missing
-    poses      pose/ or poses/ with a file a frame; or a trajectory: traj.txt, trajectory.txt, poses.txt, trajectory.log (Redwood),
-               extrinsics/ (SUN3D). Camera to world with OpenCV axes, as all of these have them
+    depth      depth/; depth*.png of results/; or 000.png beside 000.txt; or .npy or .pgm of these names. May be missing
+    poses      pose/ or poses/ with a file a frame (a matrix, or tx ty tz qx qy qz qw); or a trajectory: traj.txt, trajectory.txt,
+               poses.txt, trajectory.log (Redwood), extrinsics/ (SUN3D). Camera to world with OpenCV axes, as all of these have them
     intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above; the centre of the first
                pixel at (0, 0), so that half a pixel is added
 
@@ -26,9 +26,8 @@ from semgs.data.asked import Asked
 from semgs.data.frames import SATURATED, Frame
 from semgs.data.layouts.association import associated
 from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.numbers import matrix
 from semgs.data.layouts.recordings import PICTURES, Shot, recorded, sequence_name
-from semgs.data.layouts.trajectories import Trajectory, read_trajectory
+from semgs.data.layouts.trajectories import Trajectory, read_pose, read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
@@ -51,7 +50,7 @@ TRAJECTORIES = (
     "groundtruth.txt",
 )
 RESULTS = "results"
-MAPS = (".png", ".npy")
+MAPS = (".png", ".npy", ".pgm")
 
 CALIBRATIONS = (
     "intrinsics.txt", "intrinsic.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "K.txt", "calibration.txt", "info.txt",
@@ -107,7 +106,7 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = read_calibration(told_by).depth_unit if told_by and depths else None
     unit = asked.depth_unit or stated or (MILLIMETRE if files.source else None)
-    notes = []
+    notes = [] if files.depths else _unread(path)
     if depths and unit is None:
         depths = {}
         notes.append(
@@ -177,9 +176,19 @@ def _side_by_side(path: Path) -> Files | None:
     poses = tuple(one.with_suffix(".txt") for one in pictures if one.with_suffix(".txt").is_file())
     if len(poses) < 2:
         return None
-    return Files(
-        pictures, tuple(one.with_suffix(".png") for one in pictures if one.with_suffix(".png").is_file()), poses
-    )
+    maps = (one.with_suffix(ending) for one in pictures for ending in MAPS)
+    return Files(pictures, tuple(one for one in maps if one.is_file()), poses)
+
+
+def _unread(path: Path) -> list[str]:
+    """What to tell of depth maps of a kind that is not read."""
+    for folder in (path / name for name in DEPTHS):
+        kinds = sorted({one.suffix.lower() for one in folder.iterdir()} - {""}) if folder.is_dir() else []
+        if kinds:
+            return [
+                f"{folder.name}/ has files of other kinds than {', '.join(MAPS)} ({', '.join(kinds)}): depth is left out."
+            ]
+    return []
 
 
 def _shots(path: Path, files: Files) -> list[Shot]:
@@ -190,7 +199,7 @@ def _shots(path: Path, files: Files) -> list[Shot]:
         Shot(
             _name(path, one),
             one,
-            matrix(poses[one]) if one in poses else None,
+            read_pose(poses[one]) if one in poses else None,
             (poses.get(one, path), ""),
         )
         for one in files.pictures

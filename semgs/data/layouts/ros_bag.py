@@ -178,7 +178,7 @@ class _Bag:
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise ImportError(
-                f'{path} is a ROS bag; reading it needs rosbags: pip install "semgs[ros]"', name="rosbags"
+                f"{path} is a ROS bag; reading it needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
             ) from error
         self.path = path
         try:
@@ -187,6 +187,9 @@ class _Bag:
         except Exception as error:  # whatever the readers of several storages raise on damage
             raise InputError(path, "a ROS bag", f"one that rosbags cannot read: {error}") from error
         weakref.finalize(self, _close, self._reader)
+        for one in self._reader.connections:
+            if not isinstance(one.topic, str):  # as YAML has 5 without quotes
+                raise InputError(path, "names of topics", f"{one.topic!r}, which is no text", "metadata.yaml")
         self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
         self.counts = {topic: info.msgcount for topic, info in self._reader.topics.items()}
 

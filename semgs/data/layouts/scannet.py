@@ -19,7 +19,7 @@ import numpy as np
 from semgs.data.classes import SCANNET20
 from semgs.data.layouts.poses import checked_poses
 from semgs.data.layouts.recordings import RecordedFrame, read_ids
-from semgs.data.layouts.scannet_files import Pgm, read_fields, read_numbers
+from semgs.data.layouts.scannet_files import read_fields, read_numbers
 from semgs.data.layouts.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
 from semgs.data.layouts.sens import read_recording
 from semgs.data.lens import Lens
@@ -28,7 +28,7 @@ from semgs.data.peers import GSNERF_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
 from semgs.files.archives import members
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_header
+from semgs.files.pictures import read_header, read_uint16
 from semgs.files.stored import Stored
 
 LAYOUT = "ScanNet"
@@ -82,8 +82,8 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
         as_peers: readings of `APPLICABLE`.
 
     Raises:
-        InputError: the recording, its labels, a pose, the intrinsics or the table of labels cannot be used; a folder has several
-            recordings; or fewer than two frames can be used.
+        InputError: the recording, its labels, a pose or the intrinsics cannot be used; a folder has several recordings; or
+            fewer than two frames can be used.
     """
     recordings = [path] if path.is_file() else _recordings(path)
     if len(recordings) > 1:
@@ -103,11 +103,12 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
 
 @dataclass(frozen=True)
 class _Labels:
-    """Where labels are and what they mean: the map of each frame by its number, and the label of each id that it holds."""
+    """Where labels are and what they mean: the map of each frame by its number, and the label of each id that it holds; or why not."""
 
     maps: Mapping[int, Stored]
     labels: np.ndarray | None
     notes: tuple[str, ...]
+    unread: InputError | None = None
 
 
 def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
@@ -182,7 +183,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         poses=poses,
         lens=lens,
         reference=reference,
-        depths={number: Pgm(depth) if depth.suffix.lower() == ".pgm" else depth for number, depth in depths.items()},
+        depths=depths,
         depth_unit=MILLIMETRE,
         depth_lens=depth_lens,
         labels=_labels(folder, as_peers),
@@ -237,6 +238,7 @@ def _scene(
         unit="metric",
         frames=frames,
         classes=SCANNET20 if labelled else None,
+        unread_labels=labels.unread,
         notes=(
             *notes,
             *_missing(pictures, names, posed, "a finite pose (tracking was lost) and are left out"),
@@ -262,7 +264,7 @@ def _labels(folder: Path, as_peers: Collection[str]) -> _Labels:
     """The label maps of a scan, in the zip file as it was downloaded or extracted, with what their ids mean.
 
     Raises:
-        InputError: the zip file or the table cannot be used.
+        InputError: the zip file or a map cannot be used.
     """
     as_gsnerf = GSNERF_LABELS in as_peers
     maps, where = _label_maps(folder)
@@ -284,7 +286,10 @@ def _labels(folder: Path, as_peers: Collection[str]) -> _Labels:
     if table is None:
         sentence = f"{FILE_NAME} is neither with the scan nor above it, so its labels have no meaning and are not read."
         return _Labels({}, None, (sentence,))
-    return _Labels(maps, read_table(table).labels(as_gsnerf), ())
+    try:
+        return _Labels(maps, read_table(table).labels(as_gsnerf), ())
+    except InputError as error:
+        return _Labels({}, None, (), error)
 
 
 def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:
@@ -495,4 +500,7 @@ def _lens(path: Path, key: str | None, matrix: np.ndarray, size: tuple[int, int]
 
 def _map_size(path: Path) -> tuple[int, int]:
     """(height, width) of a depth map."""
-    return Pgm(path).size if path.suffix.lower() == ".pgm" else read_header(path).size
+    if path.suffix.lower() != ".pgm":
+        return read_header(path).size
+    height, width = read_uint16(path).shape
+    return height, width

@@ -26,7 +26,7 @@ from jaxtyping import Float32, UInt8
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.fisheye import FisheyeLens
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap_text import TextCamera, read_cameras, read_images
+from semgs.data.layouts.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
 from semgs.data.layouts.fields import Fields, parsed
 from semgs.data.layouts.poses import checked_poses
 from semgs.data.layouts.scannet_labels import find_table, read_table
@@ -113,6 +113,7 @@ class ScannedFrame(Frame):
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
+        crop: bool = False,
         maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
         """As `Frame.view`; labels and depth are exact at the centres of the pixels that are read.
@@ -121,7 +122,7 @@ class ScannedFrame(Frame):
             InputError: as `Frame.view`, and where a file of the scan cannot be used.
             ImportError: embreex or trimesh is not installed.
         """
-        view = super().view(depth_range, classes or SCANNET20, size=size, maps=maps)
+        view = super().view(depth_range, classes or SCANNET20, size=size, crop=crop, maps=maps)
         hidden = torch.zeros(1, *view.size, dtype=torch.bool) if view.labels is None else view.labels == IGNORE
         labels, depths = None, view.depths
         if self.mesh is not None:
@@ -178,7 +179,8 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
     folder = scan / device.folder
     posed = _posed(folder, device, TOOLBOX_UNDISTORTION in as_peers)
     pictures = _pictures(folder, posed.device, posed.names)
-    mesh, notes = _mesh(scan)
+    scanned = _mesh(scan)
+    mesh = scanned.mesh
     masks = next((folder / place for place in posed.device.masks if (folder / place).is_dir()), None)
     bad = _bad(folder)
     frames, absent, used = [], [], set[str]()
@@ -215,7 +217,8 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
         layout=f"{LAYOUT} {device.folder}",
         unit="metric",
         frames=tuple(frames),
-        classes=SCANNET20 if mesh is not None and mesh.annotations is not None else None,
+        classes=SCANNET20 if mesh and mesh.annotations and scanned.unread is None else None,
+        unread_labels=scanned.unread,
         absent=tuple(absent),
         notes=(
             *posed.notes,
@@ -226,7 +229,7 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
             ),
             *([f"{marked} pictures are marked as bad and left out."] if marked else []),
             *_unmasked(frames, masks),
-            *notes,
+            *scanned.notes,
             *([] if mesh else _sensor_notes(frames, device)),
             *_other_device(scan, path, device),
             *(f"Read as peers do: {READINGS[one]}." for one in as_peers if one in APPLICABLE and posed.device is DSLR),
@@ -303,14 +306,11 @@ def _posed(folder: Path, device: _Device, as_toolbox: bool) -> _Posed:
 
 def _from_colmap(folder: Path, device: _Device, as_toolbox: bool) -> _Posed:
     """The cameras of COLMAP's text files."""
-    cameras = read_cameras(folder / CAMERAS)
+    cameras = read_cameras(folder / CAMERAS, PARAMETERS)
     lenses = {
         number: _lens(folder / CAMERAS, f"camera {number}", camera, as_toolbox) for number, camera in cameras.items()
     }
-    images = sorted(read_images(folder / IMAGES), key=lambda image: image.name)
-    for image in images:
-        if image.camera not in lenses:
-            raise InputError(folder / IMAGES, "a camera that cameras.txt has", f"{image.camera}", key=image.place)
+    images = sorted(read_images(folder / IMAGES, cameras), key=lambda image: image.name)
     poses = checked_poses(
         folder / IMAGES, [image.world_from_camera for image in images], [image.place for image in images]
     )
@@ -386,11 +386,11 @@ def _shared_lens(fields: Fields, as_toolbox: bool) -> Lens:
         raise fields.refused("w" if width is None else "h", "a number of pixels", "nothing")
     values.update({name: fields.number(name) or 0.0 for name in names})
     return _lens(
-        Path(str(fields.path)), fields.place + "camera_model", TextCamera(model, (height, width), values), as_toolbox
+        Path(str(fields.path)), fields.place + "camera_model", ColmapCamera(model, (height, width), values), as_toolbox
     )
 
 
-def _lens(path: Path, key: str, camera: TextCamera, as_toolbox: bool) -> Lens:
+def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> Lens:
     """The lens of a camera.
 
     Raises:
@@ -475,27 +475,38 @@ def _check_size(picture: Path, lens: Lens) -> None:
         )
 
 
-def _mesh(scan: Path) -> tuple[LabelledMesh | None, list[str]]:
-    """The mesh of a scan with what its objects' names mean, and what the user should be told of it.
+@dataclass(frozen=True)
+class _Scanned:
+    """What a laser scan left: its mesh with what its objects' names mean, what the user should be told, and why not if they mean nothing."""
+
+    mesh: LabelledMesh | None
+    notes: tuple[str, ...] = ()
+    unread: InputError | None = None
+
+
+def _mesh(scan: Path) -> _Scanned:
+    """The mesh of a scan, if it is there and can be read.
 
     Raises:
-        InputError: the annotations or ScanNet's table are broken.
+        InputError: the annotations are broken.
     """
     folder = scan / "scans"
     if not (folder / MESH).is_file():
-        return None, [f"There is no scans/{MESH}, so there are no labels."]
+        return _Scanned(None, (f"There is no scans/{MESH}, so there are no labels.",))
     if not all(find_spec(library) for library in ("embreex", "trimesh")):
-        return None, [
-            'Labels and depth of the mesh need embreex and trimesh, which are not installed; pip install "semgs[raycast]"'
-        ]
+        needed = "Labels and depth of the mesh need embreex and trimesh, which are not installed"
+        return _Scanned(None, (f"{needed}; pip install '.[raycast]' in SemGS's folder.",))
     bare = LabelledMesh(folder, scan.absolute().name, ())
     if bare.annotations is None:
-        return bare, [
-            f"There is no {bare.folder / 'segments_anno.json'}: depth is the mesh's, and there are no labels."
-        ]
-    table = find_table(scan)
+        sentence = f"There is no {bare.folder / 'segments_anno.json'}: depth is the mesh's, and there are no labels."
+        return _Scanned(bare, (sentence,))
     names = object_names(bare.annotations)
-    known, missed = labels_of(names, read_table(table) if table else None)
+    place = find_table(scan)
+    try:
+        table = read_table(place) if place else None
+    except InputError as error:
+        return _Scanned(bare, unread=error)
+    known, missed = labels_of(names, table)
     notes = []
     if missed:
         told = ", ".join(f"{name or '(no name)'} ({count})" for name, count in missed[:NAMED])
@@ -507,7 +518,7 @@ def _mesh(scan: Path) -> tuple[LabelledMesh | None, list[str]]:
         notes.append(
             "ScanNet's scannetv2-labels.combined.tsv is not with the data; with it, more names would be known."
         )
-    return replace(bare, labels=known), notes
+    return _Scanned(replace(bare, labels=known), tuple(notes))
 
 
 def _unmasked(frames: Sequence[ScannedFrame], masks: Path | None) -> list[str]:

@@ -184,7 +184,7 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
         import trimesh
     except ImportError as error:
         raise ImportError(
-            'reading the mesh of a scan needs trimesh, which is not installed; pip install "semgs[raycast]"'
+            "reading the mesh of a scan needs trimesh, which is not installed; pip install '.[raycast]' in SemGS's folder"
         ) from error
     if not path.is_file():
         raise InputError(path, "the mesh of the scan", "no such file")

@@ -1,6 +1,7 @@
-"""Trajectories: the poses of many frames in one text file, in the forms that recordings come with. All are camera to world.
+"""Poses in text: of many frames in one file, in the forms that recordings come with, or a file a frame. All are camera to world.
 
 8 numbers a line      time, tx ty tz, qx qy qz qw: TUM RGB-D's, and what most SLAM systems write
+7 numbers a line      the same without the time
 16 or 12 a line       a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
 3, then 4 lines of 4  Redwood's .log: three integers and a 4x4 matrix
 lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
@@ -8,15 +9,19 @@ lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.numbers import as_motion, rows
+from semgs.data.layouts.numbers import rows
 from semgs.files.errors import InputError
 
-FORMS = "poses as 8 numbers a line (time, tx ty tz, qx qy qz qw), as 4x4 or 3x4 matrices, or as Redwood's .log"
+FORMS = "poses as 8 numbers a line (time, tx ty tz, qx qy qz qw) or the last 7 of them, as 4x4 or 3x4 matrices, or as Redwood's .log"
+
+UNIT_TOLERANCE = 0.1
+"""Four numbers whose length is further from 1 than this are no quaternion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +55,12 @@ def read_trajectory(path: Path) -> Trajectory:
         raise InputError(path, FORMS, "no line with numbers")
     lengths = [len(values) for _, values in held]
     places = [f"line {number}" for number, _ in held]
-    if set(lengths) == {8}:
+    if set(lengths) in ({7}, {8}):
         table = np.array([values for _, values in held])
-        return Trajectory(path, poses_from_quaternions(table[:, 1:4], table[:, 4:]), tuple(places), table[:, 0])
+        poses = _from_quaternions(path, table[:, -7:], places)
+        return Trajectory(path, poses, tuple(places), table[:, 0] if table.shape[1] == 8 else None)
     if set(lengths) in ({16}, {12}):
-        return Trajectory(path, np.stack([as_motion(values) for _, values in held]), tuple(places))
+        return Trajectory(path, np.stack([_as_motion(values) for _, values in held]), tuple(places))
     step = 5 if lengths[:5] == [3, 4, 4, 4, 4] else _rows_of_a_matrix([values for _, values in held], lengths)
     wanted = [3, 4, 4, 4, 4] if step == 5 else [4] * max(step, 1)
     if step and len(held) % step == 0 and lengths == wanted * (len(held) // step):
@@ -62,9 +68,47 @@ def read_trajectory(path: Path) -> Trajectory:
         parts = [
             [value for _, values in held[start + (step == 5) : start + step] for value in values] for start in starts
         ]
-        return Trajectory(path, np.stack([as_motion(part) for part in parts]), tuple(places[start] for start in starts))
+        return Trajectory(
+            path, np.stack([_as_motion(part) for part in parts]), tuple(places[start] for start in starts)
+        )
     odd = next((index for index, length in enumerate(lengths) if length != lengths[0]), 0)
     raise InputError(path, FORMS, f"{lengths[odd]} numbers", places[odd])
+
+
+def read_pose(path: Path) -> np.ndarray:
+    """The pose in the text file of a frame, 4x4: a 4x4 or 3x4 matrix, or tx ty tz, qx qy qz qw; NaN where the file says so.
+
+    Raises:
+        InputError: it cannot be read, or holds something else.
+    """
+    held = rows(path)
+    flat = [value for _, values in held for value in values]
+    if len(held) == 1 and len(flat) == 7:
+        return _from_quaternions(path, np.array([flat]), [f"line {held[0][0]}"])[0]
+    if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for _, values in held)):
+        found = f"{len(held)} lines of {sorted({len(values) for _, values in held})} numbers" if held else "nothing"
+        raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers, or tx ty tz, qx qy qz qw", found)
+    return _as_motion(flat)
+
+
+def _as_motion(flat: list[float]) -> np.ndarray:
+    """The 4x4 matrix of 16 numbers, or of the 12 of its first three rows."""
+    return np.array([*flat, 0.0, 0.0, 0.0, 1.0][:16] if len(flat) == 12 else flat, dtype=np.float64).reshape(4, 4)
+
+
+def _from_quaternions(path: Path, table: np.ndarray, places: Sequence[str]) -> np.ndarray:
+    """Matrices [n 4 4] of lines tx ty tz, qx qy qz qw [n 7].
+
+    Raises:
+        InputError: the last four numbers of a line are neither of unit length nor zero or NaN, which stand for no pose.
+    """
+    norms = np.linalg.norm(table[:, 3:], axis=1)
+    off = (np.abs(norms - 1) > UNIT_TOLERANCE) & (norms > 1e-6)
+    if off.any():
+        index = int(np.argmax(off))
+        found = f"{table[index, 3:].tolist()} of length {norms[index]:.3g}"
+        raise InputError(path, "a unit quaternion qx qy qz qw in the last four numbers", found, places[index])
+    return poses_from_quaternions(table[:, :3], table[:, 3:])
 
 
 def poses_from_quaternions(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:

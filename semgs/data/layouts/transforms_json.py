@@ -108,12 +108,16 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
                 picture_path=picture,
                 lens=lenses.setdefault(lens, lens),
                 world_from_camera=pose,
-                depth_path=_map(fields, "depth_file_path", (".png", ".npy"), notes, beside),
+                depth_path=_map(fields, "depth_file_path", (".png", ".npy", ".pgm"), notes, beside),
                 depth_unit=fields.positive("depth_unit_scale_factor") or DEPTH_UNIT,
                 label_path=_map(fields, "label_file_path", (".png",), notes, beside),
             )
         )
-    classes = _classes(shared, frames, beside)
+    unread = None
+    try:
+        classes = _classes(shared, frames, beside)
+    except InputError as error:
+        classes, unread = None, error
     if isinstance(classes, LabelSet):
         frames = [replace(frame, meaning=classes.meaning) for frame in frames]
         classes = classes.table
@@ -124,6 +128,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         unit=_unit(shared, listed),
         frames=tuple(frames),
         classes=classes,
+        unread_labels=unread,
         absent=tuple(absent),
         notes=tuple(notes.sentences(absent, len(listed), listed)),
         applied_transform=_applied_transform(shared),
@@ -250,7 +255,8 @@ def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     try:
         return Lens(size, (focal[0], focal[1]), centre, (k1, k2, p1, p2, k3))
     except ValueError as error:
-        raise fields.refused("k1", "a distortion that can be undone", str(error)) from error
+        key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
+        raise fields.refused(key, "a camera that can be", str(error)) from error
 
 
 def _focal(fields: Fields, axis: str, side: int) -> float | None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.data.layouts.numbers import lines, matrix, rows
+from semgs.data.layouts.numbers import lines, rows
 from semgs.data.layouts.recordings import numbered, sequence_name
-from semgs.data.layouts.trajectories import poses_from_quaternions, read_trajectory
+from semgs.data.layouts.trajectories import poses_from_quaternions, read_pose, read_trajectory
 from semgs.files.errors import InputError
 
 
@@ -56,10 +56,10 @@ def test_a_pose_may_be_3x4_or_4x4_in_one_line_or_more(tmp_path: Path, rows_of: t
     path = tmp_path / "pose.txt"
     path.write_text("\n".join(" ".join(str(next(numbers)) for _ in range(count)) for count in rows_of))
     if rows_of == (8, 8):
-        with pytest.raises(InputError, match=r"4x4 or 3x4 numbers, found 2 lines of \[8\] numbers"):
-            matrix(path)
+        with pytest.raises(InputError, match=r"4x4 or 3x4 numbers, .* found 2 lines of \[8\] numbers"):
+            read_pose(path)
     else:
-        np.testing.assert_array_equal(matrix(path), [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [0, 0, 0, 1]])
+        np.testing.assert_array_equal(read_pose(path), [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [0, 0, 0, 1]])
 
 
 def test_a_quarter_turn_about_each_axis_is_what_the_formula_says():

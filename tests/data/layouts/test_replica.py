@@ -92,6 +92,7 @@ def test_names_count_where_they_are_told(tmp_path: Path):
     info.write_text(json.dumps({"classes": [{"id": "x", "name": "wall"}]}))
     with pytest.raises(InputError, match=r"info_semantic\.json: classes\[0\]\.id"):
         open_scene(folder)
+    assert open_scene(folder, needs_labels=False).read([0, 1]).labels is None
 
 
 def test_missing_labels_poses_and_pictures_are_counted(tmp_path: Path):

@@ -98,6 +98,28 @@ def by_time(folder: Path, room: Miniature) -> Path:
     return folder
 
 
+def quaternions_and_pgm(folder: Path, room: Miniature) -> Path:
+    """A file a frame with tx ty tz qx qy qz qw, and depth as PGM, high byte first."""
+    write_maps(room, f"{folder}/color/{{}}.png", None)
+    (folder / "pose").mkdir()
+    (folder / "depth").mkdir()
+    for index, (pose, depths) in enumerate(zip(room.poses, room.depths, strict=True)):
+        (folder / f"pose/{index}.txt").write_text(text(np.array([*pose[:3, 3], *quaternion(pose[:3, :3])])))
+        header = f"P5\n# a comment\n{depths.shape[1]} {depths.shape[0]}\n10000\n".encode()
+        (folder / f"depth/{index}.pgm").write_bytes(header + depths.astype(">u2").tobytes())
+    (folder / "intrinsics.txt").write_text(text(K))
+    return folder
+
+
+def seven_a_line(folder: Path, room: Miniature) -> Path:
+    """traj.txt with tx ty tz qx qy qz qw a line, in the order of the pictures."""
+    write_maps(room, f"{folder}/rgb/{{}}.png", f"{folder}/depth/{{}}.png")
+    lines = [text(np.array([*pose[:3, 3], *quaternion(pose[:3, :3])])) for pose in room.poses]
+    (folder / "traj.txt").write_text("".join(lines))
+    (folder / "K.txt").write_text("57.5, 56.25, 31.5, 24.5")
+    return folder
+
+
 MANNERS = {
     "pose files": pose_files,
     "NICE-SLAM": nice_slam,
@@ -105,8 +127,10 @@ MANNERS = {
     "side by side": side_by_side,
     "SUN3D": sun3d,
     "by time": by_time,
+    "quaternions and PGM": quaternions_and_pgm,
+    "seven a line": seven_a_line,
 }
-STATES_NO_UNIT = ("pose files", "side by side", "by time")
+STATES_NO_UNIT = ("pose files", "side by side", "by time", "quaternions and PGM", "seven a line")
 
 
 @pytest.mark.parametrize("manner", MANNERS)
@@ -133,6 +157,26 @@ def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: st
     assert scene.notes[0].startswith(
         "3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001"
     )
+
+
+def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
+    folder = pose_files(tmp_path, miniature(frames=3))
+    for file in (folder / "depth").iterdir():
+        file.rename(file.with_suffix(".exr"))
+    scene = open_scene(folder)
+    assert scene.unit == "unknown"
+    assert scene.notes == ("depth/ has files of other kinds than .png, .npy, .pgm (.exr): depth is left out.",)
+
+
+@pytest.mark.parametrize("manner", ["quaternions and PGM", "seven a line"])
+def test_four_numbers_that_are_no_quaternion_are_refused_with_their_line(tmp_path: Path, manner: str):
+    folder = MANNERS[manner](tmp_path, miniature(frames=3))
+    file = folder / ("traj.txt" if manner == "seven a line" else "pose/0.txt")
+    file.write_text("# x y z, and angles in degrees\n1 2 3 0 0 90 0\n" + "".join(file.read_text().splitlines(True)[1:]))
+    with pytest.raises(
+        InputError, match=r"txt: line 2: expected a unit quaternion .* found \[0.0, 0.0, 90.0, 0.0\] of length 90"
+    ):
+        open_scene(folder)
 
 
 def test_numbers_count_as_people_count(tmp_path: Path):

@@ -431,6 +431,19 @@ def test_several_topics_of_poses_are_listed(tmp_path: Path):
         assert "Poses are by /visual: vio" in scene.notes[1]
 
 
+@pytest.mark.parametrize("topics", [[COLOUR], [COLOUR, "/camera/color/camera_info"]], ids=["one", "all"])
+def test_a_topic_whose_name_is_a_number_is_refused(tmp_path: Path, topics: list[str]):
+    path = pictures_alone().write(tmp_path / "bag")
+    described = (path / "metadata.yaml").read_text()
+    for number, topic in enumerate(topics, 5):
+        described = described.replace(f"name: {topic}\n", f"name: {number}\n")
+    (path / "metadata.yaml").write_text(described)
+    with pytest.raises(
+        InputError, match=r"bag: metadata\.yaml: expected names of topics, found [56], which is no text"
+    ):
+        open_scene(path)
+
+
 def test_damage_is_told_with_the_bag(tmp_path: Path):
     path = robot(FEW).write(tmp_path / "bag")
     scene = open_scene(path)

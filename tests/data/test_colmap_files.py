@@ -1,0 +1,153 @@
+"""The files of COLMAP models against pycolmap's own, and what makes them unreadable. Bytes are packed by the format's description."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semgs.data.layouts.colmap_files import PARAMETERS, read_cameras, read_images, read_points
+from semgs.files.errors import InputError
+
+CAMERA = struct.pack("<QIiQQ4d", 1, 7, 1, 64, 48, 60.0, 59.0, 31.0, 25.0)
+IMAGE = struct.pack("<QI7dI", 1, 3, 1, 0, 0, 0, 1, 2, 3, 7) + b"a.png\0" + struct.pack("<Qddq", 1, 8.5, 9.5, 0)
+POINT = struct.pack("<QQ3d3BdQII", 1, 0, 1, 2, 3, 9, 8, 7, 0.5, 1, 3, 0)
+TEXTS = {
+    "cameras": "7 PINHOLE 64 48 60 59 31 25",
+    "images": "3 1 0 0 0 1 2 3 7 a.png\n8.5 9.5 0",
+    "points3D": "0 1 2 3 9 8 7 0.5 3 0",
+}
+BINARIES = {"cameras": CAMERA, "images": IMAGE, "points3D": POINT}
+
+
+def read(folder: Path, ending: str):
+    """All three files of a folder."""
+    cameras = read_cameras(folder / f"cameras{ending}", PARAMETERS)
+    images = read_images(folder / f"images{ending}", cameras)
+    return cameras, images, read_points(folder / f"points3D{ending}", {image.number for image in images}, 50)
+
+
+def write(folder: Path, **changed: bytes | str) -> Path:
+    """The smallest model in both forms, with another content for some of its files ("images_bin")."""
+    for name in BINARIES:
+        (folder / f"{name}.bin").write_bytes(changed.get(f"{name}_bin", BINARIES[name]))
+        (folder / f"{name}.txt").write_text(changed.get(f"{name}_txt", TEXTS[name]))
+    return folder
+
+
+@pytest.mark.parametrize("ending", [".bin", ".txt"])
+def test_the_smallest_model_is_read_as_its_format_says(tmp_path: Path, ending: str):
+    cameras, images, points = read(write(tmp_path), ending)
+    assert (cameras[7].model, cameras[7].size) == ("PINHOLE", (48, 64))
+    assert cameras[7].values == {"fx": 60, "fy": 59, "cx": 31, "cy": 25}
+    assert (images[0].number, images[0].name, images[0].camera) == (3, "a.png", 7)
+    np.testing.assert_array_equal(images[0].world_from_camera[:3, 3], [-1, -2, -3])
+    np.testing.assert_array_equal(points.positions, [[1, 2, 3]])
+    assert {number: seen.tolist() for number, seen in points.seen.items()} == {3: [0]}
+
+
+@pytest.mark.parametrize("ending", [".bin", ".txt"])
+@pytest.mark.parametrize("model", PARAMETERS)
+def test_random_models_of_pycolmap_are_read_as_it_has_them(tmp_path: Path, model: str, ending: str):
+    pycolmap = pytest.importorskip("pycolmap")
+    pycolmap.set_random_seed(7)
+    large = {"f": 800.5, "fx": 801.25, "fy": 799.0, "cx": 511.0, "cy": 390.5}
+    small = np.random.default_rng(len(model)).uniform(-0.02, 0.02, 8)
+    theirs = pycolmap.synthesize_dataset(
+        pycolmap.SyntheticDatasetOptions(
+            num_rigs=2, num_cameras_per_rig=2, num_frames_per_rig=3, num_points3D=60, track_length=5,
+            camera_model_id=getattr(pycolmap.CameraModelId, model),
+            camera_params=[large.get(name, small[index]) for index, name in enumerate(PARAMETERS[model])],
+        )
+    )  # fmt: skip
+    (theirs.write_binary if ending == ".bin" else theirs.write_text)(str(tmp_path))
+    cameras, images, points = read(tmp_path, ending)
+    assert set(cameras) == set(theirs.cameras)
+    for number, camera in theirs.cameras.items():
+        assert (cameras[number].model, *cameras[number].size) == (camera.model.name, camera.height, camera.width)
+        np.testing.assert_allclose(list(cameras[number].values.values()), camera.params)
+    assert {image.number: (image.name, image.camera) for image in images} == {
+        number: (image.name, image.camera_id) for number, image in theirs.images.items()
+    }
+    for image in images:
+        pose = theirs.images[image.number].cam_from_world().inverse().matrix()
+        np.testing.assert_allclose(image.world_from_camera[:3], pose, atol=1e-9)
+    places = [tuple(position) for position in np.round(points.positions, 6)]
+    tracks = {
+        tuple(np.round(point.xyz, 6)): {element.image_id for element in point.track.elements}
+        for point in theirs.points3D.values()
+    }
+    assert set(places) == set(tracks)
+    for index, place in enumerate(places):  # at most 50 of 60 may be looked at: every second one
+        seeing = {number for number, seen in points.seen.items() if index in seen}
+        assert seeing == (tracks[place] if index % 2 == 0 else set())
+
+
+@pytest.mark.parametrize(
+    ("number", "name"),
+    [
+        (6, "FULL_OPENCV"),
+        (7, "FOV"),
+        (10, "THIN_PRISM_FISHEYE"),
+        (17, "EQUIRECTANGULAR"),
+        (18, "number 18"),
+        (-1, "number -1"),
+    ],
+)
+def test_camera_models_that_are_not_read_are_refused_by_name(tmp_path: Path, number: int, name: str):
+    write(tmp_path, cameras_bin=CAMERA[:12] + struct.pack("<i", number) + CAMERA[16:])
+    with pytest.raises(
+        InputError, match=rf"cameras\.bin: camera 7: expected a camera model of .*, found {name}; undistort"
+    ):
+        read(tmp_path, ".bin")
+
+
+@pytest.mark.parametrize("name", BINARIES)
+@pytest.mark.parametrize("count", [2, 10**9, 2**64 - 1])
+def test_counts_beyond_the_file_are_refused_before_anything_is_allocated(tmp_path: Path, name: str, count: int):
+    write(tmp_path, **{f"{name}_bin": struct.pack("<Q", count) + BINARIES[name][8:]})
+    with pytest.raises(
+        InputError, match=rf"{name}\.bin: expected a complete list of COLMAP {name}, found one cut short"
+    ):
+        read(tmp_path, ".bin")
+
+
+@pytest.mark.parametrize("length", [3, 10**12, 2**64 - 1])
+def test_lists_in_an_entry_that_reach_beyond_the_file_are_refused(tmp_path: Path, length: int):
+    write(tmp_path, points3D_bin=POINT[:-16] + struct.pack("<Q", length) + POINT[-8:])
+    with pytest.raises(InputError, match=r"points3D\.bin: .* found one cut short"):
+        read(tmp_path, ".bin")
+    two = struct.pack("<Q", 2) + IMAGE[8:-32] + struct.pack("<Q", length) + IMAGE[-24:] + bytes(99)
+    write(tmp_path, images_bin=two)
+    with pytest.raises(InputError, match=r"images\.bin: .* found one cut short"):
+        read(tmp_path, ".bin")
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("cameras_txt", "7 PINHOLE 64 48 60 59 31", "line 1: expected 4 parameters of PINHOLE, found 3"),
+        ("cameras_txt", "7 PINHOLE 64 48 60 inf 31 25", r"line 1: expected finite parameters of PINHOLE, found \[60.0, inf"),
+        ("cameras_txt", "7 PINHOLE 64 99999999999 60 59 31 25", "line 1: expected a whole number, found 99999999999"),
+        ("cameras_txt", TEXTS["cameras"] + "\n" + TEXTS["cameras"], "each camera once, found camera 7 twice"),
+        ("cameras_bin", CAMERA[:40] + struct.pack("<d", np.nan) + CAMERA[48:], "camera 7: expected finite parameters"),
+        ("cameras_bin", CAMERA + b"\0", "found 1 bytes behind their end"),
+        ("images_txt", "3 1 0 0 0 1 2 3 8 a.png\n", r"line 1: expected a camera that cameras\.txt has, found 8"),
+        ("images_txt", "3 1 0 0 0 1 2 nan 7 a.png\n", "line 1: expected a unit quaternion and a translation"),
+        ("images_txt", "3 9 0 0 0 1 2 3 7 a.png\n", "line 1: expected a unit quaternion and a translation"),
+        ("images_txt", TEXTS["images"] + "\n" + TEXTS["images"], "line 3: expected each image once, found image 3 again"),
+        ("images_txt", "3 1 0 0 0 1 2 3 7 a.png\n4 1 0 0 0 1 2 3 7 b.png", "line 2: expected the points of an image"),
+        ("images_bin", struct.pack("<Q", 1) + IMAGE[8:72] + b"7" * 30, "found one cut short"),
+        ("points3D_txt", "0 1 2 3 9 8 7 0.5 4 0", "points that images of this model see, found some seen by image 4"),
+        ("points3D_txt", "0 1 2 inf 9 8 7 0.5 3 0", r"expected finite positions, found \[1.0, 2.0, inf\]"),
+        ("points3D_txt", "0 1 2 3 9 8 7 0.5 3", "line 1: expected POINT3D_ID X Y Z"),
+        ("points3D_bin", POINT[:-8] + struct.pack("<II", 4, 0), "found some seen by image 4"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_with_its_place(tmp_path: Path, file: str, content: bytes | str, message: str):
+    write(tmp_path, **{file: content})
+    name, ending = file.split("_")
+    with pytest.raises(InputError, match=rf"{name}\.{ending}: .*{message}"):
+        read(tmp_path, f".{ending}")
