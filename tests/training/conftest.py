@@ -71,7 +71,7 @@ class TinySweep(nn.Module):
         return {"layer.weight", "layer.bias"} if shared else {"layer.weight"}
 
 
-def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None) -> Rendering:
+def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None, clamp: bool = True) -> Rendering:
     """Every camera sees the Gaussians of the context views, laid out as the pixels they come from, averaged over views."""
     height, width = cameras.size
     views = len(gaussians) // (height * width)
