@@ -33,11 +33,31 @@ def test_the_version_is_the_one_installed_and_cited():
 
 
 def test_the_public_names_are_there():
-    assert {"Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render"} <= set(dir(semgs))
+    names = {
+        "Cameras",
+        "Gaussians",
+        "SavedScene",
+        "Views",
+        "load",
+        "load_scene",
+        "open_scene",
+        "render",
+        "save_ply",
+        "save_scene",
+    }
+    assert names <= set(dir(semgs))
     for name in semgs.__all__:
         assert getattr(semgs, name).__name__ == name
     with pytest.raises(AttributeError, match="no attribute 'laod'"):
         _ = semgs.laod
+
+
+def test_python_m_semgs_is_the_command():
+    told = subprocess.run(
+        [sys.executable, "-m", "semgs", "reconstruct", "nowhere", "--uot", "out"], cwd=ROOT, capture_output=True, text=True, check=False
+    )  # fmt: skip
+    assert told.returncode == 2
+    assert told.stderr == "semgs: error: there is no option --uot; did you mean --out?; see semgs reconstruct --help\n"
 
 
 def test_the_wheel_holds_every_file_of_the_package_and_nothing_else(wheel: zipfile.ZipFile):
