@@ -83,6 +83,7 @@ def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = 
 
     alphas = laid_out(gaussians.opacities[..., None])[..., 0, :, :]
     colours = laid_out(gaussians.colour.features[..., 0, :] + 0.5)
+    colours = colours.clamp(0, 1) if clamp else colours
     assert gaussians.semantic is not None
     return Rendering(colours, laid_out(gaussians.semantic.features), alphas * 3, alphas)
 
