@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from semgs.data.scenes import open_scene
     from semgs.data.views import Views
-    from semgs.export.scene import load_scene
+    from semgs.export.ply import save_ply, save_semantic_ply
+    from semgs.export.scene import SavedScene, load_scene, save_scene
     from semgs.geometry.cameras import Cameras
     from semgs.geometry.gaussians import Gaussians
     from semgs.objectives.calibration import tempered
@@ -16,16 +17,23 @@ if TYPE_CHECKING:
     from semgs.weights.load import load
 
 __version__ = "0.1.0"
-__all__ = ["Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render", "tempered"]
+__all__ = [
+    "Cameras", "Gaussians", "SavedScene", "Views", "load", "load_scene", "open_scene", "render", "save_ply", "save_scene", "save_semantic_ply",
+    "tempered",
+]  # fmt: skip
 
 _HOMES = {
     "Cameras": "semgs.geometry.cameras",
     "Gaussians": "semgs.geometry.gaussians",
+    "SavedScene": "semgs.export.scene",
     "Views": "semgs.data.views",
     "load": "semgs.weights.load",
     "load_scene": "semgs.export.scene",
     "open_scene": "semgs.data.scenes",
     "render": "semgs.rendering.render",
+    "save_ply": "semgs.export.ply",
+    "save_scene": "semgs.export.scene",
+    "save_semantic_ply": "semgs.export.ply",
     "tempered": "semgs.objectives.calibration",
 }
 

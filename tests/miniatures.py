@@ -50,7 +50,7 @@ class Miniature:
 @cache
 def miniature(size: tuple[int, int] = SIZE, frames: int = 8) -> Miniature:
     """The embedded room at a size, with holes in its depth."""
-    views = resized(open_scene(demo_scene()).read(range(frames)), size)
+    views = resized(open_scene(demo_scene()).read(range(frames), "native"), size)
     depths = np.rint(1000 * views.depths.numpy()).astype(np.uint16)
     depths[:, : size[0] // 6, : size[1] // 5] = 0
     return Miniature(
@@ -92,7 +92,7 @@ def check_read(
     """See that what is read equals what was written: poses to 1e-6, pictures and labels exactly, depth to 1 mm."""
     frames = list(range(len(room))) if frames is None else frames
     assert len(scene) == len(frames)
-    views = scene.read(range(len(scene)))
+    views = scene.read(range(len(scene)), "native")
     np.testing.assert_allclose(views.cameras.world_from_camera.numpy(), room.poses[frames], atol=1e-6)
     np.testing.assert_array_equal(np.rint(255 * views.images.permute(0, 2, 3, 1).numpy()), room.images[frames])
     if depths:

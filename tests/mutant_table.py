@@ -806,4 +806,35 @@ MUTANTS = (
     Mutant(
         "the preference for a baseline falls off half as fast", CHOICE, "STEEPNESS = 0.72", "STEEPNESS = 1.44", OF_CHOICE,
     ),
+    # What Python callers meet
+    Mutant(
+        "scenes are read at the size of their pictures unless somebody asks", "semgs/data/scene.py",
+        "return default_size(first.lens.size)", "return None", ("tests/data/test_scenes.py",),
+    ),
+    Mutant(
+        "rendered images are brighter than 1", "semgs/rendering/render.py",
+        "images = images.clamp(0, 1)", "images = images.clamp(min=0)",
+        ("tests/rendering/test_render.py::test_images_lie_in_0_to_1_unless_a_loss_asks_for_them_as_they_are",),
+    ),
+    Mutant(
+        "losses compare clamped images", "semgs/training/objective.py",
+        "encoding.render(target.cameras, clamp=False)", "encoding.render(target.cameras)",
+        ("tests/training/test_supervision.py::test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is",),
+    ),
+    Mutant(
+        "a network begins whether memory suffices or not", "semgs/model/semgs.py",
+        "return plan(self, views).chunks", "return WHOLE", ("tests/weights/test_load.py",),
+    ),
+    Mutant(
+        "a loaded network has gradients", "semgs/weights/load.py",
+        "model.eval().requires_grad_(False)", "model.eval()", ("tests/weights/test_load.py",),
+    ),
+    Mutant(
+        "a run that was made longer is made shorter again", "semgs/training/run.py",
+        "if settings.steps > there.steps:", "if settings.steps != there.steps:", ("tests/training/test_run.py",),
+    ),
+    Mutant(
+        "the colours of a class map are one class off", "semgs/files/colours.py",
+        "palette[: len(colours)] = colours", "palette[1 : len(colours) + 1] = colours", ("tests/test_in_a_notebook.py",),
+    ),
 )  # fmt: skip

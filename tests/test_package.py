@@ -33,7 +33,19 @@ def test_the_version_is_the_one_installed_and_cited():
 
 
 def test_the_public_names_are_there():
-    assert {"Cameras", "Gaussians", "Views", "load", "load_scene", "open_scene", "render"} <= set(dir(semgs))
+    names = {
+        "Cameras",
+        "Gaussians",
+        "SavedScene",
+        "Views",
+        "load",
+        "load_scene",
+        "open_scene",
+        "render",
+        "save_ply",
+        "save_scene",
+    }
+    assert names <= set(dir(semgs))
     for name in semgs.__all__:
         assert getattr(semgs, name).__name__ == name
     with pytest.raises(AttributeError, match="no attribute 'laod'"):
@@ -50,6 +62,14 @@ def test_extras_are_named_as_they_are_installed_from_a_clone_since_the_package_i
         for extra in re.fullmatch(r"""["']\.\[(.+)\]""", told)[1].split(",")
     }
     assert {"cuda", "hub", "ros", "raycast", "rooms", "train"} <= named <= extras.keys()
+
+
+def test_python_m_semgs_is_the_command():
+    told = subprocess.run(
+        [sys.executable, "-m", "semgs", "reconstruct", "nowhere", "--uot", "out"], cwd=ROOT, capture_output=True, text=True, check=False
+    )  # fmt: skip
+    assert told.returncode == 2
+    assert told.stderr == "semgs: error: there is no option --uot; did you mean --out?; see semgs reconstruct --help\n"
 
 
 def test_the_wheel_holds_every_file_of_the_package_and_nothing_else(wheel: zipfile.ZipFile):

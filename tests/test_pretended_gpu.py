@@ -20,7 +20,7 @@ from semgs.evaluation.evaluate import inputs_of, read_views
 from semgs.evaluation.network import NetworkMethod
 from semgs.evaluation.plan import make_plan
 from semgs.evaluation.protocols import neighbours
-from semgs.export.ply import write_ply
+from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
 from semgs.reconstruction.reconstruct import reconstruct
 from semgs.rooms.demo import demo_scene
@@ -101,7 +101,7 @@ def test_a_scene_is_reconstructed_and_exported(model: SemGS, tmp_path: Path):
     scene = open_scene(demo_scene())
     result = reconstruct(scene, choose(scene, 2), model, SIZE)
     assert not isinstance(result.encoding.depths, Pretended)
-    write_ply(tmp_path / "gaussians.ply", result.encoding.gaussians)
+    save_ply(tmp_path / "gaussians.ply", result.encoding.gaussians)
     assert (tmp_path / "gaussians.ply").stat().st_size > 0
 
 

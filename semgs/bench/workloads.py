@@ -22,8 +22,8 @@ from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.model.chunks import Chunks
+from semgs.model.plan import NotEnoughMemoryError, plan
 from semgs.model.semgs import SemGS
-from semgs.reconstruction.plan import NotEnoughMemoryError, plan
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
 from semgs.rendering.splats import Splats
@@ -194,7 +194,7 @@ def _drawing(row: Row) -> Workload:
 def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
     """Gradients of everything, from a picture and a class map that are drawn before and not watched."""
     leaves = gaussians.map(lambda tensor: tensor.detach().requires_grad_())
-    drawn = render(leaves, camera, near=1.0)
+    drawn = render(leaves, camera, near=1.0, clamp=False)
     assert drawn.semantics is not None
     loss = drawn.images.square().mean() + drawn.semantics.square().mean() + drawn.depths.mean()
     with watch(WHOLE):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
-from contextlib import redirect_stderr
+from collections.abc import Iterable, Sequence
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from difflib import get_close_matches
+from itertools import pairwise
 from typing import TypeVar
 
 import tyro
@@ -27,17 +29,24 @@ def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Option
         arguments: what was typed behind the name.
 
     Raises:
-        UsageError: an option is unknown, missing or has an impossible value.
+        UsageError: an option is unknown (the nearest one is named), missing or has an impossible value.
         SystemExit: with 0, after `--help`.
     """
     told = io.StringIO()
     try:
         with redirect_stderr(told):
-            return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=(tyro.conf.FlagCreatePairsOff,))
+            return _parsed(options, name, arguments)
     except SystemExit as leaving:
         if leaving.code in (None, 0):
             raise
-        raise UsageError(f"{_one_line(told.getvalue())}; see semgs {name} --help") from None
+        message = _mistyped(options, name, arguments, told.getvalue()) or _one_line(told.getvalue())
+        raise UsageError(f"{message}; see semgs {name} --help") from None
+
+
+def nearest(typed: str, known: Iterable[str]) -> str:
+    """ "; did you mean ...?" with the most similar of the known words, "" where none is similar."""
+    found = get_close_matches(typed, list(known), 1)
+    return f"; did you mean {found[0]}?" if found else ""
 
 
 def parse_size(text: str) -> tuple[int, int] | None:
@@ -57,12 +66,37 @@ def parse_size(text: str) -> tuple[int, int] | None:
     return height, width
 
 
+def _parsed(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
+    """What tyro makes of the arguments; where they are wrong it explains itself on stderr and leaves."""
+    return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=(tyro.conf.FlagCreatePairsOff,))
+
+
+def _mistyped(options: type, name: str, arguments: Sequence[str], box: str) -> str:
+    """The first of the options that tyro did not recognise, as its box says, with the nearest that there is; "" where none is near."""
+    _, _, unknown = _plain(box).partition("Unrecognized options")
+    words = pairwise(("", *arguments))
+    named = [word for before, word in words if not before.startswith("-") and not word.startswith("-")]
+    told = io.StringIO()
+    with suppress(SystemExit), redirect_stdout(told), redirect_stderr(io.StringIO()):
+        _parsed(options, name, [*named, "--help"])  # named, because a preset has options of its own
+    known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _plain(told.getvalue()), re.MULTILINE)
+    for typed in (word.split("=")[0] for word in arguments if word.startswith("--")):
+        if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := nearest(typed, known)):
+            return f"there is no option {typed}{advice}"
+    return ""
+
+
+def _plain(text: str) -> str:
+    """Text without the escapes that colour it."""
+    return re.sub(r"\x1b\[[0-9;]*m", "", text)
+
+
 def _one_line(box: str) -> str:
-    """The message inside the box that tyro draws, without its frame, title and the help below it.
+    """The message inside the box that tyro draws, without its frame, title and the help below it, but for the presets that there are.
 
     Where stdout cannot show frames, tyro draws the title and the parts below each other with dashes between them.
     """
-    lines = [line.strip(" │") for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
+    lines = [line.strip(" │") for line in _plain(box).splitlines()]
     framed = any(line.startswith("╭") for line in lines)
     parts: list[list[str]] = [[]]
     for line in lines:
@@ -70,5 +104,8 @@ def _one_line(box: str) -> str:
             parts.append([])
         elif line and not line.startswith(("╭", "╰")):
             parts[-1].append(line)
-    message = parts[0] if framed or len(parts) == 1 else parts[1]
-    return " ".join(message).rstrip(".") or "the arguments cannot be understood"
+    first = 0 if framed or len(parts) == 1 else 1
+    presets = [
+        f"; {' '.join(part)}" for part in parts[first + 1 :] if part and part[0].startswith("Available subcommands")
+    ]
+    return "".join([" ".join(parts[first]).rstrip("."), *presets]) or "the arguments cannot be understood"

@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import Any
 
 from semgs import __version__
-from semgs.cli.arguments import parse
+from semgs.cli.arguments import nearest, parse
 from semgs.cli.errors import UsageError
 from semgs.files.errors import InputError
 from semgs.reconstruction.allocator import keep_freed_memory
@@ -138,7 +138,8 @@ def _run(arguments: list[str]) -> int:
         print(f"semgs {__version__}")
         return 0
     if name not in COMMANDS:
-        raise UsageError(f"unknown command {name!r}; expected one of {', '.join(COMMANDS)}; see semgs --help")
+        advice = nearest(name, COMMANDS) or f"; expected one of {', '.join(COMMANDS)}"
+        raise UsageError(f"unknown command {name!r}{advice}; see semgs --help")
     command = COMMANDS[name]
     parse(getattr(import_module(command.module), command.options), name, rest).run()
     return 0

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from semgs.export.ply import write_ply, write_semantic_ply
+from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.scene import FILE_NAME, SavedScene, save_scene
 from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
@@ -24,9 +25,9 @@ def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: 
         OSError: a file cannot be written.
     """
     with stages("write", "Writing the scene and its renders"):
-        write_ply(folder / "gaussians.ply", result.encoding.gaussians)
+        save_ply(folder / "gaussians.ply", result.encoding.gaussians)
         if result.classes is not None:
-            write_semantic_ply(folder / "semantics.ply", result.encoding.gaussians, result.classes)
+            save_semantic_ply(folder / "semantics.ply", result.encoding.gaussians, result.classes)
         save_scene(folder / FILE_NAME, saved(result))
         (folder / "renders").mkdir()
         write_renders(folder / "renders", result)
@@ -38,17 +39,16 @@ def saved(result: Reconstruction) -> SavedScene:
     """A reconstruction as the scene file keeps it."""
     scene = result.scene
     transform = None if scene.applied_transform is None else scene.applied_transform.tolist()
-    return SavedScene(
-        gaussians=result.encoding.gaussians,
-        cameras=result.context.views.cameras,
-        depths=result.encoding.depths,
-        confidences=result.encoding.confidences,
-        depth_range=result.context.views.depth_range,
+    found = SavedScene.of(
+        replace(result.encoding, classes=result.classes),
+        result.context.views,
         unit="metric" if result.metric else "unknown",
-        classes=result.classes,
         frames=result.context.names,
         source=scene.name,
         model=result.model,
+    )
+    return replace(
+        found,
         applied_transform=transform and tuple(tuple(row) for row in transform),
         applied_scale=scene.applied_scale,
     )

@@ -34,7 +34,7 @@ class Train:
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
-    """Run folder: a new or empty one, or a run of the same settings to go on with."""
+    """Run folder: a new or empty one, or a run of the same settings to resume; its --steps may be raised."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
     """Where to compute; auto takes a CUDA GPU where there is one. Only the CPU gives the same bits in every run."""
     devices: int = 1

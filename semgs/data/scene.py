@@ -6,6 +6,7 @@ import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
 from semgs.data.parallax import Seen
-from semgs.data.views import Views, joined
+from semgs.data.views import Views, default_size, joined
 from semgs.files.errors import InputError
+from semgs.files.notebook import MOST, Row, html, small
 from semgs.geometry.cameras import Cameras
+from semgs.geometry.summaries import summary
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,34 @@ class Scene:
                 f"{len(self.frames)} ({listed} listed, {len(self.absent)} without their picture)",
                 advice=f"the first missing one is {self.absent[0]}" if self.absent else None,
             )
+
+    def __repr__(self) -> str:
+        sizes = sorted({frame.lens.size for frame in self.frames})
+        return summary(
+            "Scene",
+            name=self.name,
+            path=self.path,
+            layout=self.layout,
+            unit=self.unit,
+            frames=f"{len(self)} of {', '.join(f'{height}x{width}' for height, width in sizes[:MOST])} (height x width)",
+            classes=self.classes and f"{self.classes.name}, {len(self.classes)} classes",
+            absent=f"{len(self.absent)} listed frames without their picture" if self.absent else None,
+            points=None if self.points is None else len(self.points),
+            splits=", ".join(f"{name} {len(part)}" for name, part in self.splits.items()) or None,
+            notes=" ".join(self.notes) or None,
+        )
+
+    def _repr_html_(self) -> str:
+        """A few of the photos, as a notebook shows them; those that cannot be read are named."""
+        pictures, said = [], []
+        for index in np.unique(np.linspace(0, len(self) - 1, MOST).round().astype(int)).tolist():
+            frame = self.frames[index]
+            try:
+                pictures.append(small(frame.read_image()))
+                said.append(f"{index}: {frame.name}")
+            except InputError as error:
+                said.append(f"{index}: {error}")
+        return html(repr(self), [Row("frames", tuple(pictures), ", ".join(said))])
 
     def __len__(self) -> int:
         """The number of usable frames."""
@@ -128,33 +159,52 @@ class Scene:
     def read(
         self,
         frames: Sequence[int | str],
-        size: Sequence[int] | None = None,
+        size: Sequence[int] | Literal["native"] | None = None,
         depth_range: DepthRange | None = None,
     ) -> Views:
         """Read frames as views: distortion undone, near and far filled in, labels and depths where all of them have them.
 
         Args:
             frames: positions or names, in the order wanted.
-            size: (height, width) to bring them to, as `semgs.data.views.reframed`: other aspects are cropped; None leaves the pictures at their own size.
+            size: (height, width) to bring them to, as `semgs.data.views.reframed`: other aspects are cropped. None is what `semgs reconstruct`
+                takes: `default_size` of the first frame, at most 76,800 pixels. "native" leaves the pictures at their own size.
             depth_range: near and far to give them; None is `depth_range` of these frames.
 
         Raises:
-            ValueError: no frame has that position or name, none is asked for, or sizes differ and `size` is None.
+            ValueError: no frame has that position or name, none is asked for, sizes differ and `size` is "native", or it is no size.
             InputError: a picture, depth or label file cannot be used.
         """
         chosen = [self.frames[index] for index in self._asked(frames)]
         bounds = depth_range or self.depth_range(frames)
-        if size is None:
-            for frame in chosen[1:]:
-                if frame.lens.size != chosen[0].lens.size:
-                    raise ValueError(
-                        f"{chosen[0].name} is {chosen[0].lens.size} (height, width) and {frame.name} {frame.lens.size}; "
-                        "give a size to bring them to"
-                    )
+        wanted = _wanted(chosen, size)
         views, lens, maps = [], None, None
         for frame in chosen:
             if frame.lens != lens and not frame.lens.is_pinhole:
                 lens, maps = frame.lens, frame.lens.maps()
             given = None if frame.lens.is_pinhole else maps
-            views.append(frame.view((bounds.near, bounds.far), self.classes, size=size, crop=True, maps=given))
+            views.append(frame.view((bounds.near, bounds.far), self.classes, size=wanted, crop=True, maps=given))
         return joined(views).checked()
+
+
+def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | None) -> Sequence[int] | None:
+    """The (height, width) to resize frames to as `Scene.read` was asked, None for their own.
+
+    Raises:
+        ValueError: their own is asked for and differs, or another word is given.
+    """
+    first = frames[0]
+    if size is None:
+        return default_size(first.lens.size)
+    if not isinstance(size, str):
+        return size
+    if size != "native":
+        raise ValueError(
+            f"size is {size!r}; expected (height, width), 'native', or None for a size that suits the networks"
+        )
+    for frame in frames[1:]:
+        if frame.lens.size != first.lens.size:
+            raise ValueError(
+                f"{first.name} is {first.lens.size} (height, width) and {frame.name} {frame.lens.size}; "
+                "give a size to bring them to"
+            )
+    return None

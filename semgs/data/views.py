@@ -13,7 +13,9 @@ from jaxtyping import Float, Float64, Int64, UInt8
 from torch import Tensor
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.files.notebook import class_row, depth_row, html, photo_row
 from semgs.geometry.cameras import Arrays, Cameras, as_float64, checked_size
+from semgs.geometry.summaries import array_of, summary
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
 """Near and far of rooms in metres, where nothing better is known."""
@@ -148,6 +150,26 @@ class Views:
         if bounds.ndim == 1:
             bounds = bounds.expand(count, 2)
         return cls(pictures, Cameras(world_from_camera, matrices, tuple(pictures.shape[-2:])), bounds)
+
+    def __repr__(self) -> str:
+        return summary(
+            "Views",
+            images=self.images,
+            cameras=self.cameras,
+            depth_range=self.depth_range,
+            labels=self.labels,
+            depths=self.depths,
+            classes=None if self.labels is None else f"{self.classes.name}, {len(self.classes)} classes",
+        )
+
+    def _repr_html_(self) -> str:
+        """The pictures, and labels and depths where there are some, as a notebook shows them."""
+        rows = [photo_row("images", array_of(self.images))]
+        if self.labels is not None:
+            rows.append(class_row("labels", self.labels.cpu().numpy(), self.classes))
+        if self.depths is not None:
+            rows.append(depth_row("depths", array_of(self.depths)))
+        return html(repr(self), rows)
 
     def __len__(self) -> int:
         """The number of views of a scene."""

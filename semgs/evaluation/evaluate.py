@@ -20,7 +20,7 @@ from semgs.evaluation.scores import FrameScores, score
 from semgs.evaluation.similarity import perceptual_distance
 from semgs.evaluation.summary import extremes
 from semgs.files.errors import InputError
-from semgs.reconstruction.plan import NotEnoughMemoryError
+from semgs.model.plan import NotEnoughMemoryError
 
 PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""

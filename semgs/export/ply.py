@@ -30,7 +30,7 @@ _SMALLEST_SCALE = 1e-20  # log of a flat Gaussian's zero is not finite; this dra
 _SMALLEST_OPACITY = 1e-7  # likewise the logits of 0 and 1
 
 
-def write_ply(path: str | Path, gaussians: Gaussians) -> None:
+def save_ply(path: str | Path, gaussians: Gaussians) -> None:
     """Write the colour Gaussians as a plain 3DGS PLY, in their order.
 
     Opacities are held 1e-7 away from 0 and 1, where their logit is not finite, scales at 1e-20 or more.
@@ -46,10 +46,10 @@ def write_ply(path: str | Path, gaussians: Gaussians) -> None:
     _write(path, gaussians, gaussians.colour)
 
 
-def write_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTable) -> None:
+def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTable) -> None:
     """Write the semantic Gaussians as a plain 3DGS PLY: their own shapes, each in the colour of its likeliest class.
 
-    The file has the same order as `write_ply`'s, and colours that do not depend on the viewing direction.
+    The file has the same order as `save_ply`'s, and colours that do not depend on the viewing direction.
 
     Args:
         path: the file.
@@ -57,7 +57,7 @@ def write_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTab
         classes: the table of their class distributions.
 
     Raises:
-        ValueError: as `write_ply`; they have no classes, or not those of the table.
+        ValueError: as `save_ply`; they have no classes, or not those of the table.
         OSError: the file cannot be written.
     """
     if gaussians.semantic is None:
@@ -71,6 +71,10 @@ def write_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTab
     labels = gaussians.semantic.features.detach().argmax(-1).cpu()
     harmonics = ((colours[labels] - 0.5) / DEGREE_0)[..., None, :]
     _write(path, gaussians, Appearance(gaussians.semantic.quaternions, gaussians.semantic.scales, harmonics))
+
+
+write_ply, write_semantic_ply = save_ply, save_semantic_ply
+"""Their names before they were called as `save_scene` is."""
 
 
 def read_ply(path: str | Path) -> Gaussians:

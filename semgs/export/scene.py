@@ -15,6 +15,7 @@ Tensors, float32 unless said otherwise, g Gaussians, v context views:
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -26,10 +27,13 @@ from safetensors.torch import save
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
+from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.summaries import summary
+from semgs.model.encoding import Encoding
 
 FILE_NAME = "scene.safetensors"
 """How the file is called inside a folder that `semgs reconstruct` wrote."""
@@ -95,6 +99,58 @@ class SavedScene:
             raise ValueError(
                 f"the Gaussians have {held} classes and the table is {self.classes}; expected both or none"
             )
+
+    @classmethod
+    def of(
+        cls,
+        encoding: Encoding,
+        views: Views,
+        *,
+        unit: Literal["metric", "unknown"],
+        frames: Sequence[str] = (),
+        source: str = "",
+        model: str = "",
+    ) -> SavedScene:
+        """What a network made of the views of one scene.
+
+        Args:
+            encoding: its answer, without a batch axis.
+            views: that went in.
+            unit: "metric" if lengths are metres, as a scene's `unit` says.
+            frames: names of the views; none are called by their position.
+            source: name of the source.
+            model: name of the model.
+
+        Raises:
+            ValueError: the parts disagree in size or number.
+        """
+        return cls(
+            gaussians=encoding.gaussians,
+            cameras=views.cameras,
+            depths=encoding.depths,
+            confidences=encoding.confidences,
+            depth_range=views.depth_range,
+            unit=unit,
+            classes=encoding.classes,
+            frames=tuple(frames) or tuple(map(str, range(len(views)))),
+            source=source,
+            model=model,
+        )
+
+    def __repr__(self) -> str:
+        return summary(
+            "SavedScene",
+            gaussians=self.gaussians,
+            cameras=self.cameras,
+            depths=self.depths,
+            confidences=self.confidences,
+            depth_range=self.depth_range,
+            unit=self.unit,
+            classes=self.classes and f"{self.classes.name}, {len(self.classes)} classes",
+            frames=", ".join(self.frames),
+            source=self.source,
+            model=self.model,
+        )
 
     @property
     def near(self) -> float:

@@ -16,6 +16,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from semgs.geometry.rotations import nearest_rotation
+from semgs.geometry.summaries import tensor_summary
 
 Arrays = np.ndarray | Tensor | Sequence
 """Numbers in whatever form a caller holds them."""
@@ -62,6 +63,10 @@ class Cameras:
         cameras = object.__new__(cls)
         vars(cameras).update(world_from_camera=world_from_camera, intrinsics=intrinsics, size=size)
         return cameras
+
+    def __repr__(self) -> str:
+        views = " ".join(map(str, self.batch))
+        return f"Cameras([{views}] of {self.size[0]}x{self.size[1]}; focal lengths {tensor_summary(self.focal_px)} px)"
 
     def arranged(self, function: Callable[..., Tensor], *others: Cameras) -> Cameras:
         """Cameras in another arrangement: `function` indexes, joins or reshapes the leading axes of poses and intrinsics.

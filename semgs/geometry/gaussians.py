@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from semgs.geometry.summaries import summary, tensor_summary
+
 
 @dataclass(frozen=True)
 class Appearance:
@@ -35,6 +37,9 @@ class Appearance:
             raise ValueError(
                 f"quaternions are {tuple(self.quaternions.shape)} and scales {tuple(self.scales.shape)}; expected [... g 4] and [... g 3]"
             )
+
+    def __repr__(self) -> str:
+        return f"Appearance(features {tensor_summary(self.features)}; scales {tensor_summary(self.scales)})"
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,11 @@ class Gaussians:
             )
         if self.semantic is not None and self.semantic.features.ndim != len(leading) + 1:
             raise ValueError(f"semantic.features are {tuple(self.semantic.features.shape)}; expected [... g class]")
+
+    def __repr__(self) -> str:
+        return summary(
+            "Gaussians", means=self.means, opacities=self.opacities, colour=self.colour, semantic=self.semantic
+        )
 
     def __len__(self) -> int:
         """The number of Gaussians of one scene."""

@@ -10,8 +10,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from semgs.data.classes import ClassTable
+from semgs.files.notebook import depth_row, html
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
+from semgs.geometry.summaries import array_of, summary
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 
@@ -27,6 +30,7 @@ class Encoding:
         depth_spread: standard deviation of the logarithm of depth under the candidates' distribution, at the same size: 0.1 is
             about 10 % of the depth. It carries no gradient.
         depth_range: near and far of the context views, as they were given, in float64 on the CPU [m].
+        classes: the table of the Gaussians' classes; None for a colour-only network, or where nobody said.
     """
 
     gaussians: Gaussians
@@ -34,6 +38,25 @@ class Encoding:
     confidences: Float[Tensor, "*batch v h w"]
     depth_spread: Float[Tensor, "*batch v h w"]
     depth_range: Float[Tensor, "*batch v 2"]
+    classes: ClassTable | None = None
+
+    def __repr__(self) -> str:
+        return summary(
+            "Encoding",
+            gaussians=self.gaussians,
+            depths=self.depths,
+            confidences=self.confidences,
+            depth_spread=self.depth_spread,
+            depth_range=self.depth_range,
+            classes=self.classes and f"{self.classes.name}, {len(self.classes)} classes",
+        )
+
+    def _repr_html_(self) -> str:
+        """Depth and how sure it is, as a notebook shows them; `render` has the pictures."""
+        return html(
+            repr(self),
+            [depth_row("depths", array_of(self.depths)), depth_row("confidences", array_of(self.confidences))],
+        )
 
     def render(self, cameras: Cameras, **options: Any) -> Rendering:
         """What the Gaussians look like from cameras; the near bound is the smallest of each scene's context views.
@@ -46,16 +69,18 @@ class Encoding:
             ValueError, ImportError: as `semgs.render`.
         """
         near = self.depth_range[..., 0].amin(-1, keepdim=True)
-        return render(self.gaussians, cameras, **({"near": near} | options))
+        rendering = render(self.gaussians, cameras, **({"near": near} | options))
+        return replace(rendering, classes=self.classes)
 
     def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
         """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
-        return Encoding(
-            self.gaussians.map(function),
-            function(self.depths),
-            function(self.confidences),
-            function(self.depth_spread),
-            function(self.depth_range),
+        return replace(
+            self,
+            gaussians=self.gaussians.map(function),
+            depths=function(self.depths),
+            confidences=function(self.confidences),
+            depth_spread=function(self.depth_spread),
+            depth_range=function(self.depth_range),
         )
 
     def to(self, device: torch.device | str, dtype: torch.dtype) -> Encoding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -93,20 +94,23 @@ class SemGS(nn.Module):
         super().train(mode)  # parts may have a layout of their own
         return self
 
-    def forward(self, views: Views, chunks: Chunks = WHOLE, stage: Stage = nullcontext) -> Encoding:
+    def forward(self, views: Views, chunks: Chunks | None = None, stage: Stage = nullcontext) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size.
 
         Within autocast the layers compute in its half precision; depth, cameras and Gaussians stay in float32 or better.
 
         Args:
             views: of one scene, or of a batch of scenes.
-            chunks: how much is done at a time; fewer views at a time need less memory and give the same numbers.
+            chunks: how much is done at a time; fewer views at a time need less memory and give the same numbers. None is what
+                `semgs.model.plan.plan` says for one scene in evaluation mode, and all at once for a batch or in training.
             stage: stands around each of `semgs.model.stages.STAGES`, to time it, say.
 
         Raises:
             ValueError: there is one view only.
+            NotEnoughMemoryError: without `chunks`, one scene in evaluation mode would not fit into memory, however little is done at a time.
         """
         scene = self._padded(views)
+        chunks = self._planned(views) if chunks is None else chunks
         with stage("cnn"):
             shallow = self.cnn(scene.pictures)
         with stage("transformer_colour"):
@@ -129,7 +133,8 @@ class SemGS(nn.Module):
             encoding = by_chunks(placed, len(features), chunks.heads)
         # What was one scene for each view becomes the views of each scene.
         leading, count = views.images.shape[:-4], len(views)
-        return encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
+        encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
+        return replace(encoding, classes=self.classes)
 
     def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:
         """The distribution over classes of every pixel of N >= 2 views, as their own Gaussians have it: the semantic branch alone.
@@ -229,6 +234,18 @@ class SemGS(nn.Module):
     def pretrained_parameters(self) -> set[str]:
         """Names of the parameters that can start from published weights, and then should learn at a lower rate than the others."""
         return {name for name, _ in self.named_parameters() if name.startswith("semantic.refinement.backbone.")}
+
+    def _planned(self, views: Views) -> Chunks:
+        """How much to do at a time.
+
+        Raises:
+            NotEnoughMemoryError: one scene in evaluation mode would not fit into memory.
+        """
+        if self.training or views.images.ndim > 4:
+            return WHOLE
+        from semgs.model.plan import plan  # which adds up the memory of this very class
+
+        return plan(self, views).chunks
 
     def _padded(self, views: Views, fewest: int = 2) -> Padded:
         """The views as the layers take them.

@@ -11,8 +11,8 @@ import torch
 from semgs.data.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.encoding import Encoding
+from semgs.model.plan import Plan, plan
 from semgs.model.semgs import SemGS
-from semgs.reconstruction.plan import Plan, plan
 
 
 @runtime_checkable

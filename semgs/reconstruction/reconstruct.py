@@ -13,8 +13,8 @@ from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size, kept_size
 from semgs.model.encoding import Encoding
+from semgs.model.plan import Plan
 from semgs.reconstruction.encode import Network, encode
-from semgs.reconstruction.plan import Plan
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering

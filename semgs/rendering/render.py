@@ -31,6 +31,7 @@ def render(
     background: Sequence[float | int] | Float[Tensor, " 3"] = (0, 0, 0),
     near: float | int | Tensor | None = None,
     backend: str = "auto",
+    clamp: bool = True,
 ) -> Rendering:
     """Splat Gaussians into cameras: one pass for colour, depth and alpha, one for classes with covariances of their own.
 
@@ -46,6 +47,8 @@ def render(
             leaves out what is closer than 2 % of the median depth in front of each camera.
         backend: `auto`, `numba`, `gsplat` or `reference`; `auto` is gsplat for Gaussians on a CUDA device, but for float64
             ones, which gsplat cannot draw, and Numba for all others.
+        clamp: bring `images` into 0..1. Harmonics can add up to more than 1; a loss compares that as it is, since a clamped pixel has
+            no gradient, and gives False.
 
     Returns:
         Rendering in the dtype of the means (half precision is computed in float32).
@@ -82,8 +85,11 @@ def render(
     def stacked(name: str) -> Tensor:
         return torch.cat([getattr(one, name) for one in drawn]).unflatten(0, cameras.batch).to(device, dtype)
 
+    images = stacked("images")
+    if clamp:
+        images = images.clamp(0, 1)
     return Rendering(
-        images=stacked("images"),
+        images=images,
         semantics=None if gaussians.semantic is None else stacked("semantics"),
         depths=stacked("depths"),
         alphas=stacked("alphas"),

@@ -89,7 +89,7 @@ class PooledSamples(Dataset):
         if not 0 <= k < self.length:
             raise IndexError(f"sample {k} of {self.length}")
         scene, contexts, targets = self.choice(k)
-        views = open_scene(self._drawn(scene)).read([*contexts, *targets])
+        views = open_scene(self._drawn(scene)).read([*contexts, *targets], "native")
         self._remove_before(k // self.served - WINDOW)
         return views.select(range(len(contexts))), views.select(range(len(contexts), len(views)))
 

@@ -10,7 +10,8 @@
     RUN/rooms/*                scenes that serve several samples, where the settings say so
     RUN/weights.safetensors    the averaged weights, written at the end of each sitting; best.safetensors those of the best validation
 
-A run is started, resumed and extended in time by the same call. Step k sees batch k of its seed, and batches are pure
+A run is started, resumed and extended in time by the same call; with more `steps` it becomes longer, and from there on the learning rate is that of
+the longer run. Step k sees batch k of its seed, and batches are pure
 functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
 gradients are summed in no fixed order. Several processes share the scenes of each step; the first one alone reads and writes RUN.
 """
@@ -38,7 +39,7 @@ from semgs.training.engine import launched
 from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
-from semgs.training.run import alone, claim, export_weights, hold_assets, network
+from semgs.training.run import alone, claim, export_weights, hold_assets, network, prolong
 from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState
@@ -80,7 +81,7 @@ def train(
     """Train, or go on training, into a run folder.
 
     Args:
-        settings: what to compute; a folder that holds a run of others is refused.
+        settings: what to compute; a folder that holds a run of others is refused, but for one of fewer steps, which is prolonged.
         out: the run folder.
         device: where to compute, "cpu" or "cuda"; a run may go on on another, but not to the same bits.
         devices: processes on this machine, which share the scenes of each step.
@@ -110,6 +111,8 @@ def train(
     console = console if fabric.is_global_zero else None
     tell(console, from_preset(settings))
     with alone(out) if fabric.is_global_zero else nullcontext():
+        if fabric.is_global_zero:
+            prolong(out, settings)
         data = surveyed(settings, out)
         model = network(out, settings)
         where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"

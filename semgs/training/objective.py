@@ -87,10 +87,11 @@ class Objective(nn.Module):
 def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:
     """The Gaussians of the contexts as the targets see them (and the contexts, if asked), and what they should see.
 
-    The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device.
+    The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device. The rendering is not
+    clamped, so that pixels brighter than 1 have a gradient.
     """
     target = joined([batch.target, batch.context]) if context_targets else batch.target
-    rendering = encoding.render(target.cameras)
+    rendering = encoding.render(target.cameras, clamp=False)
     return rendering, target.to(rendering.images.device)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 from semgs.data.classes import SCANNET20
@@ -28,9 +28,12 @@ SETTINGS = "settings.json"
 NETWORK = "network.json"
 """The settings of the network, which may come from a file of weights that is not there any more when the run goes on."""
 
+LOCK = "lock"
+"""An empty file that whoever trains into the folder has locked; it stays when they end, without the lock."""
+
 
 def claim(out: Path, settings: TrainingSettings) -> None:
-    """Make the folder a run of these settings.
+    """Make the folder a run of these settings; one that is there may be a shorter one, which `prolong` makes longer.
 
     Raises:
         ValueError: it holds a run of other settings; they are listed.
@@ -38,12 +41,16 @@ def claim(out: Path, settings: TrainingSettings) -> None:
     """
     record = out / SETTINGS
     if record.exists():
-        other = changed(settings, read_settings(out))
+        there = read_settings(out)
+        other = changed(settings, replace(there, steps=max(there.steps, settings.steps)))
         if other:
             listed = ", ".join(
-                f"{name} = {told(there)} there, {told(here)} asked" for name, (here, there) in other.items()
+                f"{name} = {told(begun)} there, {told(asked)} asked" for name, (asked, begun) in other.items()
             )
-            raise ValueError(f"{out} holds a run of other settings: {listed}; give the same ones or another folder")
+            raise ValueError(
+                f"{out} holds a run of other settings: {listed}; give the same ones or another folder "
+                "(of a run that has begun only steps may change, and only grow)"
+            )
         return
     # The record itself may appear meanwhile: the other processes of a training start at the same time.
     if out.exists() and not (
@@ -52,6 +59,17 @@ def claim(out: Path, settings: TrainingSettings) -> None:
         raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
+
+
+def prolong(out: Path, settings: TrainingSettings) -> None:
+    """Note in the run folder that the run is to have more steps than it began with, where these settings have more.
+
+    Raises:
+        InputError: the folder holds no run.
+    """
+    there = read_settings(out)
+    if settings.steps > there.steps:
+        write_json(out / SETTINGS, replace(there, steps=settings.steps).as_json())
 
 
 @contextmanager
@@ -66,9 +84,9 @@ def alone(out: Path) -> Iterator[None]:
     except ImportError:  # Windows
         yield
         return
-    with (out / SETTINGS).open("r+b") as record:
+    with (out / LOCK).open("ab") as lock:  # not the settings, which are replaced when the run becomes longer
         try:
-            fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise InputError(
                 out, "a run that nobody trains", "one that another process is training",

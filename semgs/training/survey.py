@@ -347,7 +347,7 @@ def _some(scene: Scene) -> list[Views]:
     views = []
     for index in np.unique(np.linspace(0, len(scene) - 1, FRAMES_COUNTED).round().astype(int)):
         with contextlib.suppress(InputError):
-            views.append(scene.read([int(index)]))
+            views.append(scene.read([int(index)], "native"))
     return views
 
 

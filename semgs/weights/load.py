@@ -35,7 +35,11 @@ MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://git
 def load(
     name: str | Path, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20
 ) -> SemGS:
-    """A network with its weights, as `eval` sets it; `origin` of it says in one sentence where they come from.
+    """A network with its weights, ready to be used; `origin` of it says in one sentence where they come from.
+
+    It is in evaluation mode and its parameters are frozen, so what comes out has no gradient and needs no `detach`. Gradients
+    with respect to the views still flow. To train it, `model.train().requires_grad_()`; `semgs train` does so itself. A scene that does not fit
+    into memory is refused before it is encoded, with a `NotEnoughMemoryError` (a `MemoryError`) that says what would fit.
 
     Where they were trained on data with terms of their own (ScanNet's, say), a `TermsWarning` repeats these.
 
@@ -64,13 +68,18 @@ def load(
         if weights is None:
             raise ValueError(f'no weights ship for "{name}"; pass a file, or weights="random" for an untrained network')
     if str(weights) == "random":
-        return drawn(presets.PRESETS[name](), seed, classes).eval()
+        return _ready(drawn(presets.PRESETS[name](), seed, classes))
     path = _local(weights)
     if not path.is_file():
         raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
     if is_ours(path):
-        return _ours(name, path, classes).eval()
-    return _mvsplats(name, path, seed, classes).eval()
+        return _ready(_ours(name, path, classes))
+    return _ready(_mvsplats(name, path, seed, classes))
+
+
+def _ready(model: SemGS) -> SemGS:
+    """A network in evaluation mode whose parameters are frozen."""
+    return model.eval().requires_grad_(False)
 
 
 def find(weights: str | Path) -> tuple[str, Path]:

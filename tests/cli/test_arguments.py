@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from semgs.cli.errors import UsageError
+from semgs.cli.main import main
 from semgs.cli.scene_options import SceneOptions
 from semgs.data.asked import Asked
 
@@ -27,6 +28,30 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
     assert told.count("\n") == 1
     assert "steps is 0; expected at least 1; see semgs train --help" in told
     assert "----" not in told
+
+
+@pytest.mark.parametrize(
+    ("typed", "told"),
+    [
+        ("reconstruct scene --out out --veiws 3", "no option --veiws; did you mean --views?"),
+        ("reconstruct scene --uot=out", "no option --uot; did you mean --out?"),
+        (
+            "train small --out run --losses.smothness 0",
+            "no option --losses.smothness; did you mean --losses.smoothness?",
+        ),
+        ("train --out run small --step 3", "no option --step; did you mean --steps?"),
+        ("train --out run small --steps 0", "steps is 0"),
+        ("train smal --out run", "Unrecognized options: smal; Available subcommands: small, base, paper"),
+        ("reconstruct scene --out out --quux 3", "Unrecognized options: --quux, 3"),
+        ("recontruct scene --out out", "unknown command 'recontruct'; did you mean reconstruct?"),
+    ],
+)
+def test_what_was_mistyped_is_named_with_the_nearest_that_there_is(
+    typed: str, told: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(typed.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
 
 
 def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_be():

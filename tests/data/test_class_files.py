@@ -81,14 +81,14 @@ def test_a_scene_may_name_a_file_that_says_what_its_labels_mean(tmp_path):
     scene = open_scene(with_maps(tmp_path / "scene", {"label_set": "../five.json"}, DEPTHS, numbers))
     assert scene.classes is not None
     assert scene.classes.names == ("wall", "seat")
-    views = scene.read([0, 2])
+    views = scene.read([0, 2], "native")
     expected = np.array([255, 0, 255, 255, 255, 1, 1] + 249 * [255])[numbers]
     np.testing.assert_array_equal(views.labels[1], expected)
     cv2.imwrite(str(tmp_path / "scene" / "l1.png"), np.where(numbers == 6, np.uint8(7), numbers))
     with pytest.raises(
         InputError, match=r"l1\.png: frame images/001\.png: expected the numbers of table five, found 7 at"
     ):
-        scene.read([1])
+        scene.read([1], "native")
 
 
 def test_a_scene_whose_table_is_not_there_is_refused(tmp_path):

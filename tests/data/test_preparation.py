@@ -49,7 +49,7 @@ def test_a_prepared_scene_is_the_scene_resized_with_its_camera(tmp_path: Path):
     scene = open_scene(demo_scene())
     record = prepare_scene(scene, tmp_path / "room.zip", Preparation((120, 160), every=3))
     small = open_scene(tmp_path / "room.zip")
-    views, same = small.read([0, 1, 2]), resized(scene.read([0, 3, 6]), (120, 160))
+    views, same = small.read([0, 1, 2], "native"), resized(scene.read([0, 3, 6], "native"), (120, 160))
     assert torch.equal(views.labels, same.labels)
     assert (views.depths - same.depths).abs().max() <= 0.0005 + 1e-6
     assert (views.images - same.images).abs().mean() < 0.01
@@ -100,7 +100,7 @@ def test_scenes_without_metres_keep_their_unit_and_have_no_depth(tmp_path: Path)
     small = open_scene(tmp_path / "a.zip")
     assert (small.unit, small.applied_scale) == ("unknown", 0.5)
     assert all(frame.depth_path is None for frame in small.frames)
-    assert small.read([0, 1]).labels is not None
+    assert small.read([0, 1], "native").labels is not None
 
 
 def test_a_set_is_prepared_resumed_and_the_same_for_any_number_of_workers(rooms: Path, tmp_path: Path):

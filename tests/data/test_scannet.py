@@ -86,7 +86,7 @@ def depths_of(written: Scan) -> np.ndarray:
 
 def check_equal(scene: Scene, written: Scan, labelled: bool = True) -> None:
     """What a scene reads is what was written."""
-    views = scene.read(range(len(scene)))
+    views = scene.read(range(len(scene)), "native")
     assert len(scene) == len(written.posed)
     torch.testing.assert_close(
         views.cameras.world_from_camera, torch.from_numpy(written.poses[written.posed]), atol=1e-6, rtol=0
@@ -130,7 +130,7 @@ def test_what_the_exporter_left_is_read_as_it_was_written(extracted, written):
 
 
 def test_depth_that_is_brought_to_the_colour_camera_lies_on_the_room(raw):
-    views = open_scene(raw).read([0])
+    views = open_scene(raw).read([0], "native")
     truth = miniature().photograph(poses()[0], pinhole_rays(COLOUR_SIZE, COLOUR_K, 0)).depth / 1000
     off = np.abs(views.depths[0].numpy() - truth)[views.depths[0].numpy() > 0]
     assert np.median(off) < 0.02  # two pixels of colour share one of depth, and walls go on by as much between them
@@ -236,9 +236,9 @@ def test_frames_without_labels_or_depth_or_pose_are_counted(written, tmp_path):
         "2 of 3 frames are without depth, the first is color/3.jpg.",
         "1 of 3 frames are without labels, the first is color/1.jpg.",
     )
-    assert scene.read([1, 2]).labels is not None
-    assert scene.read([0, 1]).labels is None
-    assert scene.read([0]).depths is not None
+    assert scene.read([1, 2], "native").labels is not None
+    assert scene.read([0, 1], "native").labels is None
+    assert scene.read([0], "native").depths is not None
 
 
 def test_without_labels_colour_and_depth_are_read_and_it_is_said(raw, written, copied, tmp_path):
@@ -292,13 +292,15 @@ def test_the_peers_972_rows_are_a_named_choice(tmp_path, written):
 
 def test_the_peers_cameras_do_not_move_depth_in_the_pictures(raw, written):
     scene = open_scene(raw, as_peers=["rows-972"])
-    np.testing.assert_allclose(scene.read([0]).depths[0].numpy(), depths_of(written)[0], atol=5e-4)
+    np.testing.assert_allclose(scene.read([0], "native").depths[0].numpy(), depths_of(written)[0], atol=5e-4)
     k = scene.cameras[0].intrinsics.numpy()
     np.testing.assert_allclose(k[1], [0, COLOUR_K[1, 1] * 968 / 972, (COLOUR_K[1, 2] + 0.5) * 968 / 972], rtol=1e-6)
 
 
 def test_gsnerfs_labels_are_a_named_choice(raw, written):
-    ours, theirs = (open_scene(raw, as_peers=chosen).read([0]).labels[0].numpy() for chosen in ((), ("gsnerf-labels",)))
+    ours, theirs = (
+        open_scene(raw, as_peers=chosen).read([0], "native").labels[0].numpy() for chosen in ((), ("gsnerf-labels",))
+    )
     assert {label for label in np.unique(ours)} >= {0, 1, 255}
     assert (theirs == np.where(ours == 19, 6, np.where(ours == 255, 19, ours))).all()
 
@@ -322,7 +324,7 @@ def test_a_truncated_recording_gives_the_frames_before_the_cut(copied, written):
             scene.notes[0]
             == "scene0000_00.sens is cut short: 5 of the 6 frames that its header speaks of are complete."
         )
-        assert scene.read([0, 1, 2]).depths is not None
+        assert scene.read([0, 1, 2], "native").depths is not None
 
 
 def test_a_header_that_claims_2_to_the_40_frames_allocates_nothing(tmp_path, written):
@@ -385,7 +387,7 @@ def test_a_damaged_frame_is_named_when_it_is_read(copied, written):
     whole[place : place + 40] = bytes(40)
     path.write_bytes(whole)
     with pytest.raises(InputError, match=r"scene0000_00\.sens, colour of frame 1: expected a JPEG or PNG"):
-        open_scene(copied).read([1])
+        open_scene(copied).read([1], "native")
     behind = place + len(written.jpegs[1])
     whole = bytearray(sens(written))
     whole[behind : behind + 40] = bytes(40)
@@ -393,7 +395,7 @@ def test_a_damaged_frame_is_named_when_it_is_read(copied, written):
     with pytest.raises(
         InputError, match=r"depth of frame 1: expected an array of numbers, found depth that cannot be inflated"
     ):
-        open_scene(copied).read([1])
+        open_scene(copied).read([1], "native")
 
 
 def test_depth_of_another_size_than_its_header_says_is_refused(tmp_path, written):
@@ -403,7 +405,7 @@ def test_depth_of_another_size_than_its_header_says_is_refused(tmp_path, written
         )
         (tmp_path / "scene.sens").write_bytes(sens(other, depth_size=DEPTH_SIZE))
         with pytest.raises(InputError, match=r"depth of frame 0: .* bytes of depth, not the 9600 of 80x60"):
-            open_scene(tmp_path / "scene.sens").read([0])
+            open_scene(tmp_path / "scene.sens").read([0], "native")
 
 
 def test_a_zip_that_lacks_members_is_counted_and_a_damaged_one_refused(copied, written):
@@ -411,7 +413,7 @@ def test_a_zip_that_lacks_members_is_counted_and_a_damaged_one_refused(copied, w
     label_zip(path, written, leave_out=(1, 5))
     scene = open_scene(copied)
     assert scene.notes[-1] == "2 of 4 frames are without labels, the first is color/1.jpg."
-    assert scene.read([0, 2]).labels is not None
+    assert scene.read([0, 2], "native").labels is not None
     path.write_bytes(path.read_bytes()[:-30])
     with pytest.raises(InputError, match=r"_2d-label-filt\.zip: expected a zip archive"):
         open_scene(copied)
@@ -504,7 +506,7 @@ def test_a_label_map_of_another_shape_is_refused_when_it_is_read(written, tmp_pa
     folder = write_extracted(tmp_path, written)
     (folder / "label-filt" / "0.png").write_bytes(png(written.ids[0][:, ::3]))
     with pytest.raises(InputError, match=r"label-filt/0\.png: expected 162x121 pixels"):
-        open_scene(folder).read([0])
+        open_scene(folder).read([0], "native")
 
 
 def test_the_command_line_ends_with_2_and_one_line(copied, capsys, tmp_path):
@@ -524,7 +526,7 @@ def test_an_independent_reader_finds_the_same_in_a_recording(written, tmp_path, 
     folder = write_raw(tmp_path, written)
     finer = replace(written, depths=shift // 1000 * written.depths)
     (folder / "scene0000_00.sens").write_bytes(sens(finer, shift=float(shift)))
-    views = open_scene(folder).read(range(len(written.posed)))
+    views = open_scene(folder).read(range(len(written.posed)), "native")
     index = theirs.read_sens_index(folder / "scene0000_00.sens")
     assert np.flatnonzero(np.isfinite(index.camera_to_world).all((1, 2))).tolist() == written.posed
     np.testing.assert_allclose(
@@ -564,12 +566,12 @@ READING = """
 import resource, sys, tracemalloc
 from semgs.data.scenes import open_scene
 
-open_scene(sys.argv[1]).read([0, 1])  # what is loaded and set up once
+open_scene(sys.argv[1]).read([0, 1], "native")  # what is loaded and set up once
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 tracemalloc.start()
 scene = open_scene(sys.argv[2])
 for start in range(0, len(scene), 64):
-    scene.read([start, start + 1])
+    scene.read([start, start + 1], "native")
 grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
 print(len(scene), grown / 1024, tracemalloc.get_traced_memory()[1] / 2**20)
 """

@@ -90,7 +90,7 @@ def test_the_phones_frames_are_read_as_they_were_written(scan):
     scene = open_scene(scan / "iphone")
     assert (scene.name, scene.layout, scene.unit) == ("0a76e06478", "ScanNet++ iphone", "metric")
     assert [frame.name for frame in scene.frames] == [f"frame_{10 * n:06d}.jpg" for n in range(6)]
-    views = scene.read(range(6))
+    views = scene.read(range(6), "native")
     torch.testing.assert_close(views.cameras.world_from_camera, torch.from_numpy(poses()), atol=1e-9, rtol=0)
     stored = np.asarray(Image.open(scan / "iphone" / "rgb" / "frame_000010.jpg"))
     assert np.array_equal((views.images[1] * 255).round().byte().permute(1, 2, 0).numpy(), stored)
@@ -156,7 +156,7 @@ def landmarks() -> np.ndarray:
 
 def offsets(scene, points: np.ndarray) -> np.ndarray:
     """How far the spots in the first frame are from where its camera puts the points [n 2]."""
-    views = scene.read([0])
+    views = scene.read([0], "native")
     expected = project(torch.from_numpy(points), views.cameras[0])[:, :2].numpy()
     inside = ((expected > 9) & (expected < np.array(views.size[::-1]) - 9)).all(axis=1)
     assert inside.sum() >= 12
@@ -205,7 +205,7 @@ def test_the_toolboxs_undistortion_is_a_named_choice(tmp_path):
     scene = open_scene(folder, as_peers=["toolbox-undistortion"])
     picture = np.asarray(Image.open(folder / "dslr" / "resized_images" / "DSC00001.JPG"))
     expected, k = toolbox(picture, LENS)
-    views = scene.read([0])
+    views = scene.read([0], "native")
     np.testing.assert_allclose(views.cameras[0].intrinsics.numpy(), k)
     inner = (slice(None), slice(5, -5), slice(5, -5))  # what is outside is made up in another way
     np.testing.assert_allclose(views.images[0].numpy()[inner], expected.transpose(2, 0, 1)[inner] / 255, atol=0.005)
@@ -248,7 +248,7 @@ def test_what_the_toolbox_undistorted_is_read_as_it_is(tmp_path):
 def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(tmp_path):
     write_phone(tmp_path / "scan")
     scene = open_scene(tmp_path / "scan")
-    views = scene.read([0, 1])
+    views = scene.read([0, 1], "native")
     assert views.labels is None
     assert scene.notes == (
         "There is no scans/mesh_aligned_0.05.ply, so there are no labels.",
@@ -260,7 +260,7 @@ def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(
     assert np.median(np.abs(depths - truth)[depths > 0]) < 0.05  # sixteen pixels share one of the sensor's
     write_dslr(tmp_path / "other")
     scene = open_scene(tmp_path / "other")
-    assert scene.read([0]).depths is None
+    assert scene.read([0], "native").depths is None
     assert scene.notes[-1] == "There is no depth."
 
 
@@ -268,7 +268,7 @@ def test_without_embree_there_are_no_labels_and_the_extra_is_named(scan, monkeyp
     monkeypatch.setattr(scannetpp, "find_spec", lambda name: None if name == "embreex" else find_spec(name))
     scene = open_scene(scan / "iphone")
     assert scene.classes is None
-    assert scene.read([0]).depths is not None
+    assert scene.read([0], "native").depths is not None
     assert any("pip install '.[raycast]'" in note for note in scene.notes)
 
 
@@ -277,7 +277,7 @@ def test_a_table_of_another_version_leaves_the_depth(copied):
     with pytest.raises(InputError, match=r"\.tsv: id: expected ScanNet's"):
         open_scene(copied / "iphone")
     scene = open_scene(copied / "iphone", needs_labels=False)
-    view = scene.read([0])
+    view = scene.read([0], "native")
     assert (scene.classes, view.labels) == (None, None)
     assert view.depths is not None
     assert scene.notes[-1].startswith("The labels are left out: ")

@@ -38,7 +38,7 @@ def folder(tmp_path) -> Path:
 
 def test_frames_are_read_in_the_order_asked_for(folder):
     scene = open_scene(folder)
-    views = scene.read([3, 0])
+    views = scene.read([3, 0], "native")
     assert views.images.shape == (2, 3, 90, 130)
     for image, index in zip(views.images, (3, 0), strict=True):
         stored = torch.from_numpy(np.array(Image.open(folder / NAMES[index]))).permute(2, 0, 1)
@@ -51,15 +51,41 @@ def test_frames_are_read_in_the_order_asked_for(folder):
 
 def test_reading_at_a_size_is_reading_and_cropping_to_its_aspect_and_resizing(folder):
     scene = open_scene(folder)
-    whole, small = reframed(scene.read([0, 1]), (48, 80)), scene.read([0, 1], size=(48, 80))
+    whole, small = reframed(scene.read([0, 1], "native"), (48, 80)), scene.read([0, 1], size=(48, 80))
     assert torch.equal(whole.images, small.images)
     assert torch.equal(whole.cameras.intrinsics, small.cameras.intrinsics)
+
+
+def test_by_default_pictures_are_read_at_the_size_that_the_command_takes(folder):
+    """90x130 has sides of at most 80 and 128 in multiples of 16: 11,700 pixels need no other reduction."""
+    scene = open_scene(folder)
+    views = scene.read([0, 2])
+    assert views.size == (80, 128)
+    for found, expected in zip(views.cameras.intrinsics, scene.read([0, 2], (80, 128)).cameras.intrinsics, strict=True):
+        assert torch.equal(found, expected)
+
+
+def test_a_large_photo_is_read_at_no_more_than_76_800_pixels(tmp_path):
+    """968x1296 reduced to that: 0.2474 of each side is 239.5 x 320.7, and 240 x 320 in multiples of 16."""
+    frames = []
+    for index in range(2):
+        Image.new("RGB", (1296, 968), (40 * index, 90, 160)).save(tmp_path / f"{index}.png")
+        pose = looking((0.2 * index, 0.1, -3), (0.1, 0, 0)) * (1, -1, -1, 1)
+        frames.append({"file_path": f"{index}.png", "transform_matrix": pose.tolist(), "w": 1296, "h": 968})
+    (tmp_path / "transforms.json").write_text(
+        json.dumps({"fl_x": 1158.3, "fl_y": 1153.5, "metric": True, "frames": frames})
+    )
+    scene = open_scene(tmp_path)
+    views = scene.read([0, 1])
+    assert views.size == (240, 320)
+    assert views.cameras.intrinsics[0, 0, 0].item() == pytest.approx(1158.3 * 320 / 1296)
+    assert scene.read([0], "native").size == (968, 1296)
 
 
 def test_frames_of_different_sizes_need_a_size(folder):
     scene = open_scene(folder)
     with pytest.raises(ValueError, match=r"left/0001\.png is \(90, 130\) .* right/0002\.png \(60, 100\); give a size"):
-        scene.read([0, 2])
+        scene.read([0, 2], "native")
     assert scene.read([0, 2], size=(48, 64)).size == (48, 64)
 
 
@@ -83,7 +109,7 @@ def test_names_work_as_positions_do(folder, name, position):
 )
 def test_frames_that_are_not_there_are_refused(folder, frames, message):
     with pytest.raises(ValueError, match=message):
-        open_scene(folder).read(frames)
+        open_scene(folder).read(frames, "native")
 
 
 def test_an_unknown_layout_lists_what_was_looked_for(tmp_path):
@@ -143,7 +169,7 @@ def test_the_fox_has_twelve_of_its_sixty_seven_pictures(shared):
 def test_the_office_is_metric_and_has_sparse_depths(shared):
     office = open_scene(shared / "data" / "hololens_office")
     assert (len(office), office.unit, office.classes) == (20, "metric", None)
-    views = office.read([3, 4])
+    views = office.read([3, 4], "native")
     assert views.size == (360, 540)
     assert views.labels is None
     known = views.depths[views.depths > 0]

@@ -62,7 +62,7 @@ def write(
 
 def offsets(folder: Path) -> float:
     """The farthest that a landmark is from where the cameras put it, over all frames [px]."""
-    views = open_scene(folder).read([0, 1, 2])
+    views = open_scene(folder).read([0, 1, 2], "native")
     worst = 0.0
     for index, image in enumerate(views.images):
         expected = project(torch.from_numpy(POINTS), views.cameras[index])[:, :2].numpy()
@@ -150,7 +150,7 @@ def test_the_synthetic_nerf_dialect_is_read(tmp_path):
         Image.fromarray(rgba).save(path)
     (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
     scene = open_scene(tmp_path)
-    assert scene.read([0]).images[0, :, 0, 0].tolist() == [1, 1, 1]
+    assert scene.read([0], "native").images[0, :, 0, 0].tolist() == [1, 1, 1]
     assert any("3 pictures have an alpha channel" in note for note in scene.notes)
 
 
@@ -167,7 +167,7 @@ def test_absent_pictures_are_counted_and_said_and_positions_count_the_others(tmp
     assert [frame.name for frame in scene.frames] == ["images/000.png", "images/002.png"]
     assert scene.absent == ("images/001.png",)
     assert scene.notes == ("1 of the 3 listed pictures are absent, the first is images/001.png.",)
-    torch.testing.assert_close(scene.read([1]).cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
+    torch.testing.assert_close(scene.read([1], "native").cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
 
 
 def test_one_picture_is_not_a_scene(tmp_path):
@@ -276,9 +276,13 @@ def test_a_rotated_photo_is_read_as_its_camera_was_made(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(np.ascontiguousarray(np.rot90(upright))).save(path, exif=exif)  # stored lying, to be turned
-    np.testing.assert_allclose(open_scene(tmp_path).read([0]).images[0].permute(1, 2, 0) * 255, upright, atol=1e-3)
+    np.testing.assert_allclose(
+        open_scene(tmp_path).read([0], "native").images[0].permute(1, 2, 0) * 255, upright, atol=1e-3
+    )
     Image.fromarray(upright).save(path, exif=exif)  # stored as the camera says; the turn is not wanted
-    np.testing.assert_allclose(open_scene(tmp_path).read([0]).images[0].permute(1, 2, 0) * 255, upright, atol=1e-3)
+    np.testing.assert_allclose(
+        open_scene(tmp_path).read([0], "native").images[0].permute(1, 2, 0) * 255, upright, atol=1e-3
+    )
     edited_size = json.loads((tmp_path / "transforms.json").read_text())
     del edited_size["w"], edited_size["h"]
     (tmp_path / "transforms.json").write_text(json.dumps(edited_size))
@@ -292,7 +296,7 @@ def test_a_truncated_picture_is_told_when_it_is_read(tmp_path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     scene = open_scene(tmp_path)
     with pytest.raises(InputError, match=r"001\.png: expected a complete picture"):
-        scene.read([0, 1])
+        scene.read([0, 1], "native")
 
 
 def with_maps(folder: Path, shared: dict[str, Any], depths: np.ndarray, labels: np.ndarray, frames=(0, 1, 2)) -> Path:
@@ -310,12 +314,14 @@ LABELS = np.random.default_rng(1).choice(np.array([0, 4, 19, 255], np.uint8), SI
 
 
 def test_depths_are_metres_and_labels_are_indices(tmp_path):
-    views = open_scene(with_maps(tmp_path, {}, DEPTHS, LABELS)).read([0, 2])
+    views = open_scene(with_maps(tmp_path, {}, DEPTHS, LABELS)).read([0, 2], "native")
     np.testing.assert_allclose(views.depths[1], DEPTHS / 1000, rtol=1e-6)
     np.testing.assert_array_equal(views.labels[0], LABELS)
     assert open_scene(tmp_path).unit == "metric"
     assert open_scene(tmp_path).classes.name == "scannet20"
-    scaled = open_scene(with_maps(tmp_path / "b", {"depth_unit_scale_factor": 0.00025}, DEPTHS, LABELS)).read([0])
+    scaled = open_scene(with_maps(tmp_path / "b", {"depth_unit_scale_factor": 0.00025}, DEPTHS, LABELS)).read(
+        [0], "native"
+    )
     np.testing.assert_allclose(scaled.depths[0], DEPTHS / 4000, rtol=1e-6)
 
 
@@ -325,29 +331,29 @@ def test_depths_may_be_arrays_with_holes(tmp_path):
     depths[0, :3] = math.nan, math.inf, -1
     for index in range(3):
         np.save(tmp_path / f"{index}.npy", depths)
-    read = open_scene(tmp_path).read([1]).depths[0]
+    read = open_scene(tmp_path).read([1], "native").depths[0]
     assert read[0, :3].tolist() == [0, 0, 0]
     np.testing.assert_allclose(read[1:], DEPTHS[1:] / 1000, rtol=1e-6)
     np.save(tmp_path / "1.npy", np.array([{"a": 1}]), allow_pickle=True)
     with pytest.raises(InputError, match=r"1\.npy: expected an array"):
-        open_scene(tmp_path).read([1])
+        open_scene(tmp_path).read([1], "native")
 
 
 def test_labels_and_depths_are_given_only_where_all_frames_have_them(tmp_path):
     scene = open_scene(with_maps(tmp_path, {}, DEPTHS, LABELS, frames=(0, 1)))
-    assert scene.read([0, 1]).labels is not None
-    assert scene.read([1, 2]).labels is None
-    assert scene.read([1, 2]).depths is None
+    assert scene.read([0, 1], "native").labels is not None
+    assert scene.read([1, 2], "native").labels is None
+    assert scene.read([1, 2], "native").depths is None
 
 
 def test_smaller_depth_maps_of_the_same_aspect_are_enlarged_by_nearest_centres(tmp_path):
     small = DEPTHS[:40, :57]
-    views = open_scene(with_maps(tmp_path, {}, small, LABELS)).read([0])
+    views = open_scene(with_maps(tmp_path, {}, small, LABELS)).read([0], "native")
     rows = ((np.arange(120) + 0.5) * 40 / 120).astype(int)
     columns = ((np.arange(170) + 0.5) * 57 / 170).astype(int)
     np.testing.assert_allclose(views.depths[0], small[rows][:, columns] / 1000, rtol=1e-6)
     with pytest.raises(InputError, match=r"d0\.png: expected 170x120 pixels"):
-        open_scene(with_maps(tmp_path / "b", {}, DEPTHS[:, :100], LABELS)).read([0])
+        open_scene(with_maps(tmp_path / "b", {}, DEPTHS[:, :100], LABELS)).read([0], "native")
 
 
 def test_labels_outside_the_table_are_refused_with_file_and_frame(tmp_path):
@@ -385,7 +391,7 @@ def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tm
     scene = open_scene(with_maps(tmp_path, DISTORTION, np.where(labels == 3, 1000, 5000).astype(np.uint16), labels))
     for index in range(3):
         Image.fromarray(np.repeat((labels * 10)[..., None], 3, -1)).save(tmp_path / "images" / f"{index:03d}.png")
-    views = scene.read([0])
+    views = scene.read([0], "native")
     assert set(views.labels.unique().tolist()) == {3, 17}
     assert (views.depths[views.labels == 3] == 1).all()
     assert (views.depths[views.labels == 17] == 5).all()
@@ -396,7 +402,7 @@ def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tm
 def test_absent_maps_are_said_and_masks_are_not_used(tmp_path):
     write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
     scene = open_scene(tmp_path)
-    assert scene.read([0]).depths is None
+    assert scene.read([0], "native").depths is None
     assert any("3 listed depth or label files are absent" in note for note in scene.notes)
     assert any("masks" in note for note in scene.notes)
 

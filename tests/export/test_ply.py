@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from semgs.data.classes import SCANNET20
-from semgs.export.ply import read_ply, write_ply, write_semantic_ply
+from semgs.export.ply import read_ply, save_ply, save_semantic_ply
 from semgs.files.errors import InputError
 from semgs.geometry.gaussians import Appearance, Gaussians
 
@@ -31,7 +31,7 @@ def some_gaussians(count: int = 7, harmonics: int = 9, seed: int = 3) -> Gaussia
 @pytest.mark.parametrize("harmonics", [1, 4, 9, 16])
 def test_a_file_holds_the_same_gaussians_at_every_degree(tmp_path: Path, harmonics: int) -> None:
     gaussians = some_gaussians(harmonics=harmonics)
-    write_ply(tmp_path / "a.ply", gaussians)
+    save_ply(tmp_path / "a.ply", gaussians)
     read = read_ply(tmp_path / "a.ply")
     torch.testing.assert_close(read.means, gaussians.means)
     torch.testing.assert_close(read.opacities, gaussians.opacities)
@@ -48,7 +48,7 @@ def test_the_file_is_the_one_that_viewers_expect_byte_by_byte(tmp_path: Path) ->
     harmonics[0, 1:, 0] = torch.tensor([1.0, 2.0, 3.0])  # red, of degree 1
     harmonics[0, 1:, 2] = torch.tensor([7.0, 8.0, 9.0])  # blue
     colour = Appearance(torch.tensor([[2.0, 0.0, 0.0, 0.0]]), torch.tensor([[1.0, math.e, math.e**2]]), harmonics)
-    write_ply(tmp_path / "a.ply", Gaussians(torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([0.5]), colour))
+    save_ply(tmp_path / "a.ply", Gaussians(torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([0.5]), colour))
     head, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
     lines = head.decode().splitlines()
     assert lines[:3] == ["ply", "format binary_little_endian 1.0", "element vertex 1"]
@@ -70,7 +70,7 @@ def test_the_file_is_the_one_that_viewers_expect_byte_by_byte(tmp_path: Path) ->
 def test_solid_empty_and_flat_gaussians_stay_finite(tmp_path: Path) -> None:
     gaussians = some_gaussians(3)
     flat = Appearance(gaussians.colour.quaternions, torch.zeros(3, 3), gaussians.colour.features)
-    write_ply(tmp_path / "a.ply", Gaussians(gaussians.means, torch.tensor([0.0, 1.0, 0.25]), flat))
+    save_ply(tmp_path / "a.ply", Gaussians(gaussians.means, torch.tensor([0.0, 1.0, 0.25]), flat))
     read = read_ply(tmp_path / "a.ply")
     torch.testing.assert_close(read.opacities, torch.tensor([0.0, 1.0, 0.25]), atol=1e-6, rtol=0)
     assert (read.colour.scales < 1e-15).all()
@@ -78,7 +78,7 @@ def test_solid_empty_and_flat_gaussians_stay_finite(tmp_path: Path) -> None:
 
 def test_each_semantic_gaussian_has_its_own_shape_and_the_colour_of_its_likeliest_class(tmp_path: Path) -> None:
     gaussians = some_gaussians(11)
-    write_semantic_ply(tmp_path / "a.ply", gaussians, SCANNET20)
+    save_semantic_ply(tmp_path / "a.ply", gaussians, SCANNET20)
     read = read_ply(tmp_path / "a.ply")
     assert gaussians.semantic is not None
     torch.testing.assert_close(read.colour.scales, gaussians.semantic.scales)
@@ -91,25 +91,25 @@ def test_each_semantic_gaussian_has_its_own_shape_and_the_colour_of_its_likelies
 def test_what_a_ply_cannot_hold_is_refused(tmp_path: Path) -> None:
     gaussians = some_gaussians(5)
     with pytest.raises(ValueError, match="one scene"):
-        write_ply(tmp_path / "a.ply", gaussians.map(lambda tensor: tensor[None]))
+        save_ply(tmp_path / "a.ply", gaussians.map(lambda tensor: tensor[None]))
     broken = gaussians.means.clone()
     broken[4, 1] = float("nan")
     with pytest.raises(ValueError, match="y of Gaussian 4 is nan"):
-        write_ply(tmp_path / "a.ply", Gaussians(broken, gaussians.opacities, gaussians.colour))
+        save_ply(tmp_path / "a.ply", Gaussians(broken, gaussians.opacities, gaussians.colour))
     with pytest.raises(ValueError, match="no classes"):
-        write_semantic_ply(
+        save_semantic_ply(
             tmp_path / "a.ply", Gaussians(gaussians.means, gaussians.opacities, gaussians.colour), SCANNET20
         )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_scene_without_gaussians_is_a_file_without_rows(tmp_path: Path) -> None:
-    write_ply(tmp_path / "a.ply", some_gaussians(0))
+    save_ply(tmp_path / "a.ply", some_gaussians(0))
     assert len(read_ply(tmp_path / "a.ply")) == 0
 
 
 def test_files_of_another_layout_or_length_are_refused(tmp_path: Path) -> None:
-    write_ply(tmp_path / "good.ply", some_gaussians(5))
+    save_ply(tmp_path / "good.ply", some_gaussians(5))
     good = (tmp_path / "good.ply").read_bytes()
     for name, content, found in (
         ("short.ply", good[:-3], "bytes behind the header"),

@@ -15,7 +15,7 @@ from semgs.bench.memory import peak_mb
 from semgs.bench.scenes import network
 from semgs.data.choice import given
 from semgs.data.scenes import open_scene
-from semgs.reconstruction import plan
+from semgs.model import plan
 from semgs.reconstruction.allocator import keep_freed_memory
 from semgs.reconstruction.reconstruct import reconstruct
 from semgs.rooms.demo import demo_scene

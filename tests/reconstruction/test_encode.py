@@ -14,8 +14,8 @@ from semgs.evaluation.evaluate import inputs_of, read_views
 from semgs.evaluation.network import NetworkMethod
 from semgs.evaluation.plan import Task
 from semgs.evaluation.protocols import Sample
+from semgs.model import plan as planning
 from semgs.model.chunks import Chunks
-from semgs.reconstruction import plan as planning
 from semgs.reconstruction.encode import Network, encode
 from semgs.weights.load import load
 

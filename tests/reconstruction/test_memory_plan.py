@@ -22,11 +22,11 @@ from torch.autograd.profiler import profile, record_function
 from semgs.cli.main import main
 from semgs.data.choice import given
 from semgs.data.scene import Scene
+from semgs.model import plan as planning
 from semgs.model.chunks import WHOLE, Chunks
+from semgs.model.free_memory import held_bytes
+from semgs.model.plan import NotEnoughMemoryError, Work, plan, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
-from semgs.reconstruction import plan as planning
-from semgs.reconstruction.memory import held_bytes
-from semgs.reconstruction.plan import NotEnoughMemoryError, Work, plan, stage_bytes
 from semgs.reconstruction.reconstruct import Network, reconstruct
 
 NEVER_MORE, ALWAYS_MORE = 1.2, 1.0

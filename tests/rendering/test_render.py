@@ -138,11 +138,31 @@ def test_near_may_differ_between_views(random_scene) -> None:
     assert not torch.equal(both.images, render(gaussians, cameras, near=0.5).images)
 
 
+@BACKENDS
+def test_images_lie_in_0_to_1_unless_a_loss_asks_for_them_as_they_are(backend: str) -> None:
+    """A broad, nearly opaque Gaussian of colour (1.5, 0.5, 0): red is cut at 1 and then has no gradient."""
+    cameras = Cameras(torch.eye(4)[None], torch.tensor([[[30.0, 0, 11.5], [0, 28, 8.5], [0, 0, 1]]]), (16, 24))
+    harmonics = torch.tensor([[[1.0, 0.0, -0.5]]], dtype=torch.float64) / DC
+    harmonics.requires_grad_()
+    shape = Appearance(torch.tensor([[1.0, 0, 0, 0]]).double(), torch.full((1, 3), 0.6).double(), harmonics)
+    gaussians = Gaussians(torch.tensor([[0.02, 0.03, 2.0]]).double(), torch.tensor([0.99]).double(), shape)
+    raw = render(gaussians, cameras, backend=backend, clamp=False)
+    shown = render(gaussians, cameras, backend=backend)
+    centre = (0, slice(None), 8, 11)
+    torch.testing.assert_close(raw.images[centre], torch.tensor([1.485, 0.495, 0]).double(), rtol=2e-2, atol=1e-12)
+    assert shown.images[centre][0] == 1
+    assert torch.equal(shown.images, raw.images.clamp(0, 1))
+    (slope,) = torch.autograd.grad(raw.images[centre][0], harmonics, retain_graph=True)
+    (cut,) = torch.autograd.grad(shown.images[centre][0], harmonics)
+    assert slope[0, 0, 0] == pytest.approx(0.99 * DC, rel=2e-2)
+    assert (cut == 0).all()
+
+
 def test_the_background_shows_where_light_passes_and_carries_a_gradient(random_scene) -> None:
     gaussians, cameras = random_scene(10)
     background = torch.tensor([0.3, 0.6, 0.9], dtype=torch.float64, requires_grad=True)
-    rendering = render(gaussians, cameras, background=background)
-    black = render(gaussians, cameras)
+    rendering = render(gaussians, cameras, background=background, clamp=False)
+    black = render(gaussians, cameras, clamp=False)
     light = 1 - black.alphas
     expected = black.images + light[:, None] * background.detach()[:, None, None]
     torch.testing.assert_close(rendering.images, expected, rtol=0, atol=1e-12)

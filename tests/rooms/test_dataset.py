@@ -71,7 +71,7 @@ def test_the_index_counts_the_pixels_of_every_class(whole):
     counts = torch.zeros(256, dtype=torch.long)
     for scene in index["scenes"]:
         opened = open_scene(whole / scene["folder"])
-        labels = opened.read(range(len(opened))).labels
+        labels = opened.read(range(len(opened)), "native").labels
         counts += torch.bincount(labels.flatten().long(), minlength=256)
     assert [index["pixels"][name] for name in SCANNET20.names] == counts[:20].tolist()
     assert index["pixels"]["ignored"] == counts[255]

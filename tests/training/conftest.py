@@ -71,7 +71,7 @@ class TinySweep(nn.Module):
         return {"layer.weight", "layer.bias"} if shared else {"layer.weight"}
 
 
-def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None) -> Rendering:
+def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None, clamp: bool = True) -> Rendering:
     """Every camera sees the Gaussians of the context views, laid out as the pixels they come from, averaged over views."""
     height, width = cameras.size
     views = len(gaussians) // (height * width)
@@ -83,6 +83,7 @@ def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = 
 
     alphas = laid_out(gaussians.opacities[..., None])[..., 0, :, :]
     colours = laid_out(gaussians.colour.features[..., 0, :] + 0.5)
+    colours = colours.clamp(0, 1) if clamp else colours
     assert gaussians.semantic is not None
     return Rendering(colours, laid_out(gaussians.semantic.features), alphas * 3, alphas)
 

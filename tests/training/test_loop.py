@@ -107,6 +107,20 @@ def test_a_finished_run_is_left_as_it_is(sitting, tmp_path):
     assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "run" / "checkpoints").iterdir()}
 
 
+def test_a_finished_run_that_is_made_longer_has_the_learning_rate_of_the_longer_run(
+    sitting, network, batch, settings, tmp_path
+):
+    """Step 12 of 20 is 12/19 down the cosine from 1e-2: (1 + cos(2.2619 - 0.2778)) / 2 = 0.299 of it; the last of 12 had 4e-8."""
+    ended = sitting(tmp_path / "run")
+    assert ended.optimizer.param_groups[0]["lr"] == pytest.approx(4e-8)
+    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    resume(state, tmp_path / "run")
+    assert same(state, ended)
+    outcome = fit(state, replace(settings, steps=20), tmp_path / "run", [Portion((batch(12),))], [])
+    assert (outcome.step, outcome.finished) == (13, False)
+    assert state.optimizer.param_groups[0]["lr"] == pytest.approx(2.99e-3, rel=2e-3)
+
+
 def test_a_truncated_checkpoint_is_passed_over_for_the_one_before(sitting, settings, network, tmp_path):
     whole = sitting(tmp_path / "whole")
     with pytest.raises(Killed):

@@ -17,7 +17,7 @@ from semgs.rooms import demo
 from semgs.training.checkpoints import save_checkpoint
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
-from semgs.training.run import NETWORK, alone, claim, export_weights, network, read_settings
+from semgs.training.run import NETWORK, alone, claim, export_weights, network, prolong, read_settings
 from semgs.training.settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings, differences
 from semgs.training.state import TrainingState
 from semgs.training.supervision import supervision_of
@@ -62,8 +62,26 @@ def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):
     claim(tmp_path, settings)
     claim(tmp_path, settings)
-    with pytest.raises(ValueError, match=r"steps = 12 there, 13 asked"):
-        claim(tmp_path, replace(settings, steps=13))
+    with pytest.raises(ValueError, match=r"batch = 2 there, 3 asked.* only steps may change, and only grow"):
+        claim(tmp_path, replace(settings, batch=3, steps=13))
+    with pytest.raises(ValueError, match=r"steps = 12 there, 11 asked"):
+        claim(tmp_path, replace(settings, steps=11))
+
+
+def test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter(settings, tmp_path):
+    claim(tmp_path, settings)
+    longer = replace(settings, steps=20)
+    claim(tmp_path, longer)
+    assert read_settings(tmp_path) == settings
+    with alone(tmp_path):
+        prolong(tmp_path, longer)
+        assert read_settings(tmp_path) == longer
+        prolong(tmp_path, settings)
+        with pytest.raises(InputError, match="another process is training"), alone(tmp_path):
+            pass
+    assert read_settings(tmp_path) == longer
+    with pytest.raises(ValueError, match=r"steps = 20 there, 12 asked"):
+        claim(tmp_path, settings)
 
 
 def test_a_folder_of_something_else_is_refused(settings, tmp_path):

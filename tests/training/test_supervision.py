@@ -17,11 +17,12 @@ from semgs.data.views import Batch, Views
 from semgs.figures.depth import NOTHING
 from semgs.model.depth import CoarseDepth
 from semgs.model.semantic import ClassMaps
+from semgs.objectives.losses import losses
 from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint
 from semgs.training.loop import fit
-from semgs.training.objective import TERMS, Objective, Supervision
+from semgs.training.objective import TERMS, Objective, Supervision, render_targets
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
@@ -241,3 +242,14 @@ def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_
     log = (tmp_path / "log.jsonl").read_text()
     assert '"validation": {"depth_abs_rel": 0.1, "depth_delta_125": 0.5}' in log
     assert '"gradients"' in log
+
+
+def test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is(network, batch):
+    """Colour 1.5 everywhere against 0: a mean square of 2.25, which a clamp would make 1."""
+    step = batch(0)
+    encoding = network()(step.context)
+    bright = replace(encoding.gaussians.colour, features=torch.ones_like(encoding.gaussians.colour.features))
+    encoding = replace(encoding, gaussians=replace(encoding.gaussians, colour=bright))
+    step = replace(step, target=step.target.changed(images=torch.zeros_like(step.target.images)))
+    rendering, target = render_targets(encoding, step)
+    assert losses(rendering, target, LossWeights()).colour.item() == pytest.approx(2.25)

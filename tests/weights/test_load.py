@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from posed import posed_views
 from safetensors.torch import load_file, save_file
 
 from semgs import load
@@ -163,3 +164,30 @@ def test_terms_of_ones_own_are_repeated_in_a_line_and_others_are_not(small, tmp_
     save(path, small, {DATA_TERMS: '["ScanNet"]'})
     with pytest.raises(InputError, match="data_terms: expected terms of data as JSON"):
         load("small", path)
+
+
+def test_what_is_loaded_gives_no_gradients_but_passes_those_of_its_views_and_learns_once_it_is_told_to():
+    model = load("small", "random")
+    assert not model.training
+    views = posed_views(2, (32, 48))
+    assert not model(views).depths.requires_grad
+    images = views.images.clone().requires_grad_()
+    model(views.changed(images=images)).depths.sum().backward()
+    assert images.grad is not None
+    assert images.grad.abs().sum() > 0
+    model.train().requires_grad_()
+    model(views).depths.sum().backward()
+    assert model.cnn.conv1.weight.grad is not None
+
+
+def test_what_cannot_fit_is_refused_before_it_is_encoded_with_what_would(monkeypatch: pytest.MonkeyPatch):
+    """0.25 GB more than the 0.4 that the process has: 0.65. Libraries alone take 0.18, two views of 240x320 another 0.15."""
+    model, views = load("small", "random"), posed_views(2, (240, 320))
+    monkeypatch.setattr("semgs.model.plan.held_bytes", lambda: 4e8)
+    monkeypatch.setattr("semgs.model.plan.free_bytes", lambda: 0.25e9)
+    with pytest.raises(
+        MemoryError, match=r"N = 2 at 240x320 needs about 0\.\d+ GB, 0\.65 GB are free; \d+x\d+ needs 0\.\d+ GB"
+    ):
+        model(views)
+    monkeypatch.setattr("semgs.model.plan.free_bytes", lambda: 0.0)
+    model.train()(posed_views(2, (32, 48)))  # of training the plan knows nothing

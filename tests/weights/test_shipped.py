@@ -32,7 +32,7 @@ UNMET = pytest.mark.xfail(strict=True, reason="a goal not reached yet: see docs/
 
 @pytest.mark.parametrize("name", [pytest.param("hololens_office", marks=UNMET), "fox", "small_house/living"])
 def test_context_views_are_drawn_as_they_were_photographed(shared, small, name):
-    views = open_scene(shared / "data" / name).read([3, 4], size=None)
+    views = open_scene(shared / "data" / name).read([3, 4], "native")
     height, width = views.size
     views = resized(views, (320, 240) if height > width else (240, 320))
     with torch.inference_mode():
@@ -52,9 +52,9 @@ def test_more_views_draw_held_out_views_no_worse(small):
     for count in (2, 3, 4):
         ratios, confusion = [], torch.zeros(20, 20, dtype=torch.long)
         for sample in neighbours(scene, count)[::2]:
-            target = resized(scene.read([sample.target], size=None), size)
+            target = resized(scene.read([sample.target], "native"), size)
             with torch.inference_mode():
-                encoding = small(resized(scene.read(sample.contexts, size=None), size))
+                encoding = small(resized(scene.read(sample.contexts, "native"), size))
                 rendering = encoding.render(target.cameras)
             ratios.append(psnr(rendering.images.clamp(0, 1), target.images).item())
             confusion += confusion_matrix(likeliest(rendering.semantics), target.labels, 20)

@@ -55,7 +55,7 @@ def test_7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle(tmp_p
     assert scene.frames[0].lens.focal == (525, 525)
     assert scene.frames[0].lens.centre == (320, 240)
     assert "depth is as of 585 px, colour of 525 px" in scene.notes[0]
-    views = scene.read([0, 1])
+    views = scene.read([0, 1], "native")
     np.testing.assert_allclose(views.cameras.world_from_camera.numpy(), room.poses, atol=1e-6)
     # A pixel of the depth map is met by the ray of colour that is 525/585 as far from the middle.
     for row, column in ((240, 320), (400, 600), (90, 300), (333, 47)):
@@ -97,12 +97,12 @@ def test_bundle_fusions_info_tells_intrinsics_size_and_unit(tmp_path: Path):
     scene = open_scene(folder)
     assert scene.frames[0].lens.focal == (58.3, 58.4)
     assert scene.frames[0].lens.centre == (32.6, 24.4)
-    np.testing.assert_allclose(scene.read([1]).depths[0], room.depths[1] / 500, atol=1e-3)
+    np.testing.assert_allclose(scene.read([1], "native").depths[0], room.depths[1] / 500, atol=1e-3)
     with (folder / "info.txt").open("a") as file:  # a depth camera that sees half as much
         file.write(
             "m_depthWidth = 64\nm_depthHeight = 48\nm_calibrationDepthIntrinsic = 116.6 0 31.5 0 0 116.8 23.5 0 0 0 1 0 0 0 0 1\n"
         )
-    carried = open_scene(folder).read([1]).depths[0].numpy()
+    carried = open_scene(folder).read([1], "native").depths[0].numpy()
     assert (carried[:11] == 0).all()
     assert (carried[:, :16] == 0).all()
     # (32.5 - 32.6) / 58.3 * 116.6 + 32 = 31.8 and (24.5 - 24.4) / 58.4 * 116.8 + 24 = 24.2: column 31, row 24.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.reconstruction.memory import control_groups, free_bytes, held_bytes
+from semgs.model.free_memory import control_groups, free_bytes, held_bytes
 
 GIB = 2**30
 
@@ -107,7 +107,7 @@ def test_where_nothing_says_nothing_is_a_limit(tmp_path: Path) -> None:
 
 def test_a_limit_on_the_address_space_leaves_what_is_not_mapped(root: Path) -> None:
     program = (
-        "import resource, sys; from pathlib import Path; from semgs.reconstruction.memory import free_bytes; "
+        "import resource, sys; from pathlib import Path; from semgs.model.free_memory import free_bytes; "
         f"resource.setrlimit(resource.RLIMIT_AS, ({5 * GIB}, {5 * GIB})); print(free_bytes(Path(sys.argv[1])))"
     )
     told = subprocess.run([sys.executable, "-c", program, str(root)], capture_output=True, text=True, check=True)

@@ -1,0 +1,33 @@
+"""Summaries: what `repr` says of types that hold tensors, in a few lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+
+def summary(kind: str, /, **parts: object) -> str:
+    """The name of a type and a line for each part; of tensors their shape and range, of what is None nothing."""
+    lines = [
+        f"  {key}: {tensor_summary(part) if isinstance(part, Tensor) else str(part).replace(chr(10), chr(10) + '  ')}"
+        for key, part in parts.items()
+        if part is not None
+    ]
+    return "\n".join([f"{kind}(", *lines, ")"])
+
+
+def tensor_summary(tensor: Tensor) -> str:
+    """Shape and range, as in "[2 3 240 320] 0 to 1"; type and device as well where they are not float32 and the CPU."""
+    said = f"[{' '.join(map(str, tensor.shape))}]"
+    if tensor.numel():
+        low, high = tensor.detach().aminmax()
+        said += f" {low.item():.4g} to {high.item():.4g}"
+    if tensor.dtype != torch.float32:
+        said += f", {str(tensor.dtype).removeprefix('torch.')}"
+    return said if tensor.device.type == "cpu" else f"{said}, on {tensor.device}"
+
+
+def array_of(tensor: Tensor) -> np.ndarray:
+    """A tensor on whatever device as an array that NumPy can show: float32 at most, without gradient."""
+    return tensor.detach().to("cpu", torch.float32).numpy()
