@@ -41,6 +41,13 @@ def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h
     return -10 * (images.clamp(0, 1) - truth).square().mean((-3, -2, -1)).log10()
 
 
+def psnr_seen(
+    image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], seen: Bool[Tensor, "h w"]
+) -> Float[Tensor, ""] | None:
+    """`psnr` of one image over the pixels that were seen, None where there are none [dB]."""
+    return psnr(image[:, seen][..., None], truth[:, seen][..., None]) if seen.any() else None
+
+
 def confusion_matrix(
     predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, ...], classes: int
 ) -> Int64[Tensor, "class class"]:

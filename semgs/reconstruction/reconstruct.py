@@ -136,7 +136,13 @@ def reconstruct(
         target=None
         if target is None or held_out is None
         else _shown(scene, choice.targets, target, held_out, model.classes),
-        notes=(*notes, *scene.notes, *choice.notes, *_notes(scene, choice, context, model.classes), *_note_of_memory(encoded.plan)),
+        notes=(
+            *notes,
+            *scene.notes,
+            *choice.notes,
+            *_notes(scene, choice, context, model.classes),
+            *_note_of_memory(encoded.plan),
+        ),
         plan=encoded.plan,
     )
 
