@@ -23,6 +23,9 @@ MEANINGS = {
 }
 """What those measures are that a report of one scene prints, as a phrase behind the heading."""
 
+MOSTLY_SEEN = 0.95
+"""If less of the views than this was seen, scores over all their pixels tell mostly of what was not."""
+
 
 def shown_number(measure: str, value: float | None) -> str:
     """A measure as text."""

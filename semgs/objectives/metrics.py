@@ -138,9 +138,13 @@ def accuracy_per_image(confusions: Int64[Tensor, "image class class"]) -> Float[
     return accuracy(confusions).mean()
 
 
-def depth_scores(depths: Float[Tensor, "*batch h w"], truth: Float[Tensor, "*batch h w"]) -> DepthScores | None:
-    """Depth against the truth where that is known (> 0); None where it is nowhere."""
-    known = truth > 0
+def depth_scores(
+    depths: Float[Tensor, "*batch h w"],
+    truth: Float[Tensor, "*batch h w"],
+    seen: Bool[Tensor, "*batch h w"] | None = None,
+) -> DepthScores | None:
+    """Depth against the truth where that is known (> 0), of all pixels or of those that were seen; None where it is nowhere."""
+    known = truth > 0 if seen is None else seen & (truth > 0)
     if not known.any():
         return None
     predicted, true = depths[known].double(), truth[known].double()

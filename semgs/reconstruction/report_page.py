@@ -10,11 +10,11 @@ from semgs.data.classes import IGNORE
 from semgs.figures.classes import class_picture, label_maps, legend, overlay, true_class_picture
 from semgs.figures.depth import depth_bar, depth_limits, depth_picture, depth_ticks
 from semgs.figures.page import Block, Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
-from semgs.objectives.measures import TITLES, shown_number
+from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import as_bytes
 from semgs.reconstruction.report import Origin, outputs
-from semgs.reconstruction.score_table import MOSTLY_SEEN, score_table, scores_lead
+from semgs.reconstruction.score_table import score_table, scores_lead
 from semgs.reconstruction.scores import by_measure, mean_scores
 
 _TICKS = 5

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from semgs.figures.page import Table
-from semgs.objectives.measures import MEANINGS, TITLES, shown_number
+from semgs.objectives.measures import MEANINGS, MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
-
-MOSTLY_SEEN = 0.95
-"""If less of the held-out views than this was seen, scores over all their pixels tell mostly of what was not."""
 
 SEEN = "_seen"
 """Ending of the measures that are over the pixels that were seen alone."""

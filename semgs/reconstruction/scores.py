@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from semgs.data.classes import IGNORE
@@ -96,7 +95,8 @@ def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
     image, photo = rendering.images[index], truth.images[index]
     seen = rendering.alphas[index] >= SEEN_ALPHA
     ratio_seen = psnr_seen(image, photo, seen)
-    labelled = labelled_seen = (None, None)
+    labelled: tuple[float | None, float | None] = (None, None)
+    labelled_seen = labelled
     if truth.labels is not None and rendering.semantics is not None:
         labels, count = truth.labels[index], rendering.semantics.shape[-3]
         given = likeliest(rendering.semantics[index])
@@ -106,7 +106,7 @@ def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
     if truth.depths is not None:
         depths, true_depths = rendering.depths[index], truth.depths[index]
         depth = depth_scores(depths, true_depths)
-        depth_seen = depth_scores(depths, torch.where(seen & (depths > 0), true_depths, 0))
+        depth_seen = depth_scores(depths, true_depths, seen)
     return ViewScores(
         psnr=float(psnr(image, photo)),
         coverage=float(seen.double().mean()),

@@ -82,4 +82,10 @@ def test_means_are_over_the_views_that_have_the_score_and_of_depth_over_their_pi
     mean = mean_scores([one, two, ViewScores(25.0, 0.75, 30.0, None, 0.6, None)])
     assert mean.depth_error == pytest.approx(0.25)
     assert mean.depth_abs_rel == pytest.approx(0.3)
-    assert (mean.psnr, mean.coverage, mean.psnr_seen, mean.accuracy, mean.miou) == (25.0, 0.75, 30.0, pytest.approx(0.6), None)
+    assert (mean.psnr, mean.coverage, mean.psnr_seen, mean.accuracy, mean.miou) == (
+        25.0,
+        0.75,
+        30.0,
+        pytest.approx(0.6),
+        None,
+    )
