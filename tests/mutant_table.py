@@ -51,6 +51,8 @@ DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
 CHOICE = "semgs/data/choice.py"
+COVISIBILITY = "semgs/data/covisibility.py"
+VIEW_SCORES = "semgs/reconstruction/scores.py"
 SCANNET = "semgs/data/layouts/scannet.py"
 SCANNETPP = "semgs/data/layouts/scannetpp.py"
 
@@ -98,6 +100,8 @@ OF_DEPTH_LOSSES = ("tests/objectives/test_depth_losses.py",)
 OF_METRICS = ("tests/objectives/test_metrics.py",)
 OF_COLMAP = ("tests/data/test_colmap_files.py",)
 OF_CHOICE = ("tests/data/test_choice.py",)
+OF_COVISIBILITY = ("tests/data/test_covisibility.py",)
+OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
 MUTANTS = (
@@ -836,5 +840,34 @@ MUTANTS = (
     Mutant(
         "the colours of a class map are one class off", "semgs/files/colours.py",
         "palette[: len(colours)] = colours", "palette[1 : len(colours) + 1] = colours", ("tests/test_in_a_notebook.py",),
+    ),
+    Mutant(
+        "views that share nothing may go in together", CHOICE, "LEAST_SHARED = 0.3", "LEAST_SHARED = 0.0", OF_CHOICE,
+    ),
+    Mutant(
+        "a held-out view may look elsewhere", CHOICE, "WELL_SEEN = 0.9", "WELL_SEEN = 0.5", OF_CHOICE,
+    ),
+    Mutant(
+        "baselines are judged at the middle of near and far though depth is known", CHOICE,
+        "_preference(baselines / depths)", "_preference(baselines / typical)", OF_CHOICE,
+    ),
+    Mutant(
+        "what two frames share is the larger of both directions", COVISIBILITY,
+        "return np.minimum(seen, seen.T)", "return np.maximum(seen, seen.T)", OF_COVISIBILITY,
+    ),
+    Mutant(
+        "depth that is not known is a depth of 0", COVISIBILITY,
+        "np.where(middles > 0, middles, np.nan)", "middles", OF_COVISIBILITY,
+    ),
+    Mutant(
+        "a wall in front hides nothing", COVISIBILITY, "HIDDEN = 1.1", "HIDDEN = 100", OF_COVISIBILITY,
+    ),
+    Mutant(
+        "classes over the seen pixels are over all", VIEW_SCORES,
+        "labels.masked_fill(~seen, IGNORE)", "labels", OF_VIEW_SCORES,
+    ),
+    Mutant(
+        "errors of depth are averaged over views, not pixels", VIEW_SCORES,
+        "[view.depth_error for view in views], pixels_seen)", "[view.depth_error for view in views])", OF_VIEW_SCORES,
     ),
 )  # fmt: skip

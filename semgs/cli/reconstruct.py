@@ -60,8 +60,9 @@ class Reconstruct:
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
     views: int = 2
-    """How many frames go in, from 2 to all usable ones. They are chosen by overlap and baseline, and the frames left
-    between them are held out to compare with. More than 4 is more than the model was made for."""
+    """How many frames go in, from 2 to all usable ones. They are chosen by overlap and baseline, and frames that they cover are
+    held out to compare with. Fewer go in if no other frame shares 30 % of what it sees. More than 4 is more than the model was
+    made for."""
     context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]")] = ()
     """Take these frames, by position or name, instead of choosing."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"

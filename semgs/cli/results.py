@@ -11,8 +11,8 @@ from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import write_renders
 from semgs.reconstruction.report import Origin, outputs, report_numbers
-from semgs.reconstruction.report_page import MOSTLY_SEEN, decibels, length, report_page
-from semgs.reconstruction.scores import mean_scores
+from semgs.reconstruction.report_page import length, report_page
+from semgs.reconstruction.score_table import score_lines
 from semgs.reconstruction.stages import Stages
 
 
@@ -60,13 +60,13 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
     height, width = result.size
     rows = [
         ("scene", f"{result.scene.name}: {result.scene.layout}, {len(result.scene)} usable frames"),
-        ("input", _frames(result.context)),
-        ("held out", _frames(result.target) if result.target else "none"),
+        ("input", ", ".join(_frames(result.context))),
+        ("held out", _held_out(result.target)),
         ("why", result.choice.reason),
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
-        *(("PSNR", text) for text in _ratios(result)),
+        *(("scores", line) for line in score_lines(result)),
         ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
         *(("note", sentence) for sentence in result.notes),
     ]
@@ -83,19 +83,15 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
     )
 
 
-def _ratios(result: Reconstruction) -> list[str]:
-    """The mean PSNR of the held-out and of the input views, and how much of them it tells about."""
-    parts = [("held-out", result.target)] if result.target else []
-    texts = []
-    for role, shown in [*parts, ("input", result.context)]:
-        means = mean_scores(shown.scores)
-        text = f"{role} views {decibels(means.psnr)}"
-        if means.coverage < MOSTLY_SEEN:
-            text += f", {decibels(means.psnr_seen)} over the {100 * means.coverage:.0f} % that is seen"
-        texts.append(text)
-    return texts
+def _held_out(shown: Shown | None) -> str:
+    """The held-out frames as text, with the part of each that is seen."""
+    if shown is None:
+        return "none"
+    return ", ".join(
+        f"{frame} {100 * score.coverage:.0f} % seen" for frame, score in zip(_frames(shown), shown.scores, strict=True)
+    )
 
 
-def _frames(shown: Shown) -> str:
+def _frames(shown: Shown) -> list[str]:
     """Frames as text: position and name."""
-    return ", ".join(f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True))
+    return [f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True)]

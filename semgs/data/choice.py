@@ -2,39 +2,52 @@
 
 Frames are judged by what they see and from where, never by their position in the file. Two frames go well together if they see
 the same things, from places that differ by about a tenth of the distance to them: nearer gives no depth, farther no matches.
+How far away things are comes from depth maps or sparse points where the scene has them (`semgs.data.covisibility`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from semgs.data.covisibility import WIDEST_ANGLE, Covisibility, Surfaces, flat
 from semgs.data.depth_range import DepthRange
 from semgs.data.parallax import Seen
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
 IDEAL_BASELINE = (0.05, 0.15)
-"""Of the middle depth; the preference peaks at their geometric mean and falls off beyond."""
+"""Of the depth; the preference peaks at their geometric mean and falls off beyond."""
 
 STEEPNESS = 0.72
 """Standard deviation of the preference in the logarithm of the baseline: 0.75 at the ends of the ideal band, 0.1 at 0.0185 and 0.406."""
+
+LEAST_SHARED = 0.3
+"""A chosen context has to share at least this part of what it sees with another one, in both directions."""
 
 DRAWN_FROM = 40
 """Frames that the others of a training sample are drawn from."""
 
 CANDIDATES = 300
-"""Of more frames than this, so many spread evenly are considered as contexts: their neighbours show nearly the same."""
+"""Of more frames than this, so many spread evenly are considered: their neighbours show nearly the same."""
+
+CANDIDATES_TO_READ = 100
+"""The same where the depth map of each has to be read."""
 
 TARGETS = 4
 LEAST_SEEN = 0.5
-"""A target has to share at least this part of what it sees with a context."""
+"""A target has to share at least this part of what it sees with the contexts."""
 
-GRID = 10
-WIDEST_ANGLE = np.radians(60)
-"""From directions further apart than this a surface is not the same to see."""
+WELL_SEEN = 0.9
+"""A target that shares this part is preferred: of one that shares less, scores tell mostly of what no context saw."""
+
+GOOD_ENOUGH = 0.5
+"""Contexts that leave such a target are preferred to better ones that leave none, if they are this part as good."""
+
+TRIED = 1000
+"""The most pairs of contexts that are looked at for such a target."""
 
 
 @dataclass(frozen=True)
@@ -47,40 +60,70 @@ class Choice:
         reason: why, one sentence.
         depth_range: near and far of the input views, by which targets were chosen and with which everything is reconstructed; of a
             training sample, those of its whole scene.
+        notes: what the user should know of the choice, a sentence each.
     """
 
     context: tuple[int, ...]
     targets: tuple[int, ...]
     reason: str
     depth_range: DepthRange
+    notes: tuple[str, ...] = ()
 
 
 def choose(scene: Scene, count: int) -> Choice:
     """The `count` frames that go best together as contexts, and the frames between them as targets.
 
-    The first two are the pair with the most overlap at the middle depth and a baseline near 5 to 15 % of it; each further one
-    goes best, by the same measure, with the nearest of those chosen, so that views are added beside them and show more.
+    The first two are the pair with the most overlap and a baseline near 5 to 15 % of the depth; each further one goes best, by the
+    same measure, with the nearest of those chosen that it shares enough with, so that views are added beside them and show more.
+    Frames that share less than `LEAST_SHARED` are never taken, so that there may be fewer than `count`; a note says so.
 
     Raises:
         ValueError: `count` is less than 2 or more than there are usable frames.
+        InputError: no two frames share that much.
     """
     _check_count(scene, count)
     features: dict[int, Seen] = {}
-    bounds = scene.depth_range(features=features)
-    few = np.unique(np.linspace(0, len(scene) - 1, min(len(scene), max(CANDIDATES, count))).round().astype(int))
-    geometry = _Geometry(scene, bounds.middle, few)
-    overlaps, baselines = geometry.overlaps(), geometry.baselines()
-    preference = _preference(baselines / bounds.middle)
-    scores = overlaps * preference
+    typical = scene.depth_range(features=features).typical
+    surfaces = Surfaces(scene)
+    few = _spread(range(len(scene)), max(_most(surfaces), count))
+    together = Covisibility(scene, few, surfaces.of(few, typical))
+    overlaps, baselines = together.overlaps(), together.baselines
+    depths = np.sqrt(together.medians[:, None] * together.medians)
+    scores = np.where(overlaps >= LEAST_SHARED, overlaps * _preference(baselines / depths), -1)
     np.fill_diagonal(scores, -1)
-    chosen = [int(index) for index in np.unravel_index(np.argmax(scores), scores.shape)]
+    each_once = np.where(np.tri(len(few), dtype=bool), -1, scores)
+
+    def leaves_target(chosen: Sequence[int]) -> bool:
+        """Whether a frame that is not chosen is well covered by those that are."""
+        covered = together.covered(chosen)
+        covered[list(chosen)] = 0
+        return bool(covered.max() >= WELL_SEEN)
+
+    pair = _best(each_once.ravel(), lambda index: leaves_target(divmod(index, len(few))))
+    if pair is None:
+        np.fill_diagonal(overlaps, 0)
+        raise InputError(
+            scene.path,
+            f"two frames that share {LEAST_SHARED:.0%} of what they see",
+            f"{overlaps.max():.0%} at most",
+            advice="name input views (--context) to take them all the same",
+        )
+    chosen = [int(index) for index in divmod(pair, len(few))]
     while len(chosen) < count:
-        nearest = np.array(chosen)[np.argmin(baselines[:, chosen], axis=1)]
-        fit = scores[np.arange(len(few)), nearest]
+        apart = np.where(overlaps[:, chosen] >= LEAST_SHARED, baselines[:, chosen], np.inf)
+        fit = scores[np.arange(len(few)), np.array(chosen)[apart.argmin(axis=1)]]
         fit[chosen] = -1
-        chosen.append(int(np.argmax(fit)))
+        further = _best(fit, lambda index: leaves_target([*chosen, index]))
+        if further is None:
+            break
+        chosen.append(further)
     context = tuple(sorted(int(few[index]) for index in chosen))
-    return _with_targets(scene, context, scene.depth_range(context, features), "chosen: ")
+    notes = []
+    if len(context) < count:
+        notes.append(
+            f"{len(context)} input views instead of {count}: no other frame shares {LEAST_SHARED:.0%} of what it sees with them."
+        )
+    return _with_targets(scene, surfaces, context, scene.depth_range(context, features), "chosen: ", notes)
 
 
 def given(scene: Scene, context: Sequence[int | str]) -> Choice:
@@ -93,7 +136,7 @@ def given(scene: Scene, context: Sequence[int | str]) -> Choice:
     _check_count(scene, len(indices))
     if len(set(indices)) != len(indices):
         raise ValueError(f"the context views are {', '.join(map(str, context))}; expected different frames")
-    return _with_targets(scene, indices, scene.depth_range(indices), "as asked: ")
+    return _with_targets(scene, Surfaces(scene), indices, scene.depth_range(indices), "as asked: ")
 
 
 def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
@@ -120,8 +163,8 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
         )
     first = int(rng.integers(len(scene)))
     few = np.array([first, *_beside(scene, first, bounds, max(DRAWN_FROM, contexts + targets), rng)])
-    geometry = _Geometry(scene, bounds.middle, few)
-    overlaps, baselines = geometry.overlaps(), geometry.baselines()
+    together = Covisibility(scene, few, [flat(bounds.middle)] * len(few))
+    overlaps, baselines = together.overlaps(), together.baselines
     scores = overlaps * _preference(baselines / bounds.middle)
     chosen = [0]
     while len(chosen) < contexts:
@@ -157,43 +200,6 @@ def _one_of(fit: np.ndarray, otherwise: np.ndarray, taken: Sequence[int], rng: n
     return int(rng.choice(len(fit), p=fit / total)) if total > 0 else int(np.argmax(otherwise))
 
 
-class _Geometry:
-    """The cameras of some frames as arrays, and what they share."""
-
-    def __init__(self, scene: Scene, depth: float, indices: Sequence[int] | np.ndarray) -> None:
-        frames = [scene.frames[index] for index in indices]
-        lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
-        poses = np.stack([frame.world_from_camera for frame in frames])
-        intrinsics = np.stack([lenses[frame.lens] for frame in frames])
-        rotations, self.centres = poses[:, :3, :3], poses[:, :3, 3]
-        self.sizes = np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64)
-        self.projections = intrinsics @ rotations.mT
-        steps = (np.arange(GRID) + 0.5) / GRID
-        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2) * self.sizes[:, None]
-        pixels = np.concatenate((grid, np.ones_like(grid[..., :1])), axis=-1)
-        rays = depth * pixels @ np.linalg.inv(self.projections).mT
-        self.points = self.centres[:, None] + rays
-        self.directions = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-
-    def baselines(self) -> np.ndarray:
-        """Distances between the cameras [n n]."""
-        return np.linalg.norm(self.centres[:, None] - self.centres, axis=-1)
-
-    def overlaps(self) -> np.ndarray:
-        """How much each pair shares of what it sees at the middle depth, the smaller of both directions [n n]."""
-        seen = np.stack([self.seen_by(index) for index in range(len(self.centres))], axis=1)
-        return np.minimum(seen, seen.T)
-
-    def seen_by(self, index: int) -> np.ndarray:
-        """The part of what each frame sees at the middle depth that frame `index` sees too, from a similar direction [n]."""
-        towards = self.points - self.centres[index]
-        x, y, depth = np.moveaxis(towards @ self.projections[index].T, -1, 0)
-        width, height = self.sizes[index]
-        inside = (depth > 0) & (x >= 0) & (x < width * depth) & (y >= 0) & (y < height * depth)
-        cosine = (towards * self.directions).sum(-1) / np.sqrt((towards * towards).sum(-1))
-        return (inside & (cosine > np.cos(WIDEST_ANGLE))).mean(axis=1)
-
-
 def _check_count(scene: Scene, count: int) -> None:
     """Refuse a number of context views that cannot be.
 
@@ -207,58 +213,97 @@ def _check_count(scene: Scene, count: int) -> None:
 
 
 def _preference(relative: np.ndarray) -> np.ndarray:
-    """How good a baseline is, as a part of the middle depth: 1 in the middle of the ideal band, towards 0 far from it."""
+    """How good a baseline is, as a part of the depth: 1 in the middle of the ideal band, towards 0 far from it."""
     best = (IDEAL_BASELINE[0] * IDEAL_BASELINE[1]) ** 0.5
     return np.exp(-0.5 * (np.log(np.maximum(relative, 1e-9) / best) / STEEPNESS) ** 2)
 
 
-def _with_targets(scene: Scene, context: tuple[int, ...], bounds: DepthRange, prefix: str) -> Choice:
+def _best(fit: np.ndarray, leaves_target: Callable[[int], bool]) -> int | None:
+    """The best of what is allowed (0 or more), or the best of those `GOOD_ENOUGH` beside it that leaves a target; None if nothing is."""
+    order = np.argsort(-fit, kind="stable")[:TRIED].tolist()
+    good = [index for index in order if fit[index] >= max(GOOD_ENOUGH * fit[order[0]], 0)]
+    return next((index for index in good if leaves_target(index)), good[0] if good else None)
+
+
+def _most(surfaces: Surfaces) -> int:
+    """How many frames are considered."""
+    return CANDIDATES_TO_READ if surfaces.measured else CANDIDATES
+
+
+def _spread(frames: Sequence[int], most: int) -> list[int]:
+    """All frames, or the most that are wanted, spread evenly over them."""
+    return [frames[round(step)] for step in np.linspace(0, len(frames) - 1, min(len(frames), most))]
+
+
+def _with_targets(
+    scene: Scene,
+    surfaces: Surfaces,
+    context: tuple[int, ...],
+    bounds: DepthRange,
+    prefix: str,
+    notes: Sequence[str] = (),
+) -> Choice:
     """The choice of these contexts: its targets and its reason.
 
-    Targets are up to `TARGETS` frames spread evenly over those between the contexts in file order, or else the nearest others; all see
-    much of what the contexts see.
+    Targets are up to `TARGETS` frames spread evenly over those between the contexts in file order, or else the nearest others, of which
+    the contexts see `WELL_SEEN`. If there are none, they are those of which they see most, and a note says so.
     """
     between = [index for index in range(min(context) + 1, max(context)) if index not in context]
     others = [index for index in range(len(scene)) if index not in context]
-    targets = _seen_enough(scene, context, between, bounds)
-    if targets:
-        spread = np.linspace(0, len(targets) - 1, min(len(targets), TARGETS)).round().astype(int)
-        targets = [targets[index] for index in spread]
-    else:
-        centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
-        distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
-        nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
-        targets = sorted(_seen_enough(scene, context, nearest, bounds)[:TARGETS])
-    return Choice(context, tuple(targets), prefix + _reason(scene, context, bounds), bounds)
+    centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
+    distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
+    nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
+    seen = _covered(scene, surfaces, context, [*_spread(between, _most(surfaces)), *nearest], bounds.typical)
+    well = [index for index in seen if seen[index] >= WELL_SEEN]
+    targets = _spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
+    if not targets:
+        targets = sorted((index for index in seen if seen[index] >= LEAST_SEEN), key=lambda index: -seen[index])[
+            :TARGETS
+        ]
+        if targets:
+            notes = [
+                *notes,
+                f"The input views see less than {WELL_SEEN:.0%} of each held-out frame, so compare the scores over the seen pixels.",
+            ]
+    reason = prefix + _reason(scene, surfaces, context, bounds)
+    return Choice(context, tuple(sorted(targets)), reason, bounds, tuple(notes))
 
 
-def _seen_enough(scene: Scene, context: Sequence[int], frames: Sequence[int], bounds: DepthRange) -> list[int]:
-    """Those of some frames that share at least `LEAST_SEEN` of what they see with a context, in the order given."""
-    if len(frames) > CANDIDATES:
-        frames = [frames[index] for index in np.linspace(0, len(frames) - 1, CANDIDATES).round().astype(int)]
-    if not frames:
-        return []
-    geometry = _Geometry(scene, bounds.middle, [*context, *frames])
-    shared = np.max([geometry.seen_by(index) for index in range(len(context))], axis=0)[len(context) :]
-    return [frame for frame, part in zip(frames, shared, strict=True) if part >= LEAST_SEEN]
+def _covered(
+    scene: Scene, surfaces: Surfaces, context: Sequence[int], frames: Sequence[int], depth: float
+) -> dict[int, float]:
+    """The part of what each of some frames sees that the contexts see too, in the order of the frames."""
+    every = list(dict.fromkeys((*context, *frames)))
+    together = Covisibility(scene, every, surfaces.of(every, depth))
+    parts = together.covered(range(len(context))).tolist()
+    return dict(zip(every[len(context) :], parts[len(context) :], strict=True))
 
 
-def _reason(scene: Scene, context: Sequence[int], bounds: DepthRange) -> str:
+def _reason(scene: Scene, surfaces: Surfaces, context: Sequence[int], bounds: DepthRange) -> str:
     """One sentence with the figures of the contexts."""
-    geometry = _Geometry(scene, bounds.middle, context)
-    pairs = np.triu_indices(len(context), 1)
-    overlaps, baselines = geometry.overlaps()[pairs], geometry.baselines()[pairs]
+    found = surfaces.of(context, bounds.typical)
+    together = Covisibility(scene, context, found)
+    overlaps, baselines = together.overlaps(), together.baselines[np.triu_indices(len(context), 1)]
+    np.fill_diagonal(overlaps, 0)
+    shares = overlaps.max(axis=1)
     names = ", ".join(f"{index} ({scene.frames[index].name})" for index in context)
     unit = " m" if scene.unit == "metric" else ""
-    share = _span(f"{overlaps.min():.0%}", f"{overlaps.max():.0%}")
-    near, far = baselines.min(), baselines.max()
-    relative = _span(f"{near / bounds.middle:.0%}", f"{far / bounds.middle:.0%}")
-    apart = f"{_span(f'{near:.2g}', f'{far:.2g}')}{unit} ({relative} of it)"
-    parallax = "" if far > 0.005 * bounds.middle else "; there is no parallax, so depth is a guess"
-    return (
-        f"frames {names} share {share} of what they see at the middle depth of {bounds.middle:.2g}{unit} "
-        f"and are {apart} apart{parallax}"
+    share = _span(f"{shares.min():.0%}", f"{shares.max():.0%}") + " of what they see"
+    if len(context) > 2:
+        share = f"each {share} with another".replace("they see", "it sees")
+    depth = float(np.median(together.medians))
+    sources = " and ".join(dict.fromkeys(surface.source for surface in found if surface.source))
+    kind = "middle" if bounds.median is None else "median"
+    where = (
+        f", by {sources} with a median of {depth:.2g}{unit},"
+        if sources
+        else f" at the {kind} depth of {depth:.2g}{unit}"
     )
+    near, far = baselines.min(), baselines.max()
+    relative = _span(f"{near / depth:.0%}", f"{far / depth:.0%}")
+    apart = f"{_span(f'{near:.2g}', f'{far:.2g}')}{unit} ({relative} of it)"
+    parallax = "" if far > 0.005 * depth else "; there is no parallax, so depth is a guess"
+    return f"frames {names} share {share}{where} and are {apart} apart{parallax}"
 
 
 def _span(least: str, most: str) -> str:

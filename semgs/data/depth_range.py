@@ -1,8 +1,8 @@
 """Near and far: the depths between which a model looks for surfaces, and why these.
 
 Where lengths are metres, they are those of rooms. Where they are not, they come from what is known of the scene: its sparse
-points, points triangulated from its pictures, or at least how far its cameras are apart. Depth maps are never looked at:
-they are what results are compared with.
+points, points triangulated from its pictures, or at least how far its cameras are apart. Depth maps are never looked at here:
+they are what results are compared with. Only the choice of frames looks at them (`semgs.data.choice`).
 """
 
 from __future__ import annotations
@@ -36,17 +36,24 @@ class DepthRange:
         far: the largest.
         unit: "metric" or "unknown".
         reason: where they come from, as a phrase.
+        median: of the z-depths that near and far were found from; None if they are not from depths.
     """
 
     near: float
     far: float
     unit: str
     reason: str
+    median: float | None = None
 
     @property
     def middle(self) -> float:
-        """The geometric mean of near and far: the depth at which overlap and baseline are judged."""
+        """The geometric mean of near and far: the depth at which overlap and baseline of training samples are judged."""
         return (self.near * self.far) ** 0.5
+
+    @property
+    def typical(self) -> float:
+        """How far away things are, as far as it is known: the median depth, or else the middle."""
+        return self.middle if self.median is None else self.median
 
 
 def depth_range(
@@ -84,7 +91,7 @@ def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:
     farthest, middle, nearest = np.percentile(inverse, (2, 50, 98))
     near = min(1 / (middle * ROOM_RATIO**0.5), 0.8 / nearest)
     far = max(ROOM_RATIO**0.5 / middle, 1.25 / max(farthest, 0.02 * middle))
-    return DepthRange(float(near), float(far), unit, reason)
+    return DepthRange(float(near), float(far), unit, reason, float(1 / middle))
 
 
 def _inverse_depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:

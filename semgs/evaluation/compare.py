@@ -8,10 +8,11 @@ from typing import Any, Literal
 from semgs.evaluation.intervals import paired_differences
 from semgs.evaluation.published import MARK, PublishedTable
 from semgs.evaluation.report import COMPARED, SavedReport, SavedResult, below
-from semgs.evaluation.summary import LOWER_IS_BETTER
+from semgs.evaluation.summary import LOWER_IS_BETTER, SEEN_METRICS
 from semgs.evaluation.tables import Cell, Grid
 from semgs.evaluation.texts import TITLES, shown_number
 from semgs.files.errors import InputError
+from semgs.objectives.measures import MOSTLY_SEEN
 
 Layout = Literal["paper", "difference", "data", "card"]
 
@@ -24,8 +25,10 @@ BRIEF = (
     "accuracy",
     "class_accuracy",
     "psnr",
+    "psnr_seen",
     "ssim",
     "depth_abs_rel",
+    "depth_abs_rel_seen",
     "unseen",
     "fps_encoding_each",
 )
@@ -188,9 +191,14 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
 
 
 def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
-    """Metrics of one report and of its trivial rows, by number of views; those that it has at all."""
+    """Metrics of one report and of its trivial rows, by number of views; those that it has at all.
+
+    Those over the seen pixels are shown where a part worth speaking of was not seen, as in `semgs reconstruct`.
+    """
+    seen = all((result.numbers.get("unseen") or 0) <= 1 - MOSTLY_SEEN for result in report.results.values())
     every = [row for result in report.results.values() for row in (result.numbers, *result.trivial.values())]
-    shown = [metric for metric in metrics if any(row.get(metric) is not None for row in every)]
+    wanted = [metric for metric in metrics if not (seen and metric in SEEN_METRICS)]
+    shown = [metric for metric in wanted if any(row.get(metric) is not None for row in every)]
     if any(result.numbers["not_given"] for result in report.results.values()):
         shown.append("not_given")
     rows = []

@@ -39,6 +39,10 @@ def record(frame: FrameScores) -> dict[str, Any]:
             "depth_pixels": frame.depth.pixels,
         }
     found["unseen"] = frame.unseen
+    found |= {"miou_seen": frame.miou_seen, "accuracy_seen": frame.accuracy_seen, "psnr_seen": finite(frame.psnr_seen)}
+    if frame.depth_seen is not None:
+        seen = frame.depth_seen
+        found["depth_seen"] = {"abs_rel": seen.abs_rel, "delta": seen.delta, "pixels": seen.pixels}
     found["seconds_encode"] = seconds(frame.seconds_encode)
     found["seconds_render"] = seconds(frame.seconds_render)
     if frame.confusion is not None and frame.truth is not None:
@@ -65,6 +69,7 @@ def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
     depth = None
     if entry.get("depth_abs_rel") is not None:
         depth = DepthScores(float(entry["depth_abs_rel"]), float(entry["depth_delta_125"]), int(entry["depth_pixels"]))
+    seen = entry.get("depth_seen")
     return FrameScores(
         scene=str(entry["scene"]),
         target=str(entry["target"]),
@@ -72,6 +77,10 @@ def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
         confusion=_dense(entry["confusion"], (classes, classes)) if "confusion" in entry else None,
         truth=_dense(entry["truth"], (classes,)) if "truth" in entry else None,
         depth=depth,
+        depth_seen=None
+        if seen is None
+        else DepthScores(float(seen["abs_rel"]), float(seen["delta"]), int(seen["pixels"])),
+        **{name: number(entry.get(name)) for name in ("miou_seen", "accuracy_seen", "psnr_seen")},
         **{
             name: number(entry[name])
             for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render")

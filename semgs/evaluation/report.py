@@ -16,13 +16,13 @@ from semgs.evaluation.intervals import Interval, intervals, units
 from semgs.evaluation.plan import Plan, frame_list
 from semgs.evaluation.records import finite, frame_of, number, record, seconds
 from semgs.evaluation.scores import FrameScores
-from semgs.evaluation.summary import LOWER_IS_BETTER, METRICS, class_scores, summary
+from semgs.evaluation.summary import LOWER_IS_BETTER, METRICS, SEEN_METRICS, class_scores, summary
 from semgs.files.errors import InputError
 
 FORMAT = "semgs.report.evaluate"
 VERSION = 1
 
-COMPARED = tuple(name for name in METRICS if name not in ("unseen", "not_given"))
+COMPARED = tuple(name for name in METRICS if name not in ("unseen", "not_given", *SEEN_METRICS))
 """Metrics that say better or worse."""
 
 
@@ -267,7 +267,9 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
     for entry in content["results"]:
         for row in (entry, *entry["trivial"].values()):
             for name in METRICS:
-                number(row[name])
+                number(
+                    row.get(name) if name in SEEN_METRICS else row[name]
+                )  # reports of older versions have none of these
         number(entry["fps_encoding_each"])
         if entry["intervals_over"] not in ("scenes", "frames"):
             raise ValueError(f"intervals_over is {entry['intervals_over']!r}")

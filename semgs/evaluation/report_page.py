@@ -289,13 +289,8 @@ def _gallery(
             shown.append(Picture(depth_error_picture(depths, known), "depth error", lossy=True))
     values = summary([frame])
     told = [
-        f"{title} {shown_number(metric, values[metric])}"
-        for metric, title in (
-            ("miou_per_image", "mIoU"),
-            ("accuracy", "acc."),
-            ("psnr", "PSNR"),
-            ("depth_abs_rel", "depth error"),
-        )
+        f"{TITLES[metric]} {shown_number(metric, values[metric])}"
+        for metric in ("miou_per_image", "accuracy_per_image", "psnr", "depth_abs_rel")
         if metric in values
     ]
     return Gallery(heading, ", ".join([*told, "from " + " ".join(task.contexts)]), tuple(shown))

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Bool, Int64
+from torch import Tensor
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.plan import Task
 from semgs.evaluation.predictions import Prediction
 from semgs.evaluation.similarity import PerceptualDistance, ssim
-from semgs.objectives.metrics import DELTA, DepthScores, confusion_matrix, depth_scores, psnr
+from semgs.objectives.metrics import (
+    DELTA,
+    DepthScores,
+    accuracy,
+    confusion_matrix,
+    depth_scores,
+    miou,
+    present_classes,
+    psnr,
+    psnr_seen,
+)
 
 __all__ = ["DELTA", "DepthScores", "FrameScores", "depth_scores", "score"]
 
@@ -29,6 +41,8 @@ class FrameScores:
         ssim, lpips: of the pictures.
         depth: of the depth map.
         unseen: share of the pixels where the method saw nothing.
+        miou_seen, accuracy_seen, psnr_seen, depth_seen: mean IoU, accuracy, PSNR and depth over the other pixels alone; None also
+            where the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
     """
 
@@ -44,6 +58,10 @@ class FrameScores:
     unseen: float | None = None
     seconds_encode: float | None = None
     seconds_render: float | None = None
+    miou_seen: float | None = None
+    accuracy_seen: float | None = None
+    psnr_seen: float | None = None
+    depth_seen: DepthScores | None = None
 
 
 def score(
@@ -66,16 +84,16 @@ def score(
         counts = np.bincount(labels[labels != IGNORE].numpy(), minlength=len(truth.classes)).astype(np.int64)
         if prediction.labels is not None:
             confusion = confusion_matrix(prediction.labels, labels, len(truth.classes)).numpy()
-    image, seen = prediction.image, truth.images[0]
-    return FrameScores(
+    image, photo = prediction.image, truth.images[0]
+    found = FrameScores(
         scene=task.scene.name,
         target=task.target,
         contexts=task.contexts,
         confusion=confusion,
         truth=counts,
-        psnr=None if image is None else float(psnr(image.double(), seen.double())),
-        ssim=None if image is None else ssim(image, seen),
-        lpips=None if image is None or perceptual is None else perceptual(image, seen),
+        psnr=None if image is None else float(psnr(image.double(), photo.double())),
+        ssim=None if image is None else ssim(image, photo),
+        lpips=None if image is None or perceptual is None else perceptual(image, photo),
         depth=None
         if prediction.depths is None or truth.depths is None
         else depth_scores(prediction.depths, truth.depths[0]),
@@ -83,3 +101,25 @@ def score(
         seconds_encode=prediction.seconds_encode,
         seconds_render=prediction.seconds_render,
     )
+    return (
+        found if prediction.unseen is None else replace(found, **_over_the_seen(prediction, truth, ~prediction.unseen))
+    )
+
+
+def _over_the_seen(prediction: Prediction, truth: Views, seen: Bool[Tensor, "h w"]) -> dict[str, Any]:
+    """The scores over the pixels that a method saw, by their names in `FrameScores`."""
+    found: dict[str, Any] = {}
+    if prediction.labels is not None and truth.labels is not None:
+        labels = truth.labels[0].masked_fill(~seen, IGNORE)
+        present = present_classes(labels, len(truth.classes))
+        if present.any():
+            confusion = confusion_matrix(prediction.labels, labels, len(truth.classes))
+            found |= {"miou_seen": float(miou(confusion, present)), "accuracy_seen": float(accuracy(confusion))}
+    if (
+        prediction.image is not None
+        and (ratio := psnr_seen(prediction.image.double(), truth.images[0].double(), seen)) is not None
+    ):
+        found["psnr_seen"] = float(ratio)
+    if prediction.depths is not None and truth.depths is not None:
+        found["depth_seen"] = depth_scores(prediction.depths, truth.depths[0], seen)
+    return found

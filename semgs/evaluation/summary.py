@@ -6,6 +6,7 @@
 | miou_per_image, class_accuracy_per_image, accuracy_per_image | of each target, mean over targets, then over scenes |
 | psnr, ssim, lpips | of each target, mean over targets |
 | depth_abs_rel, depth_delta_125 | over all pixels of all targets that have a true depth |
+| miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the pixels that the method saw |
 | unseen | share of all pixels |
 | not_given | share of the pixels with a true label for which no class is given |
 
@@ -23,6 +24,7 @@ import torch
 from jaxtyping import Float, Int, Int64
 
 from semgs.evaluation.scores import FrameScores
+from semgs.objectives.measures import TITLES
 from semgs.objectives.metrics import accuracy, class_accuracy, intersection_over_union, miou
 
 CLASS_METRICS = (
@@ -30,10 +32,13 @@ CLASS_METRICS = (
 )  # fmt: skip
 PICTURE_METRICS = ("psnr", "ssim", "lpips")
 DEPTH_METRICS = ("depth_abs_rel", "depth_delta_125")
-METRICS = (*CLASS_METRICS[:-1], *PICTURE_METRICS, *DEPTH_METRICS, "unseen", "not_given")
+SEEN_METRICS = ("miou_per_image_seen", "accuracy_per_image_seen", "psnr_seen", "depth_abs_rel_seen")
+"""Over the pixels that a method saw: others saw other ones, so these say how it does, and not whether it is better."""
+
+METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 """All names, in the order of tables."""
 
-LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "unseen", "not_given")
+LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +68,13 @@ def parts(frames: Sequence[FrameScores]) -> list[Part]:
     found = []
     for names, has, values in (
         (CLASS_METRICS, lambda frame: frame.confusion is not None, _class_values),
-        *(((name,), _has(name), _means_of(name)) for name in (*PICTURE_METRICS, "unseen")),
+        *(((name,), _has(name), _means_of(name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
+        *(
+            ((f"{name}_per_image_seen",), _has(f"{name}_seen"), _means_over_scenes_of(f"{name}_seen"))
+            for name in ("miou", "accuracy")
+        ),
         (DEPTH_METRICS, _has("depth"), _depth_values),
+        (("depth_abs_rel_seen",), _has("depth_seen"), _depth_values_seen),
     ):
         those = [frame for frame in frames if has(frame)]
         if those:
@@ -170,6 +180,26 @@ def _means_of(name: str) -> Callable[[Sequence[FrameScores], np.ndarray], Callab
         return lambda times, scene_times: _weighted(scores, times)[None]
 
     return of
+
+
+def _means_over_scenes_of(name: str) -> Callable[[Sequence[FrameScores], np.ndarray], Callable[..., np.ndarray]]:
+    """The function for the mean over the targets of each scene, then over scenes, of one of their scores."""
+
+    def of(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
+        scores = np.array([getattr(frame, name) for frame in frames], np.float64)
+        return lambda times, scene_times: _scene_means(scores, scene_of, times, scene_times)[None]
+
+    return of
+
+
+def _depth_values_seen(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
+    """The function for `depth_abs_rel_seen`."""
+    depths = [frame.depth_seen for frame in frames if frame.depth_seen is not None]
+    pixels, errors = (
+        np.array([depth.pixels for depth in depths], np.int64),
+        np.array([depth.abs_rel for depth in depths]),
+    )
+    return lambda times, scene_times: _weighted(errors, times * pixels)[None]
 
 
 def _depth_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:

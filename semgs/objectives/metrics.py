@@ -41,6 +41,13 @@ def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h
     return -10 * (images.clamp(0, 1) - truth).square().mean((-3, -2, -1)).log10()
 
 
+def psnr_seen(
+    image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], seen: Bool[Tensor, "h w"]
+) -> Float[Tensor, ""] | None:
+    """`psnr` of one image over the pixels that were seen, None where there are none [dB]."""
+    return psnr(image[:, seen][..., None], truth[:, seen][..., None]) if seen.any() else None
+
+
 def confusion_matrix(
     predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, ...], classes: int
 ) -> Int64[Tensor, "class class"]:
@@ -131,9 +138,13 @@ def accuracy_per_image(confusions: Int64[Tensor, "image class class"]) -> Float[
     return accuracy(confusions).mean()
 
 
-def depth_scores(depths: Float[Tensor, "*batch h w"], truth: Float[Tensor, "*batch h w"]) -> DepthScores | None:
-    """Depth against the truth where that is known (> 0); None where it is nowhere."""
-    known = truth > 0
+def depth_scores(
+    depths: Float[Tensor, "*batch h w"],
+    truth: Float[Tensor, "*batch h w"],
+    seen: Bool[Tensor, "*batch h w"] | None = None,
+) -> DepthScores | None:
+    """Depth against the truth where that is known (> 0), of all pixels or of those that were seen; None where it is nowhere."""
+    known = truth > 0 if seen is None else seen & (truth > 0)
     if not known.any():
         return None
     predicted, true = depths[known].double(), truth[known].double()

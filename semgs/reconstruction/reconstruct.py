@@ -140,6 +140,7 @@ def reconstruct(
             *notes,
             *scene.notes,
             *_note_of_aspect(scene, choice, context.size),
+            *choice.notes,
             *_notes(scene, choice, context, model.classes),
             *_note_of_memory(encoded.plan),
         ),

@@ -129,4 +129,4 @@ def _all_shown(result: Reconstruction) -> list[Shown]:
 
 def _rounded(score: ViewScores) -> dict[str, float | None]:
     """The scores of a view by their names."""
-    return {name: rounded(value) for name, value in asdict(score).items()}
+    return {name: value if isinstance(value, int) else rounded(value) for name, value in asdict(score).items()}

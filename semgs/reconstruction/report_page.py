@@ -10,15 +10,14 @@ from semgs.data.classes import IGNORE
 from semgs.figures.classes import class_picture, label_maps, legend, overlay, true_class_picture
 from semgs.figures.depth import depth_bar, depth_limits, depth_picture, depth_ticks
 from semgs.figures.page import Block, Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
+from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import as_bytes
 from semgs.reconstruction.report import Origin, outputs
-from semgs.reconstruction.scores import ViewScores, mean_scores
+from semgs.reconstruction.score_table import score_table, scores_lead
+from semgs.reconstruction.scores import by_measure, mean_scores
 
 _TICKS = 5
-
-MOSTLY_SEEN = 0.95
-"""Where less of the held-out views than this was seen, their PSNR tells mostly of what was not."""
 
 HELD_OUT = "Frames that the model was not given: the test of the reconstruction. What no input view sees stays empty."
 
@@ -33,7 +32,7 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
         Section("What was read and chosen", "", (_facts(result, origin),)),
         Section("Input views", _own_lead(result), (*_keys(result, maps, limits), *_galleries(result, True, limits))),
         *([Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
-        Section("Scores", _scores_lead(result), (_score_table(result),)),
+        Section("Scores", scores_lead(result), (score_table(result),)),
         Section("Time", "", (_timings(seconds),)),
         Section("Files", "", (Facts(tuple((output.name, output.text) for output in outputs(result))),)),
     ]
@@ -67,8 +66,7 @@ def _all_shown(result: Reconstruction) -> list[Shown]:
 def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
     """All depth maps that the page shows, which share one scale."""
     shown = [part.rendering.depths for part in _all_shown(result)]
-    if result.target is not None and result.target.views.depths is not None:
-        shown.append(result.target.views.depths)
+    shown += [part.views.depths for part in _all_shown(result) if part.views.depths is not None]
     return [depths.numpy() for depths in shown]
 
 
@@ -80,8 +78,9 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
         found.append(Headline(decibels(held_out.psnr), "PSNR of held-out views"))
         if held_out.coverage < MOSTLY_SEEN:
             found.append(Headline(decibels(held_out.psnr_seen), f"over the {100 * held_out.coverage:.0f} % seen"))
-        if held_out.miou is not None:
-            found.append(Headline(f"{held_out.miou:.2f}", "mIoU of held-out views"))
+        for name in ("miou_per_image", "depth_abs_rel"):
+            if (value := by_measure(held_out).get(name)) is not None:
+                found.append(Headline(shown_number(name, value), f"{TITLES[name]} of held-out views"))
     found.append(Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
     found.append(Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
     if result.classes is not None:
@@ -96,17 +95,6 @@ def _own_lead(result: Reconstruction) -> str:
     return "What went in, and what the Gaussians show from the same cameras." + (
         "" if result.classes is None else " Classes are hatched where nothing was seen (alpha below 0.5)."
     )
-
-
-def _scores_lead(result: Reconstruction) -> str:
-    """How to read the table of scores."""
-    texts = ["PSNR over all pixels, and over the seen ones alone: those with alpha of at least 0.5."]
-    shown = [one for part in _all_shown(result) for one in part.scores]
-    if any(one.depth_error is not None for one in shown):
-        texts.append("Depth error: mean of |z − truth| / truth where the pixel is seen and the truth known.")
-    if any(one.miou is not None for one in shown):
-        texts.append("mIoU: of each view, over the classes its true labels show.")
-    return " ".join(texts)
 
 
 def _keys(
@@ -139,46 +127,18 @@ def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -
         ]
         if labels is not None and result.classes is not None:
             pictures.append(Picture(class_picture(labels[index], result.classes), "classes"))
-            if shown.views.labels is not None and shown.views.classes == result.classes and not own:
+            if shown.views.labels is not None and shown.views.classes == result.classes:
                 truth = true_class_picture(shown.views.labels[index].numpy(), result.classes)
                 pictures.append(Picture(truth, "true classes"))
             else:
                 pictures.append(Picture(overlay(photo, labels[index], result.classes), "classes over the photo"))
         pictures.append(Picture(depth_picture(shown.rendering.depths[index].numpy(), limits), "depth"))
-        if shown.views.depths is not None and not own:
+        if shown.views.depths is not None:
             pictures.append(Picture(depth_picture(shown.views.depths[index].numpy(), limits), "measured depth"))
         score = shown.scores[index]
         detail = f"frame {position}, PSNR {decibels(score.psnr)}, {100 * score.coverage:.0f} % seen"
         rows.append(Gallery(name, detail, tuple(pictures)))
     return tuple(rows)
-
-
-def _score_table(result: Reconstruction) -> Table:
-    """All scores of all views, and their means."""
-    parts = [("input", result.context)] + ([("held out", result.target)] if result.target else [])
-    every = [one for _, shown in parts for one in shown.scores]
-    columns = ["PSNR", "seen", "PSNR of it"]
-    columns += ["depth error"] if any(one.depth_error is not None for one in every) else []
-    columns += ["pixel accuracy", "mIoU"] if any(one.miou is not None for one in every) else []
-
-    def cells(score: ViewScores) -> tuple[str, ...]:
-        texts = {
-            "PSNR": decibels(score.psnr),
-            "seen": f"{100 * score.coverage:.1f} %",
-            "PSNR of it": decibels(score.psnr_seen),
-            "depth error": "–" if score.depth_error is None else f"{100 * score.depth_error:.1f} %",
-            "pixel accuracy": "–" if score.accuracy is None else f"{100 * score.accuracy:.1f} %",
-            "mIoU": "–" if score.miou is None else f"{score.miou:.3f}",
-        }
-        return tuple(texts[column] for column in columns)
-
-    rows = []
-    for role, shown in parts:
-        for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True):
-            rows.append((f"{name} (frame {position}, {role})", *cells(score)))
-        if len(shown.scores) > 1:
-            rows.append((f"mean, {role}", *cells(mean_scores(shown.scores))))
-    return Table(("view", *columns), tuple(rows))
 
 
 def _facts(result: Reconstruction, origin: Origin) -> Facts:

@@ -5,26 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from jaxtyping import Bool, Float
 from torch import Tensor
 
+from semgs.data.classes import IGNORE
 from semgs.data.views import Views
 from semgs.figures.classes import SEEN_ALPHA
-from semgs.objectives.metrics import accuracy, confusion_matrices, miou, present_classes, psnr
+from semgs.objectives.metrics import accuracy, confusion_matrix, depth_scores, miou, psnr, psnr_seen
 from semgs.rendering.rendering import Rendering, likeliest
 
 
 @dataclass(frozen=True)
 class ViewScores:
-    """How one view turned out.
+    """How one view turned out. A pixel was seen if its alpha is at least 0.5.
 
     Attributes:
         psnr: of the picture against the photo, all pixels [dB]; infinite if they are equal.
-        coverage: share of the pixels that were seen (alpha >= 0.5), 0..1.
+        coverage: share of the pixels that were seen, 0..1.
         psnr_seen: as `psnr`, over the pixels that were seen; None if there are none.
-        depth_error: mean of |z - truth| / truth over pixels that were seen and have a true depth; None without one.
+        depth_error: as `depth_abs_rel`, over the pixels that were seen; None without one that has a true depth.
         accuracy: share of the labelled pixels whose likeliest class is the true one; None without labels.
         miou: mean IoU over the classes that the true labels of this view show; None without labels.
+        accuracy_seen, miou_seen: the same over the pixels that were seen; None without a labelled one.
+        depth_abs_rel: mean of |z - truth| / truth over all pixels with a true depth; None without one.
+        depth_pixels, depth_pixels_seen: how many have a true depth, altogether and of those that were seen.
     """
 
     psnr: float
@@ -33,63 +36,101 @@ class ViewScores:
     depth_error: float | None = None
     accuracy: float | None = None
     miou: float | None = None
+    accuracy_seen: float | None = None
+    miou_seen: float | None = None
+    depth_abs_rel: float | None = None
+    depth_pixels: int = 0
+    depth_pixels_seen: int = 0
 
 
 def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
     """The scores of each view of a scene.
 
-    Classes are compared as arg max of the distribution at every labelled pixel, whether it was seen or not.
+    Classes are compared as arg max of the distribution at every labelled pixel, whether it was seen or not, and once more at
+    those that were seen.
 
     Args:
         rendering: of `truth.cameras`, without a batch axis.
         truth: what the cameras saw; its labels refer to the table of the rendering's classes.
     """
-    ratios = psnr(rendering.images, truth.images).tolist()
-    seen = rendering.alphas >= SEEN_ALPHA
-    coverages = seen.double().mean((-2, -1)).tolist()
-    seen_ratios = [_seen_psnr(*maps) for maps in zip(rendering.images, truth.images, seen, strict=True)]
-    errors: Sequence[float | None] = [None] * len(ratios)
-    if truth.depths is not None:
-        errors = [_depth_error(*maps) for maps in zip(rendering.depths, truth.depths, seen, strict=True)]
-    hits: Sequence[float | None] = [None] * len(ratios)
-    ious: Sequence[float | None] = hits
-    if truth.labels is not None and rendering.semantics is not None:
-        count = rendering.semantics.shape[-3]
-        confusions = confusion_matrices(likeliest(rendering.semantics), truth.labels, count)
-        labelled = [bool(present_classes(labels, count).any()) for labels in truth.labels]
-        hits = [value if known else None for value, known in zip(accuracy(confusions).tolist(), labelled, strict=True)]
-        ious = [value if known else None for value, known in zip(miou(confusions).tolist(), labelled, strict=True)]
-    return tuple(ViewScores(*values) for values in zip(ratios, coverages, seen_ratios, errors, hits, ious, strict=True))
+    return tuple(_scores_of(rendering, truth, index) for index in range(len(truth)))
 
 
 def mean_scores(views: Sequence[ViewScores]) -> ViewScores:
-    """The mean of each score over the views that have it; there must be a view."""
+    """The mean of each score over the views that have it; errors of depth over all their pixels. There must be a view."""
+    pixels, pixels_seen = [view.depth_pixels for view in views], [view.depth_pixels_seen for view in views]
     return ViewScores(
         psnr=sum(view.psnr for view in views) / len(views),
         coverage=sum(view.coverage for view in views) / len(views),
         psnr_seen=_mean([view.psnr_seen for view in views]),
-        depth_error=_mean([view.depth_error for view in views]),
+        depth_error=_mean([view.depth_error for view in views], pixels_seen),
         accuracy=_mean([view.accuracy for view in views]),
         miou=_mean([view.miou for view in views]),
+        accuracy_seen=_mean([view.accuracy_seen for view in views]),
+        miou_seen=_mean([view.miou_seen for view in views]),
+        depth_abs_rel=_mean([view.depth_abs_rel for view in views], pixels),
+        depth_pixels=sum(pixels),
+        depth_pixels_seen=sum(pixels_seen),
     )
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
+def by_measure(score: ViewScores) -> dict[str, float]:
+    """The scores that are known, by the names and in the order of `semgs.objectives.measures.TITLES`."""
+    found = {
+        "miou_per_image": score.miou,
+        "miou_per_image_seen": score.miou_seen,
+        "accuracy_per_image": score.accuracy,
+        "accuracy_per_image_seen": score.accuracy_seen,
+        "psnr": score.psnr,
+        "psnr_seen": score.psnr_seen,
+        "depth_abs_rel": score.depth_abs_rel,
+        "depth_abs_rel_seen": score.depth_error,
+        "unseen": 1 - score.coverage,
+    }
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
+    """The scores of one view."""
+    image, photo = rendering.images[index], truth.images[index]
+    seen = rendering.alphas[index] >= SEEN_ALPHA
+    ratio_seen = psnr_seen(image, photo, seen)
+    labelled: tuple[float | None, float | None] = (None, None)
+    labelled_seen = labelled
+    if truth.labels is not None and rendering.semantics is not None:
+        labels, count = truth.labels[index], rendering.semantics.shape[-3]
+        given = likeliest(rendering.semantics[index])
+        labelled = _class_scores(given, labels, count)
+        labelled_seen = _class_scores(given, labels.masked_fill(~seen, IGNORE), count)
+    depth = depth_seen = None
+    if truth.depths is not None:
+        depths, true_depths = rendering.depths[index], truth.depths[index]
+        depth = depth_scores(depths, true_depths)
+        depth_seen = depth_scores(depths, true_depths, seen)
+    return ViewScores(
+        psnr=float(psnr(image, photo)),
+        coverage=float(seen.double().mean()),
+        psnr_seen=None if ratio_seen is None else float(ratio_seen),
+        depth_error=None if depth_seen is None else depth_seen.abs_rel,
+        accuracy=labelled[0],
+        miou=labelled[1],
+        accuracy_seen=labelled_seen[0],
+        miou_seen=labelled_seen[1],
+        depth_abs_rel=None if depth is None else depth.abs_rel,
+        depth_pixels=0 if depth is None else depth.pixels,
+        depth_pixels_seen=0 if depth_seen is None else depth_seen.pixels,
+    )
+
+
+def _class_scores(given: Tensor, labels: Tensor, count: int) -> tuple[float | None, float | None]:
+    """Accuracy and mean IoU of one view, None without a labelled pixel."""
+    confusion = confusion_matrix(given, labels, count)
+    return (float(accuracy(confusion)), float(miou(confusion))) if confusion.any() else (None, None)
+
+
+def _mean(values: Sequence[float | None], weights: Sequence[int] | None = None) -> float | None:
     """The mean of what is known, None if nothing is."""
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
-
-
-def _seen_psnr(image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], seen: Bool[Tensor, "h w"]) -> float | None:
-    """PSNR of one view over the pixels that were seen, None where there are none [dB]."""
-    if not seen.any():
-        return None
-    return float(psnr(image[:, seen][..., None], truth[:, seen][..., None]))
-
-
-def _depth_error(depths: Float[Tensor, "h w"], truth: Float[Tensor, "h w"], seen: Bool[Tensor, "h w"]) -> float | None:
-    """Mean relative error of one view's depth, None where no pixel is both seen and measured."""
-    counted = seen & (truth > 0) & (depths > 0)
-    if not counted.any():
-        return None
-    return float(((depths - truth).abs() / truth)[counted].double().mean())
+    known = [
+        (value, weight) for value, weight in zip(values, weights or [1] * len(values), strict=True) if value is not None
+    ]
+    return sum(value * weight for value, weight in known) / sum(weight for _, weight in known) if known else None

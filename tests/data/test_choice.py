@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from landmarks import looking
@@ -91,6 +93,68 @@ def test_without_frames_between_the_nearest_others_are_the_targets():
 def test_frames_that_see_something_else_are_no_targets():
     away = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE, 0.1, -5))
     assert given(scene([*beside(0.0), away, *beside(0.06, 0.1)]), (0, 3)).targets == (2,)
+
+
+def test_a_frame_between_that_looks_aside_is_passed_over_for_one_that_is_covered():
+    """The first looks 24 degrees aside and shares about half; the second is outside of the contexts but sees what they see."""
+    aside = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE + 2.2, 0.1, 5))
+    choice = given(scene([*beside(0.0), aside, *beside(0.1, 0.12)]), (0, 2))
+    assert choice.targets == (3,)
+    assert choice.notes == ()
+    alone = given(scene([*beside(0.0), aside, *beside(0.1)]), (0, 2))
+    assert alone.targets == (1,)
+    assert alone.notes == (
+        "The input views see less than 90% of each held-out frame, so compare the scores over the seen pixels.",
+    )
+
+
+def test_a_frame_that_shares_too_little_is_not_taken_and_fewer_go_in():
+    choice = choose(scene(beside(0.0, 0.05, 0.1, 5.0, 9.0)), 4)
+    assert choice.context == (0, 1, 2)
+    assert choice.notes == ("3 input views instead of 4: no other frame shares 30% of what it sees with them.",)
+
+
+def test_contexts_leave_a_frame_that_they_cover():
+    """The pair that looks aside is the best by 0.92 to 0.8, with its baseline of 8.66 % to 12 %, and leaves no frame that it sees."""
+    aside = [looking((0.1, 0.1, z), (5, 0.1, z)) for z in (0.0, 0.0866 * MIDDLE)]
+    assert choose(scene([*beside(0.03, 0.15), *aside]), 2).context == (2, 3)
+    choice = choose(scene([*beside(0.0, 0.03, 0.15), *aside]), 2)
+    assert (choice.context, choice.targets) == ((1, 2), (0,))
+
+
+def measured(folder: Path, wall: float, places: Sequence[float]) -> Scene:
+    """Cameras side by side at these metres that measured a wall [m]."""
+    cv2.imwrite(str(folder / "depth.png"), np.full(LENS.size, round(1000 * wall), np.uint16))
+    poses = [looking((place, 0.1, 0), (place, 0.1, 5), roll=0.0) for place in places]
+    bare = scene(poses)
+    return replace(bare, frames=tuple(replace(frame, depth_path=folder / "depth.png") for frame in bare.frames))
+
+
+def test_the_baseline_is_judged_by_measured_depth(tmp_path):
+    """Near a wall at 1 m 0.09 m is 9 %; where nothing is measured the depth of rooms, 2.2 m, wants 0.2 m."""
+    near = measured(tmp_path, 1.0, (0.0, 0.05, 0.09, 0.25))
+    choice = choose(near, 2)
+    assert (choice.context, choice.targets) == ((0, 2), (1,))
+    assert "by measured depth with a median of 1 m, and are 0.09 m (9% of it) apart" in choice.reason
+    bare = replace(near, frames=tuple(replace(frame, depth_path=None) for frame in near.frames))
+    assert choose(bare, 2).context == (1, 3)
+
+
+def test_without_two_frames_that_share_enough_there_is_one_clear_error(tmp_path):
+    """A picture is 170 / 150 m wide at 1 m: 0.5 m to the side leaves 56 %, 1 m 12 %."""
+    assert choose(measured(tmp_path, 1.0, (0.0, 0.5)), 2).context == (0, 1)
+    with pytest.raises(
+        InputError, match=r"expected two frames that share 30% of what they see, found \d+% at most; .*--context"
+    ):
+        choose(measured(tmp_path, 1.0, (0.0, 1.0)), 2)
+
+
+def test_the_office_holds_out_what_its_input_views_cover(shared):
+    """By its depth maps, frame 3 is the only one that views beside it cover; 1 and 2, between 0 and 3, are covered to two thirds."""
+    office = open_scene(shared / "data" / "hololens_office")
+    for count, context in ((2, (0, 4)), (3, (0, 4, 5)), (4, (0, 4, 5, 6))):
+        choice = choose(office, count)
+        assert (choice.context, choice.targets, choice.notes) == (context, (3,), ())
 
 
 def test_all_frames_may_be_contexts():

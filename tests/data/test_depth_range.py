@@ -55,6 +55,7 @@ def scene(folder: Path, eyes=EYES, scale: float = 1.0, blank: bool = False, **sh
 def test_a_metric_scene_has_the_range_of_rooms(tmp_path):
     bounds = scene(tmp_path, metric=True).depth_range([0, 1])
     assert (bounds.near, bounds.far, bounds.unit) == (0.5, 10.0, "metric")
+    assert (bounds.median, bounds.typical) == (None, 5**0.5)
 
 
 @pytest.mark.parametrize("asked", [[0, 1], [2, 0], [0, 1, 2], [1], None])
@@ -63,6 +64,7 @@ def test_without_metres_the_pictures_tell_how_far_things_are(tmp_path, asked):
     assert bounds.unit == "unknown"
     assert "triangulated" in bounds.reason
     assert abs(bounds.middle / 3.0 - 1) < 0.1  # the plane, not the 0.077 of the depth maps
+    assert bounds.typical == bounds.median == pytest.approx(3.0, rel=0.1)
     assert 15 < bounds.far / bounds.near < 40
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from PIL import Image
 from semgs.cli.evaluation_results import write_results
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
-from semgs.evaluation.compare import check_comparable, difference_grids, overview_grid, paper_grid
+from semgs.evaluation.compare import BRIEF, check_comparable, difference_grids, overview_grid, paper_grid
 from semgs.evaluation.environment import hardware, versions
 from semgs.evaluation.evaluate import Rows, evaluate, read_frame
 from semgs.evaluation.network import NetworkMethod
@@ -244,6 +245,34 @@ def test_a_report_survives_its_file(plan: Plan, tmp_path: Path):
     text = json.loads((tmp_path / "a/report.json").read_text())
     for key in ("protocol", "frames", "versions", "hardware", "method"):
         assert text[key]
+
+
+def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(plan: Plan, tmp_path: Path):
+    saved = report(tmp_path / "a", plan, evaluate(plan, Oracle(wrong=9), tmp_path))
+
+    def columns(unseen: float) -> set[str]:
+        """Headings of the table of a terminal if so much was not seen from two views."""
+        result = saved.results[2]
+        numbers = {**result.numbers, "unseen": unseen, "psnr_seen": 21.0, "depth_abs_rel_seen": 0.1}
+        return set(overview_grid(replace(saved, results={2: replace(result, numbers=numbers)}), BRIEF).head)
+
+    assert {"PSNR (seen)", "depth error (seen)"} <= columns(0.06)
+    assert not {"PSNR (seen)", "depth error (seen)"} & columns(0.04)
+
+
+def test_a_report_from_before_the_scores_over_the_seen_pixels_is_read(plan: Plan, tmp_path: Path):
+    report(tmp_path / "a", plan, evaluate(plan, Oracle(wrong=9), tmp_path))
+    path = tmp_path / "a/report.json"
+    text = json.loads(path.read_text())
+    for entry in text["results"]:
+        for row in (entry, *entry["trivial"].values(), *entry["per_frame"]):
+            for name in [name for name in row if name.endswith("_seen")]:
+                del row[name]
+    path.write_text(json.dumps(text))
+    old = read_report(path).results[2]
+    assert old.numbers["psnr"] == text["results"][0]["psnr"]
+    assert old.frames[0].psnr_seen is None
+    assert old.frames[0].depth_seen is None
 
 
 def test_a_score_below_the_copy_is_marked(plan: Plan, tmp_path: Path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,8 +16,12 @@ from semgs.evaluation.evaluate import read_frame
 from semgs.evaluation.plan import Task
 from semgs.evaluation.predictions import Prediction
 from semgs.evaluation.protocols import Sample
+from semgs.evaluation.records import frame_of, record
 from semgs.evaluation.scores import depth_scores, score
 from semgs.evaluation.similarity import ssim
+from semgs.evaluation.summary import summary
+from semgs.reconstruction.scores import by_measure, mean_scores, scores
+from semgs.rendering.rendering import Rendering, likeliest
 
 MakeScene = Callable[..., Scene]
 
@@ -65,6 +70,34 @@ def test_what_is_missing_has_no_score(target: tuple[Task, Views]):
     assert (unknown.confusion, unknown.truth, unknown.depth) == (None, None, None)
 
 
+def test_scores_over_the_seen_pixels_leave_the_others_out(target: tuple[Task, Views]):
+    """The upper half is seen and right, but for a picture that is 0.1 too bright (20 dB); the lower half is black, nearby and class 0."""
+    task, truth = target
+    assert truth.labels is not None
+    assert truth.depths is not None
+    lower = torch.arange(36)[:, None].expand(36, 48) >= 18
+    view = truth.changed(images=truth.images.clamp(0, 0.8))
+    prediction = Prediction(
+        labels=torch.where(lower, 0, truth.labels[0]).byte(),
+        image=torch.where(lower, 0, view.images[0] + 0.1),
+        depths=torch.where(lower, 0, 1.5 * truth.depths[0]),
+        unseen=lower,
+    )
+    found = score(task, prediction, view)
+    assert (found.unseen, found.miou_seen, found.accuracy_seen) == (0.5, 1, 1)
+    assert found.psnr_seen == pytest.approx(20, abs=1e-4)
+    assert found.psnr is not None
+    assert found.psnr < 12
+    assert found.depth_seen is not None
+    assert found.depth is not None
+    assert (found.depth_seen.abs_rel, found.depth_seen.pixels) == (pytest.approx(0.5), 18 * 48)
+    assert found.depth.abs_rel == pytest.approx(0.75)
+    assert vars(frame_of(record(found), 20).depth_seen) == vars(found.depth_seen)
+    assert summary([found])["depth_abs_rel_seen"] == pytest.approx(0.5)
+    silent = score(task, replace(prediction, unseen=None), view)
+    assert (silent.psnr_seen, silent.miou_seen, silent.accuracy_seen, silent.depth_seen) == (None,) * 4
+
+
 def test_the_truth_itself_is_perfect(target: tuple[Task, Views]):
     task, truth = target
     assert truth.labels is not None
@@ -110,3 +143,35 @@ def test_ssim_equals_a_loop_over_the_windows_of_all_pixels():
                     / ((mean_a**2 + mean_b**2 + 1e-4) * (var_a + var_b + 9e-4))
                 )  # fmt: skip
     assert ssim(image, truth) == pytest.approx(np.mean(values), abs=1e-6)
+
+
+def test_a_reconstruction_and_an_evaluation_give_one_number_for_one_measure(make_scene: MakeScene):
+    """Two targets, of one of which only a tenth has a true depth: a mean over views would not be one over pixels."""
+    opened = make_scene()
+    tasks = [Task(opened, (36, 48), Sample((0, 3), position)) for position in (1, 2)]
+    generator = torch.Generator().manual_seed(5)
+    shown, frames = [], []
+    for task in tasks:
+        truth = read_frame(task, task.sample.target, (0.5, 10.0))
+        assert truth.depths is not None
+        if task is tasks[1]:
+            truth = truth.changed(depths=truth.depths * (torch.rand(1, 36, 48, generator=generator) < 0.1))
+        assert truth.depths is not None
+        rendering = Rendering(
+            images=torch.rand(1, 3, 36, 48, generator=generator),
+            semantics=torch.rand(1, 20, 36, 48, generator=generator),
+            depths=truth.depths + torch.rand(1, 36, 48, generator=generator),
+            alphas=torch.rand(1, 36, 48, generator=generator),
+        )
+        assert rendering.semantics is not None
+        prediction = Prediction(
+            labels=likeliest(rendering.semantics[0]),
+            image=rendering.images[0],
+            depths=rendering.depths[0],
+            unseen=rendering.alphas[0] < 0.5,
+        )
+        shown += scores(rendering, truth)
+        frames.append(score(task, prediction, truth))
+    reconstructed, evaluated = by_measure(mean_scores(shown)), summary(frames)
+    assert len(reconstructed) == 9
+    assert reconstructed == pytest.approx({name: evaluated[name] for name in reconstructed}, rel=1e-5)

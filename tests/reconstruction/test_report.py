@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -11,6 +12,8 @@ from semgs.data.scene import Scene
 from semgs.reconstruction.reconstruct import Network, reconstruct
 from semgs.reconstruction.report import Origin, outputs, report_numbers, rounded
 from semgs.reconstruction.report_page import decibels, length, report_page
+from semgs.reconstruction.score_table import score_lines, score_table
+from semgs.reconstruction.scores import ViewScores, mean_scores
 
 ORIGIN = Origin("semgs 9.9", "drawn from a hat", 1234567, "cpu")
 SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
@@ -52,8 +55,41 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
         "32x48 (height x width), read from 40x56",
     ):  # fmt: skip
         assert part in text, part
-    bar, own, held_out = 1, 2 * 5, 2 * 6
+    bar, own, held_out = 1, 2 * 6, 2 * 6
     assert html.count("<img") == bar + own + held_out
+    assert (text.count("true classes"), text.count("measured depth")) == (4, 4 + 1)  # once more in the reason
+
+
+def test_the_scores_are_those_of_input_views_too_in_the_words_of_an_evaluation(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    table = score_table(result)
+    assert table.head == (
+        "view", "mIoU/image", "mIoU/image (seen)", "acc./image", "acc./image (seen)", "PSNR", "PSNR (seen)", "depth error",
+        "depth error (seen)", "unseen",
+    )  # fmt: skip
+    assert [row[0] for row in table.rows] == [
+        "images/01.png (frame 1, held-out)", "images/02.png (frame 2, held-out)", "mean, held-out",
+        "images/00.png (frame 0, input)", "images/03.png (frame 3, input)", "mean, input",
+    ]  # fmt: skip
+    held_out, own = score_lines(result)
+    means = mean_scores(result.context.scores)
+    assert held_out.startswith("held-out views: mIoU/image ")
+    assert own == (
+        f"input views: mIoU/image {means.miou:.3f}, acc./image {means.accuracy:.3f}, PSNR {means.psnr:.2f} dB, "
+        f"depth error {means.depth_abs_rel:.3f}"
+    )
+
+
+def test_where_much_is_not_seen_the_scores_over_the_seen_pixels_have_a_line_of_their_own(
+    wall_scene: Callable[..., Scene], colour_oracle: Network
+) -> None:
+    scene = wall_scene(shifts=(0.0, 0.08))
+    result = reconstruct(scene, given(scene, [0, 1]), colour_oracle)
+    lines = score_lines(replace(result, target=replace(result.context, scores=(ViewScores(9.7, 0.66, 19.1),) * 2)))
+    assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, of which 66 % is seen: PSNR (seen) 19.10 dB"]
 
 
 def test_where_the_unit_is_unknown_no_metre_is_mentioned(wall_scene: Callable[..., Scene], oracle: Network) -> None:

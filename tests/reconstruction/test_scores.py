@@ -5,7 +5,8 @@ import torch
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.reconstruction.scores import ViewScores, mean_scores, scores
+from semgs.objectives.measures import MEANINGS, TITLES
+from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores, scores
 from semgs.rendering.rendering import Rendering
 
 
@@ -43,6 +44,24 @@ def test_each_score_is_what_hand_reckoning_gives() -> None:
     assert score.miou == pytest.approx((4 / 7 + 0) / 2)
 
 
+def test_scores_over_the_seen_pixels_are_of_the_left_half_alone() -> None:
+    """There are two pixels of each of two classes, all called the first; three have a true depth, of which all were seen."""
+    (score,) = scores(*pair())
+    assert score.accuracy_seen == pytest.approx(2 / 4)
+    assert score.miou_seen == pytest.approx((2 / 4 + 0) / 2)
+    assert (score.depth_pixels, score.depth_pixels_seen) == (7, 3)
+    # Right half: |1 - 5| / 5 at two pixels, and |0 - 5| / 5 at the two where nothing was drawn.
+    assert score.depth_abs_rel == pytest.approx((0.75 + 2 * 0.8 + 2 * 1) / 7, abs=1e-6)
+
+
+def test_scores_have_the_names_and_the_order_of_the_one_table() -> None:
+    named = by_measure(scores(*pair())[0])
+    assert list(named) == [name for name in TITLES if name in named]
+    assert named["unseen"] == 0.5
+    assert named["depth_abs_rel_seen"] == pytest.approx(0.25, abs=1e-6)
+    assert set(MEANINGS) <= set(named)
+
+
 def test_what_is_not_known_is_none() -> None:
     rendering, truth = pair()
     (score,) = scores(
@@ -56,6 +75,17 @@ def test_what_is_not_known_is_none() -> None:
     assert (score.accuracy, score.miou) == (None, None)
 
 
-def test_means_are_over_the_views_that_have_the_score() -> None:
-    mean = mean_scores([ViewScores(20.0, 1.0, 20.0, 0.1, 0.5, None), ViewScores(30.0, 0.5, 40.0, None, 0.7, None)])
-    assert mean == ViewScores(25.0, 0.75, 30.0, 0.1, 0.6, None)
+def test_means_are_over_the_views_that_have_the_score_and_of_depth_over_their_pixels() -> None:
+    """One pixel with an error of 0.1 and three with 0.3: (0.1 + 3 * 0.3) / 4 = 0.25."""
+    one = ViewScores(20.0, 1.0, 20.0, 0.1, 0.5, None, depth_abs_rel=0.2, depth_pixels=1, depth_pixels_seen=1)
+    two = ViewScores(30.0, 0.5, 40.0, 0.3, 0.7, None, depth_abs_rel=0.4, depth_pixels=1, depth_pixels_seen=3)
+    mean = mean_scores([one, two, ViewScores(25.0, 0.75, 30.0, None, 0.6, None)])
+    assert mean.depth_error == pytest.approx(0.25)
+    assert mean.depth_abs_rel == pytest.approx(0.3)
+    assert (mean.psnr, mean.coverage, mean.psnr_seen, mean.accuracy, mean.miou) == (
+        25.0,
+        0.75,
+        30.0,
+        pytest.approx(0.6),
+        None,
+    )

@@ -1,0 +1,40 @@
+"""Measures in words: what each is called wherever it is printed, how its numbers read, and what it is. No torch.
+
+`semgs reconstruct`, `evaluate`, `compare` and their reports take their words from here; docs/evaluate.md has the same table.
+"""
+
+from __future__ import annotations
+
+TITLES = {
+    "miou": "mIoU", "miou_per_image": "mIoU/image", "miou_per_image_seen": "mIoU/image (seen)", "accuracy": "acc.",
+    "accuracy_per_image": "acc./image", "accuracy_per_image_seen": "acc./image (seen)", "class_accuracy": "class acc.",
+    "class_accuracy_per_image": "class acc./image", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
+    "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
+    "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
+}  # fmt: skip
+"""Headings of the measures, in the order of tables."""
+
+MEANINGS = {
+    "psnr": "over all pixels, in dB",
+    "miou_per_image": "of each view, over the classes that its true labels show",
+    "accuracy_per_image": "share of each view's labelled pixels with the true class",
+    "depth_abs_rel": "mean of |z − truth| / truth over all pixels with a true depth",
+    "unseen": "share of the pixels with alpha below 0.5; “(seen)” is over the others alone",
+}
+"""What those measures are that a report of one scene prints, as a phrase behind the heading."""
+
+MOSTLY_SEEN = 0.95
+"""If less of the views than this was seen, scores over all their pixels tell mostly of what was not."""
+
+
+def shown_number(measure: str, value: float | None) -> str:
+    """A measure as text."""
+    if value is None:
+        return "–"
+    if measure in ("unseen", "not_given"):
+        return f"{100 * value:.1f} %"
+    return (
+        f"{value:.2f}"
+        if measure in ("psnr", "psnr_seen", "fps_encoding_each", "fps_encoding_shared")
+        else f"{value:.3f}"
+    )

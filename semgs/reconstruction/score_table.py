@@ -1,0 +1,67 @@
+"""The scores of a reconstruction in words, as the report and the terminal print them."""
+
+from __future__ import annotations
+
+from semgs.figures.page import Table
+from semgs.objectives.measures import MEANINGS, MOSTLY_SEEN, TITLES, shown_number
+from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
+
+SEEN = "_seen"
+"""Ending of the measures that are over the pixels that were seen alone."""
+
+
+def scores_lead(result: Reconstruction) -> str:
+    """What the columns of the table of scores are."""
+    return " ".join(f"{TITLES[name]}: {text}." for name, text in MEANINGS.items() if name in _measures(result))
+
+
+def score_table(result: Reconstruction) -> Table:
+    """All scores of all views, held out and input, and their means."""
+    names = _measures(result)
+
+    def cells(score: ViewScores) -> tuple[str, ...]:
+        values = by_measure(score)
+        return tuple(shown_number(name, values.get(name)) for name in names)
+
+    rows = []
+    for role, shown in _parts(result):
+        for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True):
+            rows.append((f"{name} (frame {position}, {role})", *cells(score)))
+        if len(shown.scores) > 1:
+            rows.append((f"mean, {role}", *cells(mean_scores(shown.scores))))
+    return Table(("view", *[TITLES[name] for name in names]), tuple(rows))
+
+
+def score_lines(result: Reconstruction) -> list[str]:
+    """The mean scores of the held-out views and of the input views, a line each, and of what was seen where much was not."""
+    lines = []
+    for role, shown in _parts(result):
+        means = mean_scores(shown.scores)
+        values = by_measure(means)
+        overall = [name for name in values if not name.endswith(SEEN) and name != "unseen"]
+        lines.append(f"{role} views: {_listed(overall, values)}")
+        if means.coverage < MOSTLY_SEEN:
+            seen = [name for name in values if name.endswith(SEEN)]
+            lines.append(f"{role} views, of which {100 * means.coverage:.0f} % is seen: {_listed(seen, values)}")
+    return lines
+
+
+def _parts(result: Reconstruction) -> list[tuple[str, Shown]]:
+    """The views by their role, those that tell most first."""
+    held_out = [] if result.target is None else [("held-out", result.target)]
+    return [*held_out, ("input", result.context)]
+
+
+def _measures(result: Reconstruction) -> list[str]:
+    """The measures that some view has, in the order of tables."""
+    known = {name for _, shown in _parts(result) for score in shown.scores for name in by_measure(score)}
+    return [name for name in TITLES if name in known]
+
+
+def _listed(names: list[str], values: dict[str, float]) -> str:
+    """Measures with their values."""
+    return ", ".join(
+        f"{TITLES[name]} {shown_number(name, values[name])}" + (" dB" if name.startswith("psnr") else "")
+        for name in names
+    )
