@@ -6,11 +6,12 @@ from pathlib import Path
 
 from semgs.export.ply import write_ply, write_semantic_ply
 from semgs.export.scene import FILE_NAME, SavedScene, save_scene
+from semgs.figures.numbers import decibels, duration, length, percent
 from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import write_renders
 from semgs.reconstruction.report import Origin, outputs, report_numbers
-from semgs.reconstruction.report_page import MOSTLY_SEEN, decibels, length, report_page
+from semgs.reconstruction.report_page import MOSTLY_SEEN, report_page
 from semgs.reconstruction.scores import mean_scores
 from semgs.reconstruction.stages import Stages
 
@@ -67,7 +68,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
         *(("PSNR", text) for text in _ratios(result)),
-        ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
+        ("time", ", ".join(f"{name} {duration(value)}" for name, value in seconds.items())),
         *(("note", sentence) for sentence in result.notes),
     ]
     written = [(str(out / output.name), output.text) for output in outputs(result)]
@@ -91,7 +92,7 @@ def _ratios(result: Reconstruction) -> list[str]:
         means = mean_scores(shown.scores)
         text = f"{role} views {decibels(means.psnr)}"
         if means.coverage < MOSTLY_SEEN:
-            text += f", {decibels(means.psnr_seen)} over the {100 * means.coverage:.0f} % that is seen"
+            text += f", {decibels(means.psnr_seen)} over the {percent(means.coverage)} that is seen"
         texts.append(text)
     return texts
 

@@ -46,7 +46,7 @@ def test_compiling_is_said_once_and_kept_out_of_its_stage(clock: Clock) -> None:
             clock.now += 3.0
         clock.now += 0.25
     assert stages.seconds == {"compile": 4 + 2 + 3, "encode": 1 + 0.5, "render": 0.25}
-    assert list(stages.seconds)[0] == "compile"
+    assert next(iter(stages.seconds)) == "compile"
     assert said == ["compiling"]
 
 
