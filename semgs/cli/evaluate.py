@@ -51,7 +51,8 @@ class Evaluate:
     - frames.json: the frames by name, for --protocol pinned
     - predictions/: what was drawn, in the form that --predictions reads; truth/: the true labels at the same size
 
-    Every table has the nearest context copied, the contexts warped with true depth, and the most frequent class.
+    Every table has simple baselines: the nearest input view copied with its true labels (an oracle), the input views warped with
+    true depth, and the most frequent class.
     docs/evaluate.md defines every number. It appears only when it is complete.
 
     Examples

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
@@ -51,3 +52,8 @@ def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
 
         yield done
     console.print(f"{title}  {perf_counter() - start:.1f} s", style="dim", soft_wrap=True)
+
+
+def say_compiling() -> None:
+    """Say why the first run on a machine takes longer, on stderr, terminal or not: nobody should wait without knowing why."""
+    print("Compiling kernels, once: about 10 s", file=sys.stderr, flush=True)

@@ -11,7 +11,7 @@ import tyro
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
-from semgs.cli.progress import show_stage
+from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
@@ -93,7 +93,7 @@ class Reconstruct:
 
         device = chosen_device(self.device)
         scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
-        stages = Stages(show_stage)
+        stages = Stages(show_stage, say_compiling)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
         with stages("load", f"Loading the model {self.model}"):

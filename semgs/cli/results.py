@@ -7,11 +7,12 @@ from pathlib import Path
 
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.scene import FILE_NAME, SavedScene, save_scene
+from semgs.figures.numbers import duration, length, percent
 from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import write_renders
 from semgs.reconstruction.report import Origin, outputs, report_numbers
-from semgs.reconstruction.report_page import length, report_page
+from semgs.reconstruction.report_page import report_page
 from semgs.reconstruction.score_table import score_lines
 from semgs.reconstruction.stages import Stages
 
@@ -67,7 +68,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
         *(("scores", line) for line in score_lines(result)),
-        ("time", ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())),
+        ("time", ", ".join(f"{name} {duration(value)}" for name, value in seconds.items())),
         *(("note", sentence) for sentence in result.notes),
     ]
     written = [(str(out / output.name), output.text) for output in outputs(result)]
@@ -88,7 +89,7 @@ def _held_out(shown: Shown | None) -> str:
     if shown is None:
         return "none"
     return ", ".join(
-        f"{frame} {100 * score.coverage:.0f} % seen" for frame, score in zip(_frames(shown), shown.scores, strict=True)
+        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(_frames(shown), shown.scores, strict=True)
     )
 
 

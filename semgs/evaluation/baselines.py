@@ -23,8 +23,8 @@ SAME_SURFACE = 0.05
 """A context sees a point if its own true depth there agrees to this part of it."""
 
 NAMES = {
-    "copy": "nearest context copied (its picture, its true labels)",
-    "warp": "contexts warped with true depth (their pictures, their true labels)",
+    "copy": "oracle: the nearest input view copied (its picture, its true labels), as if the camera had not moved",
+    "warp": "oracle: input views warped with true depth (their pictures, their true labels)",
     "majority": "most frequent class of all true pixels, everywhere",
 }
 

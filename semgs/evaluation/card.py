@@ -49,7 +49,7 @@ def tables(folder: Path) -> str:
 
 
 def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
-    """The scores of reports of any data with their intervals, each above the nearest context copied; then the classes."""
+    """The scores of reports of any data with their intervals, each above the oracle that copies the nearest input view; then the classes."""
     pairs = [(report, result) for report in reports for result in report.results.values()]
     rows: list[tuple[Cell, ...]] = []
     for report, result in pairs:
@@ -64,7 +64,7 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
         head=("data (scenes), input views", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         notes=(
-            "In brackets: 95 % intervals over scenes. The nearest context is copied with its true classes and depth.",
+            "In brackets: 95 % intervals over scenes. The oracle copies the nearest input view, with its true classes and depth.",
             *([MARKED] if marked else []),
         ),
     )

@@ -39,10 +39,14 @@ FULL = tuple(metric for metric in TITLES if metric != "not_given")
 DATA = ("miou", *PAPER[:3], "psnr", "fps_encoding_each")
 """The columns of a table of different data."""
 
-ROWS = {"copy": "nearest context copied", "warp": "warped with true depth", "majority": "most frequent class"}
+ROWS = {
+    "copy": "oracle: nearest input view's true labels",
+    "warp": "warped with true depth",
+    "majority": "most frequent class",
+}
 """The trivial rows' names in tables."""
 
-MARKED = "† worse than the nearest context copied."
+MARKED = "† worse than the oracle that copies the nearest input view."
 
 
 def check_comparable(reports: Sequence[SavedReport]) -> None:
@@ -129,7 +133,7 @@ def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None 
 
 
 def data_grid(reports: Sequence[SavedReport]) -> Grid:
-    """Reports of different data below each other, each with the nearest context copied: what a method does where it was not trained."""
+    """Reports of different data below each other, each with the oracle that copies the nearest input view: what a method does where it was not trained."""
     rows: list[tuple[Cell, ...]] = []
     rules: list[int] = []
     for report in reports:

@@ -90,13 +90,13 @@ def _stretched(plan: Plan) -> list[str]:
 
 
 def _below_copy(rows: Sequence[Rows]) -> list[str]:
-    """Metrics that are worse than those of the nearest context copied."""
+    """Metrics that are worse than those of the oracle that copies the nearest input view."""
     found = []
     for one in rows:
         worse = below(summary(one.method), summary(one.trivial["copy"]))
         if worse:
             names = ", ".join(TITLES[name] for name in worse)
-            found.append(f"From {one.views} views, worse than copying the nearest context: {names}.")
+            found.append(f"From {one.views} views, worse than the oracle that copies the nearest input view: {names}.")
     return found
 
 

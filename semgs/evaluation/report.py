@@ -153,7 +153,7 @@ def timing(frames: Sequence[FrameScores]) -> dict[str, float | None]:
 
 
 def below(numbers: Mapping[str, Any], copy: Mapping[str, Any]) -> list[str]:
-    """The metrics that are worse than those of the nearest context copied."""
+    """The metrics that are worse than those of the oracle that copies the nearest input view."""
     worse = []
     for name in COMPARED:
         ours, theirs = numbers.get(name), copy.get(name)

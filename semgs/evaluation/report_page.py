@@ -26,7 +26,9 @@ from semgs.figures.depth import (
     depth_limits,
     depth_picture,
 )
+from semgs.figures.numbers import percent
 from semgs.figures.page import (
+    RARE,
     Bar,
     Bars,
     Block,
@@ -34,6 +36,8 @@ from semgs.figures.page import (
     Gallery,
     Headline,
     Legend,
+    Link,
+    Links,
     Matrix,
     Notes,
     Picture,
@@ -45,6 +49,19 @@ from semgs.figures.page import (
 from semgs.reconstruction.renders import as_bytes
 
 PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")
+
+
+FILES = (
+    Link("report.json", "all numbers of this page, for semgs compare"),
+    Link("frames.json", "the frames, for another evaluation of the same: --protocol pinned frames.json"),
+)
+"""What every evaluation writes beside the page."""
+
+MAPS = (
+    Link("predictions/", "class maps, by number of views and scene"),
+    Link("truth/", "what they were compared with"),
+)
+"""What an evaluation of weights writes as well."""
 
 
 def report_page(evaluation: Evaluation, report: SavedReport) -> str:
@@ -62,17 +79,20 @@ def report_page(evaluation: Evaluation, report: SavedReport) -> str:
     sections = [
         *([Section("Please note", "", (Notes(evaluation.notes),))] if evaluation.notes else []),
         Section("Results", _results_lead(), (_overview(report),)),
-        Section("What was measured", "", (_facts(evaluation, report),)),
     ]
     for rows in evaluation.rows:
         sections += _sections_of(rows, report.results[rows.views], evaluation)
+    sections += [
+        Section("Files", "", (Links(FILES + (MAPS if evaluation.subject.kind == "weights" else ())),)),
+        Section("What was measured", "", (_facts(evaluation, report),), folded=True),
+    ]
     return html_page(
         title=f"{evaluation.subject.name} on {_data_name(evaluation)}",
         lead=f"{targets} targets of {len(scenes)} scene{'s' * (len(scenes) > 1)}, protocol {evaluation.plan.protocol}, "
         f"from {' and '.join(map(str, report.results))} input views.",
         headlines=_headlines(report),
         sections=sections,
-        foot=f"Made by semgs {evaluation.versions['semgs']}. The numbers of this page are in report.json, the frames in frames.json.",
+        foot=f"Made by semgs {evaluation.versions['semgs']}.",
     )
 
 
@@ -88,7 +108,7 @@ def _headlines(report: SavedReport) -> list[Headline]:
         for views, result in report.results.items():
             value, copy = result.numbers[metric], result.trivial.get("copy", {}).get(metric)
             if value is not None:
-                beside = "" if copy is None else f" (copy: {shown_number(metric, copy)})"
+                beside = "" if copy is None else f" (oracle: {shown_number(metric, copy)})"
                 unit = " dB" if metric == "psnr" else ""
                 found.append(
                     Headline(shown_number(metric, value) + unit, f"{TITLES[metric]} from {views} views{beside}")
@@ -100,7 +120,8 @@ def _results_lead() -> str:
     """How to read the tables."""
     return (
         "mIoU and class accuracy are of one confusion matrix of all targets; “/image” are means over images, then over scenes. "
-        "The nearest context copied is its picture and its true labels, as if the camera had not moved. " + MARKED
+        "The oracle copies the nearest input view, its picture and its true labels, as if the camera had not moved. "
+        + MARKED
     )
 
 
@@ -161,7 +182,7 @@ def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> lis
         sections.append(
             Section(
                 f"Classes from {views} views",
-                "Bars: IoU of each class that the truth shows; the tick is that of the nearest context copied. "
+                "Bars: IoU of each class that the truth shows; the tick is that of the oracle, which copies the nearest input view's true labels. "
                 "Matrix: of the pixels of a true class (row), the percentage that is given each class (column).",
                 (_bars(result, classes), _matrix(result, classes)),
             )
@@ -206,18 +227,12 @@ def _bars(result: SavedResult, classes: ClassTable) -> Bars:
     copy = result.trivial.get("copy", {}).get("per_class_iou", {})
     present = [(entry["iou"], label) for label, entry in enumerate(result.numbers["per_class"]) if entry["pixels"]]
     total = sum(entry["pixels"] for entry in result.numbers["per_class"])
-    return Bars(
-        tuple(
-            Bar(
-                classes.names[label],
-                classes.colours[label],
-                iou,
-                f"{iou:.3f}, {100 * result.numbers['per_class'][label]['pixels'] / total:.1f} % of the pixels",
-                copy.get(classes.names[label]),
-            )
-            for iou, label in sorted(present, key=lambda pair: -pair[0])
-        )
-    )
+    bars: dict[bool, list[Bar]] = {False: [], True: []}
+    for iou, label in sorted(present, key=lambda pair: -pair[0]):
+        name, share = classes.names[label], result.numbers["per_class"][label]["pixels"] / total
+        text = f"{shown_number('miou', iou)}, {percent(share)} of the pixels"
+        bars[share < RARE].append(Bar(name, classes.colours[label], iou, text, copy.get(name)))
+    return Bars(tuple(bars[False]), tuple(bars[True]))
 
 
 def _matrix(result: SavedResult, classes: ClassTable) -> Matrix:
@@ -277,7 +292,7 @@ def _gallery(
     truth = read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)
     shown = [Picture(as_bytes(truth.images[0]), "photo (truth)", lossy=True)]
     if predicted.image is not None:
-        shown.append(Picture(as_bytes(predicted.image), "picture", lossy=True))
+        shown.append(Picture(as_bytes(predicted.image), "render", lossy=True))
     if predicted.labels is not None and classes is not None and truth.labels is not None:
         shown.append(Picture(class_picture(predicted.labels.numpy(), classes), "classes"))
         shown.append(Picture(true_class_picture(truth.labels[0].numpy(), classes), "true classes"))

@@ -11,10 +11,14 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.figures.classes import HATCH, LegendEntry
+from semgs.figures.numbers import percent
 from semgs.files.pictures import jpeg_bytes, png_bytes
 
 QUALITY = 90
 """Of JPEGs in a page."""
+
+RARE = 0.01
+"""Classes with less than this share of the pixels are folded into one line."""
 
 
 @dataclass(frozen=True)
@@ -71,21 +75,33 @@ class Gallery:
         heading: which view.
         detail: a few words behind it.
         pictures: equally large.
+        more: further pictures, folded until the reader opens them.
     """
 
     heading: str
     detail: str
     pictures: tuple[Picture, ...]
+    more: tuple[Picture, ...] = ()
     kind: str = "gallery"
 
 
 @dataclass(frozen=True)
 class Legend:
-    """Class colours and their names, and the hatching where `unseen` is a share above 0."""
+    """Class colours and their names, and the hatching where `unseen` is a share above 0; rare classes are folded."""
 
     entries: tuple[LegendEntry, ...]
     unseen: float = 0.0
     kind: str = "legend"
+
+    @property
+    def common(self) -> tuple[LegendEntry, ...]:
+        """The classes with a share of at least `RARE`."""
+        return tuple(entry for entry in self.entries if entry.share >= RARE)
+
+    @property
+    def rare(self) -> tuple[LegendEntry, ...]:
+        """The others."""
+        return tuple(entry for entry in self.entries if entry.share < RARE)
 
 
 @dataclass(frozen=True)
@@ -119,9 +135,10 @@ class Bar:
 
 @dataclass(frozen=True)
 class Bars:
-    """Bars below each other, on one scale from 0 to 1."""
+    """Bars below each other, on one scale from 0 to 1; those of rare classes are folded."""
 
     bars: tuple[Bar, ...]
+    rare: tuple[Bar, ...] = ()
     kind: str = "bars"
 
 
@@ -150,7 +167,28 @@ class Notes:
     kind: str = "notes"
 
 
-Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes
+@dataclass(frozen=True)
+class Link:
+    """A file or folder beside the page.
+
+    Attributes:
+        name: relative to the page's folder; a folder ends with a slash.
+        text: what it is.
+    """
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Links:
+    """Files beside the page."""
+
+    files: tuple[Link, ...]
+    kind: str = "links"
+
+
+Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes | Links
 
 
 @dataclass(frozen=True)
@@ -171,7 +209,7 @@ class Section:
 
 
 def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Sequence[Section], foot: str) -> str:
-    """One self-contained HTML page: style and pictures are inside, nothing is loaded, no script runs.
+    """One self-contained HTML page: style and pictures are inside and nothing is loaded; a script enlarges pictures.
 
     Args:
         title: of the page.
@@ -187,8 +225,3 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     return environment.from_string(template).render(
         title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent
     )
-
-
-def percent(share: float) -> str:
-    """A share above 0 as text: "12.3 %", or "under 0.1 %"."""
-    return f"{100 * share:.1f} %" if share >= 0.0005 else "under 0.1 %"

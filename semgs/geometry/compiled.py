@@ -1,19 +1,14 @@
-"""The one way into compiled kernels: as operations of torch, and Numba with torch's number of threads, which is left as it was.
-
-Numba and torch share one OpenMP runtime, and Numba's pool sets that runtime's number of threads when it starts, which
-would silently undo `OMP_NUM_THREADS` or `torch.set_num_threads`.
-"""
+"""The one way into compiled kernels: as operations of torch, in as many threads as torch uses."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
 
 import torch
-
-_ONE_AT_A_TIME = threading.RLock()
-"""Numba's own threading layer, the only one on some systems, ends the process when two Python threads use it at once."""
 
 OPERATIONS = torch.library.Library("semgs", "FRAGMENT")
 """Where `torch.ops.semgs` comes from."""
@@ -30,18 +25,21 @@ def operation(function: Callable) -> torch._ops.OpOverload:
     return getattr(torch.ops.semgs, name).default
 
 
-@contextmanager
-def numba_threads() -> Iterator[None]:
-    """Numba with as many threads as torch uses here (or fewer, where its own limit is lower), one call at a time."""
-    import numba
+def in_threads(kernel: Callable[..., None], *arguments: Any) -> None:
+    """Call `kernel(*arguments, part, parts)` for each part, side by side in as many threads as torch uses here.
 
-    with _ONE_AT_A_TIME:
-        wanted = torch.get_num_threads()
-        before = numba.get_num_threads()
-        numba.set_num_threads(min(wanted, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-        try:
-            yield
-        finally:
-            numba.set_num_threads(before)
-            if torch.get_num_threads() != wanted:
-                torch.set_num_threads(wanted)
+    Kernels release Python's lock (`nogil`). Numba's own threads (`parallel`) would double the time it takes to compile them.
+    """
+    parts = torch.get_num_threads()
+    if parts == 1:
+        kernel(*arguments, 0, 1)
+        return
+    calls = [_threads(os.getpid(), parts).submit(kernel, *arguments, part, parts) for part in range(parts)]
+    for call in calls:
+        call.result()
+
+
+@cache
+def _threads(process: int, count: int) -> ThreadPoolExecutor:
+    """Threads that wait for work. A forked process has none of its parent's, so each process has its own."""
+    return ThreadPoolExecutor(count, f"semgs-{process}")

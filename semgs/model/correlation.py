@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from semgs.geometry.compiled import numba_threads, operation
+from semgs.geometry.compiled import in_threads, operation
 from semgs.model import correlation_kernels as kernels
 
 
@@ -38,8 +38,7 @@ def _correlate(
     sums = reference.new_empty(n, depths.shape[1], h, w)
     seen = torch.empty_like(sums)
     inputs = _arrays(reference, source, matrices, offsets, depths, smallest)
-    with numba_threads():
-        kernels.correlate(*inputs, mask_unseen, *_arrays(sums, seen))  # type: ignore[call-arg]
+    in_threads(kernels.correlate, *inputs, mask_unseen, *_arrays(sums, seen))
     return sums, seen
 
 
@@ -72,8 +71,7 @@ def _correlate_backward(
     d_reference, d_source = torch.zeros_like(reference), torch.zeros_like(source)
     inputs = _arrays(reference, source, matrices, offsets, depths, smallest)
     outputs = _arrays(grad, d_reference, d_source)
-    with numba_threads():
-        kernels.correlate_backward(*inputs, mask_unseen, *outputs)  # type: ignore[call-arg]
+    in_threads(kernels.correlate_backward, *inputs, mask_unseen, *outputs)
     return d_reference, d_source
 
 

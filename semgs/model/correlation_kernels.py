@@ -8,7 +8,7 @@ import numpy as np
 Array = np.ndarray[Any, Any]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _taps(u: float, v: float, h: int, w: int, mask_unseen: bool) -> tuple[Any, ...]:
     """The four texels around a position, their weights (0 outside the map unless its border extends)."""
     left, top = int(np.floor(u)), int(np.floor(v))
@@ -29,7 +29,7 @@ def _taps(u: float, v: float, h: int, w: int, mask_unseen: bool) -> tuple[Any, .
     return x0, x1, y0, y1, wx0, wx1, wy0, wy1
 
 
-@numba.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
+@numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def correlate(
     reference: Array,
     source: Array,
@@ -40,11 +40,13 @@ def correlate(
     mask_unseen: bool,
     sums: Array,
     seen: Array,
+    part: int,
+    parts: int,
 ) -> None:
     """sums[n, l, y, x] = <reference[n, y, x], source sampled at plane l>; seen = 1 where the source sees the point."""
     n, h, w, c = reference.shape
     planes = depths.shape[1]
-    for job in numba.prange(n * h):
+    for job in range(part * n * h // parts, (part + 1) * n * h // parts):
         i, y = job // h, job % h
         m, o = matrices[i], offsets[i]
         for x in range(w):
@@ -71,7 +73,7 @@ def correlate(
                 sums[i, k, y, x] = total
 
 
-@numba.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
+@numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def correlate_backward(
     reference: Array,
     source: Array,
@@ -83,11 +85,13 @@ def correlate_backward(
     grad: Array,
     d_reference: Array,
     d_source: Array,
+    part: int,
+    parts: int,
 ) -> None:
     """Gradients of `correlate` in both feature maps, which must come in as zeros; each pair is one job, so no writes race."""
     n, h, w, c = reference.shape
     planes = depths.shape[1]
-    for i in numba.prange(n):
+    for i in range(part, n, parts):
         m, o = matrices[i], offsets[i]
         for y in range(h):
             for x in range(w):

@@ -27,8 +27,8 @@ MOSTLY_SEEN = 0.95
 """If less of the views than this was seen, scores over all their pixels tell mostly of what was not."""
 
 
-def shown_number(measure: str, value: float | None) -> str:
-    """A measure as text."""
+def shown_number(measure: str, value: float | None, digits: int = 3) -> str:
+    """A measure as text; `digits` after the point where papers print three, as of mIoU."""
     if value is None:
         return "–"
     if measure in ("unseen", "not_given"):
@@ -36,5 +36,5 @@ def shown_number(measure: str, value: float | None) -> str:
     return (
         f"{value:.2f}"
         if measure in ("psnr", "psnr_seen", "fps_encoding_each", "fps_encoding_shared")
-        else f"{value:.3f}"
+        else f"{value:.{digits}f}"
     )

@@ -9,7 +9,22 @@ import numpy as np
 from semgs.data.classes import IGNORE
 from semgs.figures.classes import class_picture, label_maps, legend, overlay, true_class_picture
 from semgs.figures.depth import depth_bar, depth_limits, depth_picture, depth_ticks
-from semgs.figures.page import Block, Facts, Gallery, Headline, Legend, Notes, Picture, Scale, Section, Table, html_page
+from semgs.figures.numbers import decibels, duration, length, percent
+from semgs.figures.page import (
+    Block,
+    Facts,
+    Gallery,
+    Headline,
+    Legend,
+    Link,
+    Links,
+    Notes,
+    Picture,
+    Scale,
+    Section,
+    Table,
+    html_page,
+)
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import as_bytes
@@ -29,15 +44,14 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
     limits = depth_limits(_depth_maps(result))
     held_out = len(result.target.positions) if result.target else 0
     sections = [
-        Section("What was read and chosen", "", (_facts(result, origin),)),
-        Section("Input views", _own_lead(result), (*_keys(result, maps, limits), *_galleries(result, True, limits))),
+        *([Section("Please note", "", (Notes(result.notes),))] if result.notes else []),
+        Section("Input views", _own_lead(result), (*_galleries(result, True, limits), *_keys(result, maps, limits))),
         *([Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
         Section("Scores", scores_lead(result), (score_table(result),)),
-        Section("Time", "", (_timings(seconds),)),
-        Section("Files", "", (Facts(tuple((output.name, output.text) for output in outputs(result))),)),
+        Section("Files", "", (_files(result),)),
+        Section("What was read and chosen", "", (_facts(result, origin),), folded=True),
+        Section("Time", "", (_timings(seconds),), folded=True),
     ]
-    if result.notes:
-        sections.insert(0, Section("Please note", "", (Notes(result.notes),)))
     return html_page(
         title=scene.name,
         lead=f"Reconstructed from {len(result.context.positions)} photos"
@@ -46,16 +60,6 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
         sections=sections,
         foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
     )
-
-
-def length(value: float, metric: bool) -> str:
-    """A length as text, with its unit where it is known."""
-    return f"{value:.3g} m" if metric else f"{value:.3g}"
-
-
-def decibels(value: float | None) -> str:
-    """A PSNR as text."""
-    return "–" if value is None else "equal" if value == float("inf") else f"{value:.2f} dB"
 
 
 def _all_shown(result: Reconstruction) -> list[Shown]:
@@ -77,23 +81,23 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
         held_out = mean_scores(result.target.scores)
         found.append(Headline(decibels(held_out.psnr), "PSNR of held-out views"))
         if held_out.coverage < MOSTLY_SEEN:
-            found.append(Headline(decibels(held_out.psnr_seen), f"over the {100 * held_out.coverage:.0f} % seen"))
+            found.append(Headline(decibels(held_out.psnr_seen), f"over the {percent(held_out.coverage)} seen"))
         for name in ("miou_per_image", "depth_abs_rel"):
             if (value := by_measure(held_out).get(name)) is not None:
-                found.append(Headline(shown_number(name, value), f"{TITLES[name]} of held-out views"))
+                found.append(Headline(shown_number(name, value, 2), f"{TITLES[name]} of held-out views"))
     found.append(Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
     found.append(Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
     if result.classes is not None:
         found.append(Headline(str(len(legend(maps, result.classes))), "classes present"))
     if "encode" in seconds:
-        found.append(Headline(f"{seconds['encode']:.2f} s", "from photos to Gaussians"))
+        found.append(Headline(duration(seconds["encode"]), "from photos to Gaussians"))
     return found
 
 
 def _own_lead(result: Reconstruction) -> str:
     """What the pictures of the input views are."""
-    return "What went in, and what the Gaussians show from the same cameras." + (
-        "" if result.classes is None else " Classes are hatched where nothing was seen (alpha below 0.5)."
+    return "What went in, and the scene from the same cameras." + (
+        "" if result.classes is None else " Hatched: unseen (alpha below 0.5)."
     )
 
 
@@ -113,7 +117,7 @@ def _keys(
 
 
 def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -> tuple[Block, ...]:
-    """A row of pictures per view."""
+    """Photo, render, classes and depth of each view, with what they are compared with folded below."""
     shown = result.context if own else result.target
     if shown is None:
         return ()
@@ -122,22 +126,25 @@ def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -
     for index, (position, name) in enumerate(zip(shown.positions, shown.names, strict=True)):
         photo = as_bytes(shown.views.images[index])
         pictures = [
-            Picture(photo, "photo (input)" if own else "photo (held out)"),
-            Picture(as_bytes(shown.rendering.images[index]), "render"),
+            Picture(photo, "photo (input)" if own else "photo (held out)", lossy=True),
+            Picture(as_bytes(shown.rendering.images[index]), "render", lossy=True),
         ]
+        more = []
         if labels is not None and result.classes is not None:
             pictures.append(Picture(class_picture(labels[index], result.classes), "classes"))
             if shown.views.labels is not None and shown.views.classes == result.classes:
                 truth = true_class_picture(shown.views.labels[index].numpy(), result.classes)
-                pictures.append(Picture(truth, "true classes"))
-            else:
-                pictures.append(Picture(overlay(photo, labels[index], result.classes), "classes over the photo"))
-        pictures.append(Picture(depth_picture(shown.rendering.depths[index].numpy(), limits), "depth"))
+                more.append(Picture(truth, "true classes"))
+        depths = shown.rendering.depths[index].numpy()
+        pictures.append(Picture(depth_picture(depths, limits), "depth", lossy=True))
         if shown.views.depths is not None:
-            pictures.append(Picture(depth_picture(shown.views.depths[index].numpy(), limits), "measured depth"))
-        score = shown.scores[index]
-        detail = f"frame {position}, PSNR {decibels(score.psnr)}, {100 * score.coverage:.0f} % seen"
-        rows.append(Gallery(name, detail, tuple(pictures)))
+            truth = depth_picture(shown.views.depths[index].numpy(), limits)
+            more.append(Picture(truth, "measured depth", lossy=True))
+        if labels is not None and result.classes is not None:
+            more.append(Picture(overlay(photo, labels[index], result.classes), "classes over the photo", lossy=True))
+        one = shown.scores[index]
+        detail = f"frame {position}, PSNR {decibels(one.psnr)}, {percent(one.coverage)} seen"
+        rows.append(Gallery(name, detail, tuple(pictures), tuple(more)))
     return tuple(rows)
 
 
@@ -175,5 +182,10 @@ def _listed(shown: Shown) -> str:
 
 def _timings(seconds: dict[str, float]) -> Table:
     """The stages and their sum."""
-    rows = [(name, f"{value:.2f} s") for name, value in seconds.items()]
-    return Table(("stage", "time"), (*rows, ("together", f"{sum(seconds.values()):.2f} s")))
+    rows = [(name, duration(value)) for name, value in seconds.items()]
+    return Table(("stage", "time"), (*rows, ("together", duration(sum(seconds.values())))))
+
+
+def _files(result: Reconstruction) -> Links:
+    """What lies beside the page."""
+    return Links(tuple(Link(output.name, output.text) for output in outputs(result) if output.name != "report.html"))

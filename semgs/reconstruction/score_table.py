@@ -7,6 +7,9 @@ from semgs.objectives.measures import MEANINGS, MOSTLY_SEEN, TITLES, shown_numbe
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
 
+DIGITS = 2
+"""After the point, of scores of a few views."""
+
 SEEN = "_seen"
 """Ending of the measures that are over the pixels that were seen alone."""
 
@@ -22,7 +25,7 @@ def score_table(result: Reconstruction) -> Table:
 
     def cells(score: ViewScores) -> tuple[str, ...]:
         values = by_measure(score)
-        return tuple(shown_number(name, values.get(name)) for name in names)
+        return tuple(shown_number(name, values.get(name), DIGITS) for name in names)
 
     rows = []
     for role, shown in _parts(result):
@@ -62,6 +65,6 @@ def _measures(result: Reconstruction) -> list[str]:
 def _listed(names: list[str], values: dict[str, float]) -> str:
     """Measures with their values."""
     return ", ".join(
-        f"{TITLES[name]} {shown_number(name, values[name])}" + (" dB" if name.startswith("psnr") else "")
+        f"{TITLES[name]} {shown_number(name, values[name], DIGITS)}" + (" dB" if name.startswith("psnr") else "")
         for name in names
     )

@@ -11,12 +11,12 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from semgs.geometry.compiled import numba_threads, operation
+from semgs.geometry.compiled import in_threads, operation
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
 from semgs.rendering.splats import Layer, Splats
 from semgs.rendering.tile_kernels import (
-    PARTS,
+    SHARES,
     TILE_HEIGHT,
     TILE_WIDTH,
     add_pairs,
@@ -88,15 +88,14 @@ def _splat(
     picture = features.new_empty(features.shape[1], height, width)
     transmittance = torch.empty(height, width, dtype=torch.float64)
     last = torch.empty(height, width, dtype=torch.int32)
-    with numba_threads():
-        projected = Projected.of(means, quaternions, scales, opacities, order, camera, height, width)
-        for count in projected.runs():
-            tiles = projected.tiles(count)
-            draw(
-                projected.ellipses, _array(features), tiles.first, tiles.first_in_tile, tiles.gaussians,
-                picture.numpy(), transmittance.numpy(), last.numpy(),
-            )  # fmt: skip
-            del tiles  # before the next run's are made
+    projected = Projected.of(means, quaternions, scales, opacities, order, camera, height, width)
+    for count in projected.runs():
+        tiles = projected.tiles(count)
+        in_threads(
+            draw, projected.ellipses, _array(features), tiles.first, tiles.first_in_tile, tiles.gaussians,
+            picture.numpy(), transmittance.numpy(), last.numpy(),
+        )  # fmt: skip
+        del tiles  # before the next run's are made
     return picture, transmittance, last
 
 
@@ -118,25 +117,24 @@ def _splat_backward(
     grad_means, grad_quaternions = means.new_zeros(means.shape), quaternions.new_zeros(quaternions.shape)
     grad_scales, grad_opacities = scales.new_zeros(scales.shape), opacities.new_zeros(opacities.shape)
     grad_features = features.new_zeros(features.shape)
-    with numba_threads():
-        projected = Projected.of(means, quaternions, scales, opacities, order, camera, height, width)
-        met = np.zeros(len(means), np.bool_)
-        grad_ellipses = np.zeros((len(means), 6))
-        for count in projected.runs():
-            tiles = projected.tiles(count)
-            geometry = np.zeros((count.pairs, 6))
-            blended = np.zeros((count.pairs, features.shape[1]), _array(features).dtype)
-            draw_backward(
-                projected.ellipses, _array(features), tiles.first, tiles.first_in_tile, tiles.gaussians, tiles.pairs,
-                transmittance.numpy(), last.numpy(), _array(grad_picture), _array(grad_transmittance), geometry, blended,
-            )  # fmt: skip
-            add_pairs(tiles.first_pair, geometry, blended, grad_ellipses, grad_features.numpy())
-            met |= np.diff(tiles.first_pair) > 0
-            del tiles, geometry, blended  # before the next run's are made
-        project_backward(
-            _array(means), _array(quaternions), _array(scales), camera.numpy(), projected.ellipses, met, grad_ellipses,
-            grad_means.numpy(), grad_quaternions.numpy(), grad_scales.numpy(), grad_opacities.numpy(),
+    projected = Projected.of(means, quaternions, scales, opacities, order, camera, height, width)
+    met = np.zeros(len(means), np.bool_)
+    grad_ellipses = np.zeros((len(means), 6))
+    for count in projected.runs():
+        tiles = projected.tiles(count)
+        geometry = np.zeros((count.pairs, 6))
+        blended = np.zeros((count.pairs, features.shape[1]), _array(features).dtype)
+        in_threads(
+            draw_backward, projected.ellipses, _array(features), tiles.first, tiles.first_in_tile, tiles.gaussians, tiles.pairs,
+            transmittance.numpy(), last.numpy(), _array(grad_picture), _array(grad_transmittance), geometry, blended,
         )  # fmt: skip
+        in_threads(add_pairs, tiles.first_pair, geometry, blended, grad_ellipses, grad_features.numpy())
+        met |= np.diff(tiles.first_pair) > 0
+        del tiles, geometry, blended  # before the next run's are made
+    in_threads(
+        project_backward, _array(means), _array(quaternions), _array(scales), camera.numpy(), projected.ellipses, met, grad_ellipses,
+        grad_means.numpy(), grad_quaternions.numpy(), grad_scales.numpy(), grad_opacities.numpy(),
+    )  # fmt: skip
     return grad_means, grad_quaternions, grad_scales, grad_opacities, grad_features
 
 
@@ -187,7 +185,7 @@ class Count:
     first: int  # tile of the run, row by row
     rectangles: np.ndarray  # [g 4], first and end row and column of the tiles that a Gaussian meets
     first_pair: np.ndarray  # [g + 1], Gaussian by Gaussian
-    counts: np.ndarray  # [PARTS tiles], of a part of the Gaussians in a tile
+    counts: np.ndarray  # [SHARES tiles], of a share of the Gaussians in a tile
 
     @property
     def pairs(self) -> int:
@@ -211,7 +209,9 @@ class Projected:
     ) -> "Projected":  # fmt: skip
         """Project Gaussians."""
         ellipses = np.empty((len(means), 8))
-        project(_array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses)
+        in_threads(
+            project, _array(means), _array(quaternions), _array(scales), _array(opacities), camera.numpy(), ellipses
+        )
         ranks = np.full(len(means), -1, np.int32)
         ranks[order.numpy()] = np.arange(len(order), dtype=np.int32)
         return cls(ellipses, ranks, order.numpy(), (height, width))
@@ -220,10 +220,10 @@ class Projected:
         """The pairs of a run of tiles; None is all tiles."""
         height, width = self.size
         run = run or range(-(-height // TILE_HEIGHT) * -(-width // TILE_WIDTH))
-        counts = np.zeros((PARTS, len(run)), np.int64)
+        counts = np.zeros((SHARES, len(run)), np.int64)
         first_pair = np.zeros(len(self.ranks) + 1, np.int64)
         rectangles = np.empty((len(self.ranks), 4), np.int32)
-        count_pairs(self.ellipses, self.ranks, run.start, height, width, rectangles, first_pair[1:], counts)
+        in_threads(count_pairs, self.ellipses, self.ranks, run.start, height, width, rectangles, first_pair[1:], counts)
         np.cumsum(first_pair, out=first_pair)
         return Count(run.start, rectangles, first_pair, counts)
 
@@ -240,15 +240,23 @@ class Projected:
 
     def tiles(self, count: Count) -> Tiles:
         """Sort the Gaussians of a run into its tiles, front to back."""
-        ends = np.cumsum(count.counts.T).reshape(-1, PARTS)
+        ends = np.cumsum(count.counts.T).reshape(-1, SHARES)
         first_in_tile = np.concatenate(([0], ends[:, -1]))
         starts = np.ascontiguousarray(ends.T) - count.counts
         pairs = np.empty(count.pairs, np.int64)
-        fill_pairs(
-            self.ellipses, self.ranks, count.first, self.size[1], count.rectangles, count.first_pair, starts, pairs
+        in_threads(
+            fill_pairs,
+            self.ellipses,
+            self.ranks,
+            count.first,
+            self.size[1],
+            count.rectangles,
+            count.first_pair,
+            starts,
+            pairs,
         )
         gaussians = np.empty(len(pairs), np.int32)
-        sort_pairs(first_in_tile, self.order, pairs, gaussians)
+        in_threads(sort_pairs, first_in_tile, self.order, pairs, gaussians)
         return Tiles(count.first, first_in_tile, gaussians, pairs, count.first_pair)
 
 

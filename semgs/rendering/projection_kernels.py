@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from semgs.rendering.rules import BLUR_PX2, MIN_ALPHA
 
@@ -26,10 +26,10 @@ SMALLEST_NORM = 1e-12
 """Quaternions shorter than this are divided by it instead of their length, as torch's `normalize` does."""
 
 
-@njit(cache=True, parallel=True)
-def project(means, quaternions, scales, opacities, camera, ellipses):
+@njit(cache=True, error_model="numpy", nogil=True)
+def project(means, quaternions, scales, opacities, camera, ellipses, part, parts):
     """Fill `ellipses` [g 8]."""
-    for i in prange(means.shape[0]):
+    for i in range(part * len(means) // parts, (part + 1) * len(means) // parts):
         ellipses[i, REACH] = -1.0
         x, y, z = _inside(means, i, camera)
         opacity = np.float64(opacities[i])
@@ -60,10 +60,10 @@ def project(means, quaternions, scales, opacities, camera, ellipses):
         ellipses[i, DETERMINANT] = 1 / determinant
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def project_backward(
     means, quaternions, scales, camera, ellipses, met, grad_ellipses,
-    grad_means, grad_quaternions, grad_scales, grad_opacities,
+    grad_means, grad_quaternions, grad_scales, grad_opacities, part, parts,
 ):  # fmt: skip
     """Carry each ellipse's gradients back through the projection.
 
@@ -72,7 +72,7 @@ def project_backward(
         grad_ellipses: [g 6], of centre, inverse covariance (xy counted once) and opacity.
         grad_means, grad_quaternions, grad_scales, grad_opacities: zeros, filled.
     """
-    for i in prange(means.shape[0]):
+    for i in range(part * len(means) // parts, (part + 1) * len(means) // parts):
         if not met[i]:
             continue
         vu, vv, va = grad_ellipses[i, 0], grad_ellipses[i, 1], grad_ellipses[i, 2]
@@ -140,7 +140,7 @@ def project_backward(
             grad_means[i, k] = vx * camera[k] + vy * camera[3 + k] + vz * camera[6 + k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _inside(means, i, camera):
     """Position in the camera's frame."""
     x = np.float64(means[i, 0]) - camera[9]
@@ -153,13 +153,13 @@ def _inside(means, i, camera):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _slopes(x, y, z, camera):
     """x/z and y/z, clamped as the Jacobian sees them."""
     return min(max(x / z, camera[16]), camera[17]), min(max(y / z, camera[18]), camera[19])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _plane(x, y, z, camera):
     """The 2x3 matrix J R from the world to the image plane, row by row."""
     sx, sy = _slopes(x, y, z, camera)
@@ -174,14 +174,14 @@ def _plane(x, y, z, camera):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _axis(plane, rotation, k):
     """Axis k of a Gaussian, of unit length in the world, in the image plane."""
     x, y, z = rotation[k], rotation[3 + k], rotation[6 + k]
     return plane[0] * x + plane[1] * y + plane[2] * z, plane[3] * x + plane[4] * y + plane[5] * z
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _unit(quaternions, i):
     """Unit quaternion (w, x, y, z) and the length it was divided by."""
     w, x = np.float64(quaternions[i, 0]), np.float64(quaternions[i, 1])
@@ -190,7 +190,7 @@ def _unit(quaternions, i):
     return w / norm, x / norm, y / norm, z / norm, norm
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _rotation(w, x, y, z):
     """Rotation matrix of a unit quaternion, row by row."""
     return (

@@ -1,4 +1,4 @@
-"""Numba kernels: ellipses into tiles, tiles into pixels, and back. Parallel over tiles; the same bits in every run.
+"""Numba kernels: ellipses into tiles, tiles into pixels, and back. Each call does one part of the work (`in_threads`); the same bits in every run.
 
 A pair is one Gaussian in one tile; all memory is linear in their number, so where there are many the caller takes one run of
 tiles after the other (tiles are counted row by row). Pairs are numbered twice: in a tile's list, front to back, where the
@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from semgs.rendering.projection_kernels import (
     CENTRE_X,
@@ -49,18 +49,15 @@ BLOCK = 64
 """Gaussians of a tile that are copied together before they are drawn: they lie scattered in memory, and fetching them one
 by one would wait for each. Between two blocks comes the look at whether the tile is finished."""
 
-PARTS = 16
-"""Parts that the Gaussians are cut into for counting, so that threads need not wait for each other."""
+SHARES = 16
+"""Shares that the Gaussians are cut into for counting, so that threads need not wait for each other."""
 
 DIGIT = 9
 """Bits of a rank that are sorted by at a time: two digits for a quarter of a million Gaussians."""
 
-STRIDE = 16
-"""Tiles are visited this many apart, so that every thread's share is spread over the picture."""
 
-
-@njit(cache=True, parallel=True)
-def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian, counts):
+@njit(cache=True, error_model="numpy", nogil=True)
+def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian, counts, part, parts):
     """Find the tiles of every ellipse that is drawn and count the pairs of a run of tiles.
 
     Args:
@@ -68,32 +65,32 @@ def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian,
         first: tile of the run.
         rectangles: [g 4], filled with the first and end row and column of tiles of the picture.
         per_gaussian: [g], filled with the number of pairs.
-        counts: [PARTS tiles], zeros, filled with each part's number of pairs in each tile of the run.
+        counts: [SHARES tiles], zeros, filled with each share's number of pairs in each tile of the run.
     """
     end = first + counts.shape[1]
-    for part in prange(PARTS):
-        for i in range(part * len(ranks) // PARTS, (part + 1) * len(ranks) // PARTS):
+    for share in range(part, SHARES, parts):
+        for i in range(share * len(ranks) // SHARES, (share + 1) * len(ranks) // SHARES):
             pairs = 0
             if ranks[i] >= 0:
-                rectangles[i] = _rectangle(ellipses, i, height, width)
+                _fill_rectangle(ellipses, i, height, width, rectangles)
                 top, bottom = _tile_rows(rectangles, i, width, first, end)
                 for row in range(top, bottom):
                     begin, stop = _tiles(ellipses, i, rectangles, row, width, first, end)
                     for tile in range(begin, stop):
-                        counts[part, tile - first] += 1
+                        counts[share, tile - first] += 1
                         pairs += 1
             per_gaussian[i] = pairs
 
 
-@njit(cache=True, parallel=True)
-def fill_pairs(ellipses, ranks, first, width, rectangles, first_pair, starts, keys):
+@njit(cache=True, error_model="numpy", nogil=True)
+def fill_pairs(ellipses, ranks, first, width, rectangles, first_pair, starts, keys, part, parts):
     """Fill each tile's list of keys [pairs]: rank in the high half, number of the pair Gaussian by Gaussian in the low one.
 
-    `first` is the run's first tile; `starts` [PARTS tiles], where each part begins in each tile's list, is used up.
+    `first` is the run's first tile; `starts` [SHARES tiles], where each share begins in each tile's list, is used up.
     """
     end = first + starts.shape[1]
-    for part in prange(PARTS):
-        for i in range(part * len(ranks) // PARTS, (part + 1) * len(ranks) // PARTS):
+    for share in range(part, SHARES, parts):
+        for i in range(share * len(ranks) // SHARES, (share + 1) * len(ranks) // SHARES):
             pair = first_pair[i]
             if pair == first_pair[i + 1]:
                 continue
@@ -101,18 +98,18 @@ def fill_pairs(ellipses, ranks, first, width, rectangles, first_pair, starts, ke
             for row in range(top, bottom):
                 begin, stop = _tiles(ellipses, i, rectangles, row, width, first, end)
                 for tile in range(begin, stop):
-                    keys[starts[part, tile - first]] = np.int64(ranks[i]) << 32 | pair
-                    starts[part, tile - first] += 1
+                    keys[starts[share, tile - first]] = np.int64(ranks[i]) << 32 | pair
+                    starts[share, tile - first] += 1
                     pair += 1
 
 
-@njit(cache=True, parallel=True)
-def sort_pairs(first_in_tile, order, keys, gaussians):
+@njit(cache=True, error_model="numpy", nogil=True)
+def sort_pairs(first_in_tile, order, keys, gaussians, part, parts):
     """Sort each tile's list front to back: fill the Gaussians [pairs] and leave the pairs' numbers in `keys` [pairs]."""
     digits = 1
     while len(order) >> (DIGIT * digits):
         digits += 1
-    for tile in prange(len(first_in_tile) - 1):
+    for tile in range(part, len(first_in_tile) - 1, parts):
         begin, end = first_in_tile[tile], first_in_tile[tile + 1]
         ranked = _by_rank(keys[begin:end], digits)
         for at in range(end - begin):
@@ -120,7 +117,7 @@ def sort_pairs(first_in_tile, order, keys, gaussians):
             keys[begin + at] = ranked[at] & 0xFFFFFFFF
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _by_rank(keys, digits):
     """The keys in ascending order of their high half, by counting one digit after the other (radix sort)."""
     source, sorted_keys = keys.copy(), np.empty_like(keys)
@@ -142,43 +139,35 @@ def _by_rank(keys, digits):
     return source
 
 
-@njit(cache=True, parallel=True)
-def draw(ellipses, features, first, first_in_tile, gaussians, picture, transmittance, last):
+@njit(cache=True, error_model="numpy", nogil=True)
+def draw(ellipses, features, first, first_in_tile, gaussians, picture, transmittance, last, part, parts):
     """Fill the pixels of a run of tiles that begins with tile `first`.
 
     Picture [c h w], transmittance [h w] and, per pixel, the place in its tile's list of the last one added (or -1).
     """
-    count = len(first_in_tile) - 1
-    rounds = (count + STRIDE - 1) // STRIDE
-    for visit in prange(rounds * STRIDE):
-        tile = (visit % rounds) * STRIDE + visit // rounds
-        if tile < count:
-            _draw_tile(
-                ellipses, features, gaussians[first_in_tile[tile] : first_in_tile[tile + 1]], first + tile,
-                picture, transmittance, last,
-            )  # fmt: skip
+    for tile in range(part, len(first_in_tile) - 1, parts):
+        _draw_tile(
+            ellipses, features, gaussians[first_in_tile[tile] : first_in_tile[tile + 1]], first + tile,
+            picture, transmittance, last,
+        )  # fmt: skip
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def draw_backward(
     ellipses, features, first, first_in_tile, gaussians, pairs, transmittance, last, grad_picture, grad_transmittance,
-    pair_geometry, pair_features,
+    pair_geometry, pair_features, part, parts,
 ):  # fmt: skip
     """Fill the gradients of every pair of a run of tiles, both zeros: geometry [pairs 6] as `add_pairs` takes it, features [pairs c]."""
-    count = len(first_in_tile) - 1
-    rounds = (count + STRIDE - 1) // STRIDE
-    for visit in prange(rounds * STRIDE):
-        tile = (visit % rounds) * STRIDE + visit // rounds
-        if tile < count:
-            begin, end = first_in_tile[tile], first_in_tile[tile + 1]
-            _draw_tile_backward(
-                ellipses, features, gaussians[begin:end], pairs[begin:end], first + tile, transmittance, last,
-                grad_picture, grad_transmittance, pair_geometry, pair_features,
-            )  # fmt: skip
+    for tile in range(part, len(first_in_tile) - 1, parts):
+        begin, end = first_in_tile[tile], first_in_tile[tile + 1]
+        _draw_tile_backward(
+            ellipses, features, gaussians[begin:end], pairs[begin:end], first + tile, transmittance, last,
+            grad_picture, grad_transmittance, pair_geometry, pair_features,
+        )  # fmt: skip
 
 
-@njit(cache=True, parallel=True)
-def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_features):
+@njit(cache=True, error_model="numpy", nogil=True)
+def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_features, part, parts):
     """Add each Gaussian's gradients over a run of tiles, in a fixed order: one sum over all runs, whatever they are.
 
     Args:
@@ -188,7 +177,8 @@ def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_feat
         grad_ellipses: [g 6], added to.
         grad_features: [g c], added to.
     """
-    for i in prange(len(first_pair) - 1):
+    count = len(first_pair) - 1
+    for i in range(part * count // parts, (part + 1) * count // parts):
         for pair in range(first_pair[i], first_pair[i + 1]):
             for k in range(6):
                 grad_ellipses[i, k] += pair_geometry[pair, k]
@@ -196,7 +186,7 @@ def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_feat
                 grad_features[i, channel] += pair_features[pair, channel]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last):
     channels, height, width = picture.shape
     top, bottom, left, right = _sides(tile, height, width)
@@ -209,7 +199,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
     blended = np.zeros((channels, PIXELS), features.dtype)
     near_ellipses, near_features = _block(ellipses, features)
     for begin in range(0, len(gaussians), BLOCK):
-        if light.max() < 0:
+        if _finished(light):
             break
         count = min(BLOCK, len(gaussians) - begin)
         _fetch(ellipses, features, gaussians[begin : begin + count], near_ellipses, near_features)
@@ -230,7 +220,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
                 picture[channel, row, column] = blended[channel, begin + column - left]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _weigh(ellipses, j, xs, ys, place, light, latest, weights, first, end):
     """Draw one Gaussian: fill its weights alpha T, and bring the light that is left and the last place up to date."""
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
@@ -251,7 +241,7 @@ def _weigh(ellipses, j, xs, ys, place, light, latest, weights, first, end):
         weights[k] = weight if added else 0.0
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _blend(blended, features, j, weights, first, end):
     """Add features times weights to the pixels."""
     for channel in range(blended.shape[0]):
@@ -260,7 +250,7 @@ def _blend(blended, features, j, weights, first, end):
             blended[channel, k] += factor * weights[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _draw_tile_backward(
     ellipses, features, gaussians, pairs, tile, transmittance, last, grad_picture, grad_transmittance,
     pair_geometry, pair_features,
@@ -295,13 +285,15 @@ def _draw_tile_backward(
             ):
                 pair = pairs[begin + j]
                 _shade(near_features, j, grad, shades, first, end)
-                pair_geometry[pair] = _unweigh(
+                geometry = _unweigh(
                     near_ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weights, first, end
                 )
+                for k in range(6):
+                    pair_geometry[pair, k] = geometry[k]
                 _gather(grad, weights, pair_features, pair, first, end)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _alphas(ellipses, j, xs, ys, place, latest, alphas, falloffs, first, end):
     """Fill alpha, 0 where the Gaussian was not added, and falloff; at how many pixels it was."""
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
@@ -320,7 +312,7 @@ def _alphas(ellipses, j, xs, ys, place, latest, alphas, falloffs, first, end):
     return count
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _shade(features, j, grad, shades, first, end):
     """Fill features . gradient of each pixel."""
     for k in range(first, end):
@@ -331,7 +323,7 @@ def _shade(features, j, grad, shades, first, end):
             shades[k] += factor * grad[channel, k]
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weights, first, end):
     """Take one Gaussian away again: bring light and what is behind up to date, fill its weights, and return its gradients.
 
@@ -362,7 +354,7 @@ def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weigh
     return vx, vy, vxx, vxy, vyy, vo
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def _gather(grad, weights, pair_features, pair, first, end):
     """Fill the gradients of a pair's features, sums of weight times gradient over its pixels."""
     for channel in range(len(grad)):
@@ -372,7 +364,7 @@ def _gather(grad, weights, pair_features, pair, first, end):
         pair_features[pair, channel] = total
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _exponential(sigma):
     """exp(-sigma), exact to some roundings, of sigma brought into 0 .. FARTHEST."""
     sigma = sigma if sigma < FARTHEST else FARTHEST
@@ -387,13 +379,22 @@ def _exponential(sigma):
     return value * value
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _finished(light):
+    """Whether no light is left at any pixel."""
+    for k in range(PIXELS):  # noqa: SIM110, since Numba compiles no generators
+        if not light[k] < 0:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def _block(ellipses, features):
     """Room for the ellipses and features of a block."""
     return np.empty((BLOCK, ellipses.shape[1])), np.empty((BLOCK, features.shape[1]), features.dtype)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _fetch(ellipses, features, gaussians, near_ellipses, near_features):
     """Copy the ellipses and features of a block of Gaussians."""
     for j in range(len(gaussians)):
@@ -404,7 +405,7 @@ def _fetch(ellipses, features, gaussians, near_ellipses, near_features):
             near_features[j, k] = features[i, k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sides(tile, height, width):
     """First and end row and column of pixels of a tile."""
     columns = -(-width // TILE_WIDTH)
@@ -412,7 +413,7 @@ def _sides(tile, height, width):
     return top, min(top + TILE_HEIGHT, height), left, min(left + TILE_WIDTH, width)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _centres(top, left):
     """x and y of the centres of a tile's pixels, row by row [px]."""
     xs, ys = np.empty(PIXELS), np.empty(PIXELS)
@@ -423,53 +424,53 @@ def _centres(top, left):
     return xs, ys
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _span(ellipses, i, top, bottom):
     """The pixels of a tile, as begin and end, whose rows an ellipse meets."""
     first, end = _rows(ellipses, i, top, bottom)
     return np.uint64((first - top) * TILE_WIDTH), np.uint64((max(end, first) - top) * TILE_WIDTH)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pixels(low, high, first, end):
     """Pixels in first..end - 1 whose centre is in low..high, as begin and end; the slack of the reach covers rounding."""
     low, high = max(low, first), min(high, end)
     return max(first, math.ceil(low - 0.5)), min(end, math.floor(high + 0.5))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _rows(ellipses, i, top, bottom):
     """Rows of pixels in top..bottom - 1 that an ellipse meets, as begin and end."""
     half = math.sqrt(ellipses[i, REACH] * ellipses[i, CONIC_XX] / ellipses[i, DETERMINANT])
     return _pixels(ellipses[i, CENTRE_Y] - half, ellipses[i, CENTRE_Y] + half, top, bottom)
 
 
-@njit(cache=True)
-def _rectangle(ellipses, i, height, width):
-    """First and end row and column of the tiles that an ellipse's bounding box meets."""
+@njit(cache=True, error_model="numpy")
+def _fill_rectangle(ellipses, i, height, width, rectangles):
+    """First and end row and column of the tiles that an ellipse's bounding box meets.
+
+    Number by number: for a tuple that becomes a row, Numba compiles the text of an error for two seconds.
+    """
+    for side in range(4):
+        rectangles[i, side] = 0
     if ellipses[i, REACH] < 0:
-        return 0, 0, 0, 0
+        return
     half = math.sqrt(ellipses[i, REACH] * ellipses[i, CONIC_YY] / ellipses[i, DETERMINANT])
     top, bottom = _rows(ellipses, i, 0, height)
     left, right = _pixels(ellipses[i, CENTRE_X] - half, ellipses[i, CENTRE_X] + half, 0, width)
-    if top >= bottom or left >= right:
-        return 0, 0, 0, 0
-    return (
-        top // TILE_HEIGHT,
-        (bottom - 1) // TILE_HEIGHT + 1,
-        left // TILE_WIDTH,
-        (right - 1) // TILE_WIDTH + 1,
-    )
+    if top < bottom and left < right:
+        rectangles[i, 0], rectangles[i, 1] = top // TILE_HEIGHT, (bottom - 1) // TILE_HEIGHT + 1
+        rectangles[i, 2], rectangles[i, 3] = left // TILE_WIDTH, (right - 1) // TILE_WIDTH + 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tile_rows(rectangles, i, width, first, end):
     """Rows of tiles of an ellipse's rectangle, as begin and end, that have some of the tiles first..end - 1."""
     columns = -(-width // TILE_WIDTH)
     return max(rectangles[i, 0], first // columns), min(rectangles[i, 1], -(-end // columns))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
     """Tiles of one row that an ellipse meets, as begin and end, of the tiles first..end - 1."""
     left, right = _tile_columns(ellipses, i, rectangles, tile_row, width)
@@ -477,7 +478,7 @@ def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
     return max(start + left, first), min(start + right, end)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tile_columns(ellipses, i, rectangles, tile_row, width):
     """Tiles of one row that an ellipse meets, as begin and end: exact, since both ellipse and row are convex.
 

@@ -82,7 +82,7 @@ def test_all_files_appear_and_the_table_is_printed(done: tuple[Path, str]):
     assert len(report["method"]["sha256"]) == 64
     for part in (
         "noise, 2 views",
-        "nearest context copied",
+        "oracle: nearest input view's true labels",
         "warped with true depth",
         "most frequent class",
         "mIoU/image",
@@ -143,7 +143,7 @@ def test_compare_puts_reports_of_different_data_below_each_other(done: tuple[Pat
     lines = [line.split("  ")[0].strip() for line in told.splitlines()]
     assert "noise on room (1 scene), 2 views" in lines
     assert "noise on house (1 scene), 3 views" in lines
-    assert told.count("nearest context copied") >= 4
+    assert told.count("oracle: nearest input view's true labels") >= 4
     assert "not comparable with each other" in told
 
 

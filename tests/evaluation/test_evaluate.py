@@ -286,7 +286,7 @@ def test_a_score_below_the_copy_is_marked(plan: Plan, tmp_path: Path):
     first = dict(zip(grid.head, grid.rows[0], strict=True))
     assert first["acc."].marked == ("accuracy" in found.numbers["below_copy"])
     assert any(cell.marked for cell in grid.rows[0])
-    assert "worse than copying the nearest context" in " ".join(notes(plan, plan.scenes, rows, 0))
+    assert "worse than the oracle that copies the nearest input view" in " ".join(notes(plan, plan.scenes, rows, 0))
 
 
 def test_reports_of_other_frames_sizes_or_truth_are_not_compared(plan: Plan, make_scene: MakeScene, tmp_path: Path):
@@ -314,7 +314,7 @@ def test_tables_of_several_reports(plan: Plan, tmp_path: Path):
     ]
     paper = paper_grid(reports)
     assert [row[0].text for row in paper.rows] == [
-        "oracle (poor)", "oracle (good)", "nearest context copied", "warped with true depth", "most frequent class",
+        "oracle (poor)", "oracle (good)", "oracle: nearest input view's true labels", "warped with true depth", "most frequent class",
     ]  # fmt: skip
     assert paper.groups == (("2 input views", 4), ("3 input views", 4))
     assert paper.rules == (2,)
@@ -336,11 +336,11 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
     assert page.count('class="bars"') == page.count('class="matrix"') == 2
     assert page.count('class="gallery"') == 10
     for text in (
-        "oracle on scenes", "Best 1: ", "Worst 1: ", "nearest context copied", "known by heart", "0" * 64, "attic",
+        "oracle on scenes", "Best 1: ", "Worst 1: ", "oracle: nearest input view&#39;s true labels", "known by heart", "0" * 64, "attic",
         "mIoU from 2 views", "bootstrap over frames", "depth error", "PSNR",
     ):  # fmt: skip
         assert text in page, text
-    assert "<script" not in page
+    assert page.count("<script") == page.count("<script>") == 1
     assert "http" not in page
 
 

@@ -16,6 +16,8 @@ from semgs.figures.page import (
     Gallery,
     Headline,
     Legend,
+    Link,
+    Links,
     Matrix,
     Notes,
     Picture,
@@ -23,7 +25,6 @@ from semgs.figures.page import (
     Section,
     Table,
     html_page,
-    percent,
 )
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -64,6 +65,7 @@ def page() -> str:
                     Scale(Picture(pixels, "bar"), ("0.5 m", "9 m"), "depth"),
                     Gallery("a.jpg", "frame 3", (Picture(pixels, "photo"), Picture(pixels, "render"))),
                     Table(("view", "PSNR"), (("a", "20"), ("b", "30"))),
+                    Links((Link("renders/", "pictures"),)),
                 ),
             ),
         ],
@@ -78,21 +80,59 @@ def test_the_page_is_well_formed_and_says_everything_with_markup_escaped() -> No
     assert parser.open == []
     text = " ".join(" ".join(parser.text).split())
     for part in (
-        "Room <1>", "a lead & more", "21.3 dB", "Mind the gap.", "chair", "25.0 %", "unseen", "10.0 %", "9 m", "made here",
+        "Room <1>", "a lead & more", "21.3 dB", "Mind the gap.", "chair", "25 %", "unseen", "10 %", "9 m", "made here",
     ):  # fmt: skip
         assert part in text
     assert "<1>" not in page()
 
 
-def test_the_page_loads_nothing_and_runs_nothing() -> None:
+def test_the_page_loads_nothing() -> None:
+    """All that is not in the page is what the reader may click on; its one script is inside."""
     html = page()
-    sources = re.findall(r'(?:src|href)="([^"]*)"', html)
+    sources = re.findall(r'src="([^"]*)"', html)
     assert sources
     assert all(source.startswith("data:image/png;base64,") for source in sources)
-    assert "<script" not in html
-    assert "http" not in html
-    assert "@import" not in html
-    assert "url(" not in html
+    assert re.findall(r'href="([^"]*)"', html) == ["renders/"]
+    assert re.findall(r"<script[^>]*>", html) == ["<script>"]
+    for word in ("http", "@import", "url(", "fetch(", "import("):
+        assert word not in html, word
+
+
+def test_files_are_links_relative_to_the_page() -> None:
+    assert '<dt><a href="renders/">renders/</a></dt><dd>pictures</dd>' in page()
+
+
+def folded(html: str) -> list[str]:
+    """The text of each closed part of a page: its line, then what opening it shows."""
+    found = re.findall(r"<details[^>]*>(.*?)</details>", html, re.DOTALL)
+    return [" ".join(re.sub(r"<[^>]*>", " ", part).split()) for part in found]
+
+
+def test_classes_below_one_percent_are_one_line_that_opens() -> None:
+    shares = (("wall", 0.975), ("sofa", 0.01), ("bed", 0.009), ("sink", 0.006))
+    legend = Legend(tuple(LegendEntry(name, (1, 2, 3), share) for name, share in shares))
+    html = html_page("t", "l", [], [Section("s", "", (legend,))], "f")
+    assert folded(html) == ["2 classes below 1 % bed under 1 % sink under 1 %"]
+    assert html.index("sofa") < html.index("<details")
+    one = Legend((LegendEntry("bed", (1, 2, 3), 0.009),))
+    assert folded(html_page("t", "l", [], [Section("s", "", (one,))], "f")) == ["1 class below 1 % bed under 1 %"]
+    bars = Bars((Bar("wall", (1, 2, 3), 0.5, "0.50"),), rare=(Bar("bed", (1, 2, 3), 0.25, "0.25"),))
+    assert folded(html_page("t", "l", [], [Section("s", "", (bars,))], "f")) == ["1 class below 1 % bed 0.25"]
+
+
+def test_further_pictures_of_a_view_are_folded_and_belong_to_it() -> None:
+    pixels = np.zeros((5, 7, 3), np.uint8)
+    views = [
+        Gallery(name, "", (Picture(pixels, "photo"), Picture(pixels, "depth")), (Picture(pixels, "measured depth"),))
+        for name in ("a.jpg", "b.jpg")
+    ]
+    html = html_page("t", "l", [], [Section("s", "", tuple(views))], "f")
+    assert folded(html) == ["Measured depth measured depth"] * 2
+    first, second = html.split('<div class="view">')[1:]
+    for part, name in ((first, "a.jpg"), (second, "b.jpg")):  # what the arrow keys go through
+        assert re.findall(r'alt="([^"]+)" data-view="([^"]+)"', part) == [
+            ("photo", name), ("depth", name), ("measured depth", name),
+        ]  # fmt: skip
 
 
 def test_pictures_are_inside_the_page_to_the_last_bit() -> None:
@@ -104,11 +144,6 @@ def test_pictures_are_inside_the_page_to_the_last_bit() -> None:
 def test_unseen_is_in_the_legend_only_where_something_is_unseen() -> None:
     seen = html_page("t", "l", [], [Section("s", "", (Legend(()),))], "f")
     assert "unseen" not in seen
-
-
-def test_small_shares_are_not_called_nothing() -> None:
-    assert percent(0.1234) == "12.3 %"
-    assert percent(0.0004) == "under 0.1 %"
 
 
 def test_bars_are_as_long_as_their_shares_with_ticks_where_they_have_one() -> None:

@@ -1,27 +1,61 @@
-import subprocess
-import sys
+import multiprocessing
+import threading
 
-KERNEL_THEN_COUNT = """
-import numpy as np, torch
-from semgs.geometry.compiled import numba_threads
-torch.set_num_threads(1)
-from numba import njit, prange, get_num_threads
+import pytest
+import torch
 
-@njit(parallel=True)
-def total(x):
-    s = 0.0
-    for i in prange(len(x)):
-        s += x[i]
-    return s
-
-with numba_threads():
-    assert get_num_threads() == 1, get_num_threads()
-    total(np.ones(10))
-assert torch.get_num_threads() == 1, torch.get_num_threads()
-"""
+from semgs.geometry.compiled import in_threads
 
 
-def test_a_compiled_kernel_leaves_torchs_number_of_threads():
-    """In a process of its own, since the first kernel starts the pool."""
-    done = subprocess.run([sys.executable, "-c", KERNEL_THEN_COUNT], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+@pytest.fixture
+def three_threads():
+    before = torch.get_num_threads()
+    torch.set_num_threads(3)
+    yield
+    torch.set_num_threads(before)
+
+
+def add_part(found: list[tuple[int, int]], part: int, parts: int) -> None:
+    found.append((part, parts))
+
+
+@pytest.mark.usefixtures("three_threads")
+def test_each_part_is_called_once_and_all_at_the_same_time() -> None:
+    together = threading.Barrier(3, timeout=20)  # passed by three threads at once or by none
+    found: list[tuple[int, int]] = []
+
+    def kernel(found: list[tuple[int, int]], part: int, parts: int) -> None:
+        together.wait()
+        add_part(found, part, parts)
+
+    in_threads(kernel, found)
+    assert sorted(found) == [(0, 3), (1, 3), (2, 3)]
+
+
+@pytest.mark.usefixtures("three_threads")
+def test_an_error_of_one_part_is_raised() -> None:
+    def kernel(part: int, parts: int) -> None:
+        if part == 1:
+            raise ValueError("the second part")
+
+    with pytest.raises(ValueError, match="the second part"):
+        in_threads(kernel)
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.usefixtures("three_threads")
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    in_threads(add_part, [])
+    parent, child = multiprocessing.Pipe()
+
+    def work() -> None:
+        found: list[tuple[int, int]] = []
+        in_threads(add_part, found)
+        child.send(sorted(found))
+
+    process = multiprocessing.get_context("fork").Process(target=work)
+    process.start()
+    assert parent.poll(20)
+    assert parent.recv() == [(0, 3), (1, 3), (2, 3)]
+    process.join(20)
+    assert process.exitcode == 0

@@ -11,7 +11,7 @@ from semgs.data.choice import given
 from semgs.data.scene import Scene
 from semgs.reconstruction.reconstruct import Network, reconstruct
 from semgs.reconstruction.report import Origin, outputs, report_numbers, rounded
-from semgs.reconstruction.report_page import decibels, length, report_page
+from semgs.reconstruction.report_page import report_page
 from semgs.reconstruction.score_table import score_lines, score_table
 from semgs.reconstruction.scores import ViewScores, mean_scores
 
@@ -20,7 +20,7 @@ SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
 
 
 def text_of(html: str) -> str:
-    return " ".join(re.sub(r"<[^>]*>", " ", re.sub(r"<style>.*?</style>", "", html, flags=re.DOTALL)).split())
+    return " ".join(re.sub(r"<[^>]*>", " ", re.sub(r"<(style|script)>.*?</\1>", "", html, flags=re.DOTALL)).split())
 
 
 def test_the_numbers_are_those_of_the_result(wall_scene: Callable[..., Scene], oracle: Network) -> None:
@@ -50,13 +50,13 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
     html = report_page(result, ORIGIN, SECONDS)
     text = text_of(html)
     for part in (
-        "images/00.png", "Held-out views", result.choice.reason, result.depth_range.reason, "0.5 m to 10 m", "metres",
+        "images/00.png", "Held-out views", result.choice.reason, result.depth_range.reason, "0.50 m to 10.00 m", "metres",
         "wall", "picture", "1.50 s", "semgs 9.9", "drawn from a hat", "semantics.ply", "transforms.json", "mIoU",
         "32x48 (height x width), read from 40x56",
     ):  # fmt: skip
         assert part in text, part
-    bar, own, held_out = 1, 2 * 6, 2 * 6
-    assert html.count("<img") == bar + own + held_out
+    bar, own, held_out, enlarged = 1, 2 * 7, 2 * 7, 1
+    assert html.count("<img") == bar + own + held_out + enlarged
     assert (text.count("true classes"), text.count("measured depth")) == (4, 4 + 1)  # once more in the reason
 
 
@@ -78,8 +78,8 @@ def test_the_scores_are_those_of_input_views_too_in_the_words_of_an_evaluation(
     means = mean_scores(result.context.scores)
     assert held_out.startswith("held-out views: mIoU/image ")
     assert own == (
-        f"input views: mIoU/image {means.miou:.3f}, acc./image {means.accuracy:.3f}, PSNR {means.psnr:.2f} dB, "
-        f"depth error {means.depth_abs_rel:.3f}"
+        f"input views: mIoU/image {means.miou:.2f}, acc./image {means.accuracy:.2f}, PSNR {means.psnr:.2f} dB, "
+        f"depth error {means.depth_abs_rel:.2f}"
     )
 
 
@@ -90,6 +90,27 @@ def test_where_much_is_not_seen_the_scores_over_the_seen_pixels_have_a_line_of_t
     result = reconstruct(scene, given(scene, [0, 1]), colour_oracle)
     lines = score_lines(replace(result, target=replace(result.context, scores=(ViewScores(9.7, 0.66, 19.1),) * 2)))
     assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, of which 66 % is seen: PSNR (seen) 19.10 dB"]
+
+
+def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene()
+    html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
+    assert re.findall(r"<h2>([^<]*)</h2>", html) == [
+        "Input views", "Held-out views", "Scores", "Files", "What was read and chosen", "Time",
+    ]  # fmt: skip
+    assert len(re.findall(r"<details>\s*<summary><h2>", html)) == 2
+    captions = [re.findall(r"<figcaption>([^<]+)</figcaption>", view) for view in html.split('<div class="view">')[1:]]
+    assert [view[1:4] for view in captions] == [["render", "classes", "depth"]] * 4
+    assert captions[0][0] == "photo (input)"
+    assert [view[4:] for view in captions] == [["true classes", "measured depth", "classes over the photo"]] * 4
+
+
+def test_all_files_but_the_page_itself_are_links(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene()
+    html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
+    assert re.findall(r'href="([^"]*)"', html) == [
+        "report.json", "gaussians.ply", "semantics.ply", "scene.safetensors", "renders/",
+    ]  # fmt: skip
 
 
 def test_where_the_unit_is_unknown_no_metre_is_mentioned(wall_scene: Callable[..., Scene], oracle: Network) -> None:
@@ -122,12 +143,7 @@ def test_without_held_out_views_the_page_has_no_such_part(wall_scene: Callable[.
     assert "Held-out views" not in text_of(report_page(result, ORIGIN, SECONDS))
 
 
-def test_numbers_as_text() -> None:
+def test_numbers_of_the_file_have_five_digits() -> None:
     assert rounded(1.23456789) == 1.2346
     assert rounded(float("inf")) is None
     assert rounded(None) is None
-    assert decibels(None) == "–"
-    assert decibels(float("inf")) == "equal"
-    assert decibels(21.234) == "21.23 dB"
-    assert length(0.5, True) == "0.5 m"
-    assert length(0.5, False) == "0.5"
