@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import fields
 from pathlib import Path
 
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import terms_text
+from semgs.files import folders
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
@@ -54,29 +55,13 @@ def claim(out: Path, settings: TrainingSettings) -> None:
     write_json(record, settings.as_json())
 
 
-@contextmanager
-def alone(out: Path) -> Iterator[None]:
+def alone(out: Path) -> AbstractContextManager[None]:
     """Be the only one that trains into a run folder, until the block or the process ends; where the system has no locks, hope so.
 
     Raises:
         InputError: another process trains into it.
     """
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        yield
-        return
-    with (out / SETTINGS).open("r+b") as record:
-        try:
-            fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(
-                out, "a run that nobody trains", "one that another process is training",
-                advice="end that first, or name another folder",
-            ) from error  # fmt: skip
-        except OSError:  # file systems without locks
-            pass
-        yield
+    return folders.alone(out / SETTINGS, "a run that nobody trains", "one that another process is training")
 
 
 def hold_assets(out: Path, folders: Sequence[str]) -> None:
