@@ -23,8 +23,11 @@ _REFUSED = (
 )  # fmt: skip
 """What a system may refuse to any program: none of it is a fault of ours."""
 
-_NO_MEMORY = ("can't allocate memory", "cannot allocate memory", "failed to allocate", "not enough memory", "can't start new thread")
-"""How torch, OpenCV, the loader of libraries and Python say that there is no memory left, in lower case."""
+_NO_MEMORY = (
+    "can't allocate memory", "not enough memory", "cannot allocate memory (", "failed to allocate", "failed to map segment",
+    "can't start new thread",
+)  # fmt: skip
+"""How torch (the first three), OpenCV, the loader of libraries and Python say that no memory is left, in lower case."""
 
 
 class UsageError(Exception):

@@ -13,7 +13,7 @@ from semgs.files.text import printable
 class Plain(io.TextIOBase):
     """A stream that shows what commands print: control characters in names of files, scenes and classes are escaped."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO | io.TextIOBase) -> None:
         self._stream = stream
 
     @property

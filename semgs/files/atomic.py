@@ -32,7 +32,9 @@ def write_bytes(path: str | Path, data: bytes | bytearray | memoryview, *, durab
                 file.flush()
                 os.fsync(file.fileno())
         partial.replace(target)
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(target)
         # The first error is the one to tell; a disk that fails again while we tidy up must not hide it.
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)

@@ -40,3 +40,15 @@ def found_at(path: str | Path) -> Literal["a file", "a folder", "nothing there"]
         if error.errno == errno.ENAMETOOLONG:
             return "nothing there"
         raise InputError(path, "a path that can be followed", error.strerror or str(error)) from error
+
+
+def check_utf8(path: str | Path, library: str) -> None:
+    """Refuse a path whose name is no UTF-8, for a library that takes no other.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise InputError(path, f"a path in UTF-8, as {library} needs it", "other bytes", advice="rename it") from error

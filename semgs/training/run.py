@@ -13,6 +13,7 @@ from semgs.data.terms import terms_text
 from semgs.files import folders
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
+from semgs.files.paths import check_utf8
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches
@@ -35,8 +36,9 @@ def claim(out: Path, settings: TrainingSettings) -> None:
 
     Raises:
         ValueError: it holds a run of other settings; they are listed.
-        InputError: it holds something else.
+        InputError: it holds something else, or its path is no UTF-8.
     """
+    check_utf8(out, "TensorBoard")
     record = out / SETTINGS
     if record.exists():
         other = changed(settings, read_settings(out))

@@ -15,6 +15,7 @@ from safetensors.torch import save as to_bytes
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, readable
+from semgs.files.paths import check_utf8
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.weights import format1
@@ -101,6 +102,7 @@ def is_ours(path: str | Path) -> bool:
     Raises:
         InputError: it cannot be read.
     """
+    check_utf8(path, "safetensors")
     with readable(path):
         Path(path).open("rb").close()  # safetensors takes a file that it may not read for one that is not there
         try:
