@@ -57,7 +57,9 @@ def check_file(path: str | Path) -> None:
         partial.touch(exist_ok=False)
         partial.unlink()
     except OSError as error:
-        raise InputError(path, "a file that can be written", f"{error.strerror} ({target.absolute().parent})") from error
+        raise InputError(
+            path, "a file that can be written", f"{error.strerror} ({target.absolute().parent})"
+        ) from error
 
 
 def partial_name(target: Path) -> Path:

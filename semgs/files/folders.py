@@ -71,9 +71,7 @@ def alone(record: Path, expected: str, found: str) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise InputError(
-                record.parent, expected, found, advice="end that first, or name another folder"
-            ) from error
+            raise InputError(record.parent, expected, found, advice="end that first, or name another folder") from error
         except OSError:  # file systems without locks
             pass
         yield

@@ -49,8 +49,9 @@ def closed(tmp_path: Path) -> Path:
     return tmp_path / "closed"
 
 
-def test_every_command_that_writes_says_so_before_the_work_where_it_cannot(room: Path, closed: Path, told: Told) -> None:
-    # The weights are missing too, which is found after this.
+def test_every_command_that_writes_says_so_before_the_work_where_it_cannot(
+    room: Path, closed: Path, told: Told
+) -> None:
     for command in (
         ("reconstruct", room, "--weights", "random", "--out"),
         ("evaluate", "small", "--data", room, "--out"),
@@ -147,8 +148,16 @@ def test_no_memory_and_other_refusals_have_a_line_and_faults_of_ours_have_none()
             allocate()
         assert line_for(caught.value) == memory
     assert line_for(OSError(errno.EIO, "Input/output error", "a.png")) == "a.png: Input/output error"
-    assert line_for(OSError(errno.ENOSPC, "No space left on device")) == "the disk is full; free some space or write elsewhere"
-    for fault in (ValueError("a fault"), RuntimeError("a fault"), ImportError("a fault"), FileNotFoundError(errno.ENOENT, "gone")):
+    assert (
+        line_for(OSError(errno.ENOSPC, "No space left on device"))
+        == "the disk is full; free some space or write elsewhere"
+    )
+    for fault in (
+        ValueError("a fault"),
+        RuntimeError("a fault"),
+        ImportError("a fault"),
+        FileNotFoundError(errno.ENOENT, "gone"),
+    ):
         assert line_for(fault) is None
 
 
@@ -206,7 +215,10 @@ def test_a_closed_stream_is_no_error(redirected: str) -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
 def test_a_full_disk_behind_stdout_is_told_once() -> None:
     done = run_process(VERSION, ">/dev/full")
-    assert (done.returncode, done.stderr) == (2, b"semgs: error: the disk is full; free some space or write elsewhere\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        b"semgs: error: the disk is full; free some space or write elsewhere\n",
+    )
 
 
 def test_letters_that_the_terminals_encoding_lacks_are_escaped() -> None:

@@ -196,7 +196,9 @@ def test_where_nothing_can_be_written_is_told_before_the_work(tmp_path: Path) ->
     (tmp_path / "kept").chmod(0o500)
     with permissions_hold():
         for path in (tmp_path / "closed" / "out", tmp_path / "closed" / "deep" / "er", tmp_path / "kept" / "out"):
-            with pytest.raises(InputError, match=r"a folder that can be made, found Permission denied \(.*(closed|kept)\)$"):
+            with pytest.raises(
+                InputError, match=r"a folder that can be made, found Permission denied \(.*(closed|kept)\)$"
+            ):
                 check_folder(path, overwrite=True)
         with pytest.raises(InputError, match="found Permission denied"):
             check_writable(tmp_path / "closed")
@@ -235,7 +237,10 @@ def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
     ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
-        with pytest.raises(InputError, match="expected a quiet folder, found a busy one"), alone(record, "a quiet folder", "a busy one"):
+        with (
+            pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
+            alone(record, "a quiet folder", "a busy one"),
+        ):
             raise AssertionError("both have it")
         other.kill()
     with alone(record, "a quiet folder", "a busy one"):

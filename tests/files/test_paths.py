@@ -37,11 +37,19 @@ def test_a_missing_folder_is_told_without_torch():
 def test_what_is_at_a_path_is_told_whatever_the_path(tmp_path):
     (tmp_path / "file").touch()
     (tmp_path / "closed").mkdir(mode=0o600)
-    expected = {"": "a folder", "file": "a file", "file/below": "nothing there", "none": "nothing there", "n" * 256: "nothing there"}
+    expected = {
+        "": "a folder",
+        "file": "a file",
+        "file/below": "nothing there",
+        "none": "nothing there",
+        "n" * 256: "nothing there",
+    }
     assert {name: found_at(tmp_path / name) for name in expected} == expected
     with permissions_hold():
         assert found_at(tmp_path / "closed") == "a folder"
-        with pytest.raises(InputError, match="closed/file: expected a path that can be followed, found Permission denied"):
+        with pytest.raises(
+            InputError, match="closed/file: expected a path that can be followed, found Permission denied"
+        ):
             found_at(tmp_path / "closed" / "file")
 
 
