@@ -49,11 +49,12 @@ def line_for(error: Exception) -> str | None:
 
 def _refused(error: OSError) -> str:
     """The line for what the system refuses: which file, why, and what may help."""
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    reason = "the disk is full" if full else f"{error.strerror}"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        place = "" if error.filename is None else f" ({error.filename})"
+        return f"the disk is full{place}; {_ADVICE[error.errno]}"
     place = "" if error.filename is None else f"{error.filename}: "
     advice = _ADVICE.get(error.errno or 0)
-    return f"{place}{reason}; {advice}" if advice else f"{place}{reason}"
+    return f"{place}{error.strerror}; {advice}" if advice else f"{place}{error.strerror}"
 
 
 @contextmanager
