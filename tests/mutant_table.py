@@ -50,6 +50,7 @@ LOSSES = "semgs/objectives/losses.py"
 DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
+FOLDERS = "semgs/files/folders.py"
 CHOICE = "semgs/data/choice.py"
 COVISIBILITY = "semgs/data/covisibility.py"
 VIEW_SCORES = "semgs/reconstruction/scores.py"
@@ -869,5 +870,36 @@ MUTANTS = (
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,
         "[view.depth_error for view in views], pixels_seen)", "[view.depth_error for view in views])", OF_VIEW_SCORES,
+    ),
+    # What the system does meanwhile
+    Mutant(
+        "an old folder loses its name before the new one has it", FOLDERS,
+        "if _exchange(staging, target):", "if False:",
+        ("tests/files/test_folders.py::test_a_kill_right_after_the_first_rename_leaves_a_whole_folder_under_the_name",),
+    ),
+    Mutant(
+        "two processes may have one folder", FOLDERS,
+        "fcntl.LOCK_EX", "fcntl.LOCK_SH",
+        ("tests/files/test_folders.py::test_one_process_at_a_time_has_a_folder",),
+    ),
+    Mutant(
+        "a mount point is found after the work", FOLDERS,
+        "if target.is_mount():", "if False:",
+        ("tests/files/test_folders.py::test_a_mount_point_is_told_before_the_work",),
+    ),
+    Mutant(
+        "a request to end counts as wrong arguments", "semgs/cli/arguments.py",
+        "if leaving.code != REFUSED:", "if leaving.code in (None, 0):",
+        ("tests/cli/test_refused_by_the_system.py::test_a_request_to_end_while_arguments_are_parsed_is_none_of_the_arguments",),
+    ),
+    Mutant(
+        "names reach the terminal as they are", "semgs/cli/main.py",
+        "redirect_stdout(Plain(sys.stdout))", "redirect_stdout(sys.stdout)",
+        ("tests/cli/test_refused_by_the_system.py::test_hostile_names_reach_neither_terminal_nor_report",),
+    ),
+    Mutant(
+        "weights that may not be read count as somebody else's", "semgs/weights/file.py",
+        'Path(path).open("rb").close()', "pass",
+        ("tests/cli/test_refused_by_the_system.py::test_what_may_not_be_read_is_named",),
     ),
 )  # fmt: skip

@@ -16,6 +16,9 @@ from semgs.cli.errors import UsageError
 
 Options = TypeVar("Options")
 
+REFUSED = 2
+"""The exit code with which tyro refuses arguments."""
+
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Sides of the pictures that can be asked for [px]."""
 
@@ -30,15 +33,15 @@ def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Option
 
     Raises:
         UsageError: an option is unknown (the nearest one is named), missing or has an impossible value.
-        SystemExit: with 0, after `--help`.
+        SystemExit: with 0, after `--help`; or as a signal asks for it meanwhile.
     """
     told = io.StringIO()
     try:
         with redirect_stderr(told):
             return _parsed(options, name, arguments)
     except SystemExit as leaving:
-        if leaving.code in (None, 0):
-            raise
+        if leaving.code != REFUSED:
+            raise  # after --help; or the process was asked to end meanwhile
         message = _mistyped(options, name, arguments, told.getvalue()) or _one_line(told.getvalue())
         raise UsageError(f"{message}; see semgs {name} --help") from None
 

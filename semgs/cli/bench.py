@@ -12,7 +12,7 @@ import tyro
 from semgs.bench.rows import Row, chosen_rows, every_row
 from semgs.cli.errors import UsageError
 from semgs.cli.progress import show_progress, show_stage
-from semgs.files.errors import InputError
+from semgs.files.atomic import check_file
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,8 @@ class Bench:
             UsageError: a row is unknown, or options exclude each other.
         """
         rows = self._rows()
-        if self.json is not None and not self.json.absolute().parent.is_dir():
-            raise InputError(self.json, "a file in an existing folder", "no such folder")
-        if self.json is not None and self.json.is_dir():
-            raise InputError(self.json, "a file to write", "a folder")
+        if self.json is not None:
+            check_file(self.json)
         with show_stage("Starting"):
             import torch
 

@@ -13,6 +13,7 @@ from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.evaluate import check_protocol, labelled_scenes, plan_of
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
@@ -110,6 +111,8 @@ class Calibrate:
         for file in (self.out, self.plot):
             if file is not None and file.exists():
                 raise InputError(file, "a file that is not there yet", "one that is", advice="choose another name")
+            if file is not None:
+                check_file(file)
 
 
 def _grid(found: Mapping[str, Calibration], data: str) -> Grid:

@@ -1,8 +1,10 @@
-"""The command `semgs`: finds the command that was named, runs it, turns errors of input into one line and exit code 2."""
+"""The command `semgs`: finds the command that was named, runs it, turns errors of input into one line and exit code 2.
+
+Only light modules are imported here: a Ctrl-C while the others are is caught like any later one.
+"""
 
 from __future__ import annotations
 
-import errno
 import os
 import select
 import signal
@@ -10,23 +12,20 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 from semgs import __version__
-from semgs.cli.arguments import nearest, parse
-from semgs.cli.errors import UsageError
-from semgs.files.errors import InputError
-from semgs.reconstruction.allocator import keep_freed_memory
+from semgs.cli.errors import UsageError, line_for
+from semgs.cli.terminal import Plain, open_streams
+from semgs.files.text import printable
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
 NOBODY_READS = 128 + 13  # SIGPIPE, which some systems do not know
-
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
@@ -77,39 +76,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process, which is the program then and keeps what memory it frees.
 
     Returns:
-        0; 2 after input that cannot be used, an extra that is not installed or a full disk; 130 and 143 after an interrupt and a request to end;
-        141 where nobody reads on, as before `| head`. Faults of ours raise.
+        0; 2 after input that cannot be used, an extra that is not installed, or something that the system refuses (a full disk, no permission,
+        no memory); 130 and 143 after an interrupt and a request to end; 141 where nobody reads on, as before `| head`. Faults of ours raise.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments is None:
-        keep_freed_memory()
     try:
         with _ended_like_interrupted(), _own_warnings_on_one_line():
+            if arguments is None:
+                open_streams()
+                from semgs.reconstruction.allocator import keep_freed_memory
+
+                keep_freed_memory()
             code = _run(given)
             sys.stdout.flush()
             return code
-    except (InputError, UsageError) as error:
-        return _refuse(str(error))
-    except ImportError as error:
-        if "pip install" not in str(error):
-            raise
-        return _refuse(str(error))  # of an extra that the input needs
-    except BrokenPipeError:
-        if not _closed(sys.stdout.fileno()):
-            raise
-        # What is left in the buffer goes nowhere when Python ends, instead of failing once more.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return NOBODY_READS
-    except OSError as error:
-        if error.errno not in _DISK_FULL:
-            raise
-        where = f" ({error.filename})" if error.filename else ""
-        return _refuse(f"the disk is full{where}; free some space or write elsewhere")
     except KeyboardInterrupt:
         print("semgs: interrupted", file=sys.stderr)
         return INTERRUPTED
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0
+    except BrokenPipeError:
+        if not _closed(sys.stdout.fileno()):
+            raise
+        _settle_output()
+        return NOBODY_READS
+    except Exception as error:
+        line = line_for(error)
+        if line is None:
+            raise
+        _settle_output()
+        return _refuse(line)
+
+
+def _settle_output() -> None:
+    """Where stdout takes no more, let what is left in its buffer go nowhere when Python ends, instead of failing once more."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _closed(output: int) -> bool:
@@ -138,10 +142,16 @@ def _run(arguments: list[str]) -> int:
         print(f"semgs {__version__}")
         return 0
     if name not in COMMANDS:
+        from semgs.cli.arguments import nearest
+
         advice = nearest(name, COMMANDS) or f"; expected one of {', '.join(COMMANDS)}"
         raise UsageError(f"unknown command {name!r}{advice}; see semgs --help")
+    from semgs.cli.arguments import parse
+
     command = COMMANDS[name]
-    parse(getattr(import_module(command.module), command.options), name, rest).run()
+    options = parse(getattr(import_module(command.module), command.options), name, rest)
+    with redirect_stdout(Plain(sys.stdout)):
+        options.run()
     return 0
 
 
@@ -165,7 +175,7 @@ def _help() -> str:
 
 def _refuse(line: str) -> int:
     """Tell why, on one line."""
-    print("semgs: error: " + " ".join(line.split()), file=sys.stderr)
+    print(f"semgs: error: {printable(' '.join(line.split()))}", file=sys.stderr)
     return BAD_INPUT
 
 
@@ -176,7 +186,7 @@ def _own_warnings_on_one_line() -> Iterator[None]:
 
     def shown(message: Warning | str, category: type[Warning], *place: Any) -> str:
         own = category.__module__.startswith("semgs.")
-        return f"semgs: {message}\n" if own else usual(message, category, *place)
+        return f"semgs: {printable(str(message))}\n" if own else usual(message, category, *place)
 
     warnings.formatwarning = shown  # type: ignore[assignment]
     try:

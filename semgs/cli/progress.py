@@ -10,6 +10,8 @@ from time import perf_counter
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from semgs.files.text import printable
+
 
 @contextmanager
 def show_stage(title: str) -> Iterator[None]:
@@ -22,6 +24,7 @@ def show_stage(title: str) -> Iterator[None]:
         yield
         return
     start = perf_counter()
+    title = printable(title)
     with console.status(title, spinner="dots"):
         yield
     console.print(f"{title}  {perf_counter() - start:.1f} s", style="dim", soft_wrap=True)
@@ -38,6 +41,7 @@ def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
         yield lambda count: None
         return
     start = perf_counter()
+    title = printable(title)
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TextColumn("time left"), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(title, total=total)

@@ -12,6 +12,7 @@ import tyro
 from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress
+from semgs.files.atomic import check_file
 from semgs.rooms.style import Renders, Style
 
 if TYPE_CHECKING:
@@ -107,8 +108,8 @@ class Rooms:
             raise UsageError(f"--workers is {self.workers}; expected 0 or more")
         if self.sheet is not None and self.sheet.suffix.lower() != ".png":
             raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
-        if self.sheet is not None and (self.sheet.is_dir() or not self.sheet.absolute().parent.is_dir()):
-            raise UsageError(f"--sheet is {self.sheet}; expected a file in a folder that is there")
+        if self.sheet is not None:
+            check_file(self.sheet)
 
     def _check_installed(self) -> None:
         """Refuse to trace where that cannot work, before anything is written."""

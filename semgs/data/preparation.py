@@ -17,7 +17,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import secrets
+import re
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -35,6 +35,7 @@ from semgs.data.prepared_record import RECORD
 from semgs.data.scene import Scene
 from semgs.data.terms import terms_of
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views, reframed
+from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError
 from semgs.files.pictures import png_bytes
 
@@ -91,7 +92,7 @@ def prepare_scene(
         OSError: the disk is full.
     """
     frames = _kept(scene, settings)
-    partial = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    partial = partial_name(target)
     try:
         with partial.open("xb") as file:
             record = _fill(file, scene, frames, settings, done)
@@ -201,6 +202,7 @@ def fingerprint(scene: Scene) -> dict[str, Any]:
 def _stems(frames: Sequence[Frame]) -> list[str]:
     """The names of the frames' files: that of the picture without folder and ending, with its folders where that comes twice."""
     names = [frame.name.replace("\\", "/").rpartition(".")[0] or frame.name for frame in frames]
+    names = [re.sub("[\ud800-\udfff]", "_", name) for name in names]  # bytes that are no UTF-8, which an archive wants
     for choice in ([name.rpartition("/")[2] for name in names], [name.replace("/", "_") for name in names]):
         if len(set(choice)) == len(choice):
             return choice
@@ -280,5 +282,5 @@ def _write(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
 
 
 def _json(content: dict[str, Any]) -> bytes:
-    """A JSON file's bytes."""
-    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    """A JSON file's bytes; lone surrogates, of names that are no UTF-8, become JSON's own escapes."""
+    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(errors="backslashreplace")

@@ -14,6 +14,7 @@ import shutil
 import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from semgs.data.scenes import open_scenes, scene_paths
 from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_json, write_text
 from semgs.files.errors import InputError
+from semgs.files.folders import alone, check_writable
 from semgs.files.hashes import sha256
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
@@ -139,11 +141,43 @@ def prepare_set(
 
     Raises:
         ValueError: the folder holds scenes of other settings.
-        InputError: the folder holds something else, or no scene could be prepared (the first one's error).
+        InputError: the folder holds something else, another process is filling it, or no scene could be prepared (the first one's error).
         OSError: the disk is full.
     """
     check(out, settings, reading)
-    _claim(out, settings, reading)
+    out.mkdir(parents=True, exist_ok=True)
+    if not (out / SETTINGS).is_file():
+        write_json(out / SETTINGS, _settings(settings, reading))
+    with _alone(out):
+        for path in out.glob(".*.zip.*.part"):  # archives that were cut short
+            path.unlink(missing_ok=True)
+        failed = _prepared(out, found, settings, reading, workers, done, frame_done)
+        return _write_index(out, settings, reading, failed)
+
+
+def _alone(out: Path) -> AbstractContextManager[None]:
+    """Be the only one that prepares into a folder.
+
+    Raises:
+        InputError: another process does.
+    """
+    return alone(out / SETTINGS, "a folder that nobody prepares scenes into", "one that another process is filling")
+
+
+def _prepared(
+    out: Path,
+    found: Sequence[Source],
+    settings: Preparation,
+    reading: Reading,
+    workers: int,
+    done: Callable[[int], None],
+    frame_done: Callable[[int], None] | None,
+) -> dict[str, InputError]:
+    """Prepare the scenes that are not there yet; those that could not be, and why.
+
+    Raises:
+        InputError: none could be (the first one's error).
+    """
     crew = min(workers, len(found)) if frame_done is None else 0
     work = iter(
         DataLoader(
@@ -171,7 +205,7 @@ def prepare_set(
         del work  # ends the workers now, even if the error is kept for long
     if not entries:
         raise next(iter(failed.values()))
-    return _write_index(out, settings, reading, failed)
+    return failed
 
 
 def check(out: Path, settings: Preparation, reading: Reading) -> None:
@@ -179,7 +213,7 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
 
     Raises:
         ValueError: it holds scenes of other settings, which are told.
-        InputError: it holds something else.
+        InputError: it holds something else, nothing can be written there, or another process is filling it.
     """
     record, wanted = out / SETTINGS, _settings(settings, reading)
     if not record.is_file():
@@ -187,6 +221,7 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
             raise InputError(
                 out, "a new or empty folder, or one to go on with", "something else", advice="name another folder"
             )
+        check_writable(out)
         return
     try:
         there = json.loads(record.read_text(encoding="utf-8"))
@@ -199,15 +234,8 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
         raise ValueError(
             f"{out} holds scenes of other settings: {'; '.join(other)}; give the same ones or name another folder"
         )
-
-
-def _claim(out: Path, settings: Preparation, reading: Reading) -> None:
-    """Make a folder that was checked a prepared set, and clear away archives of it that were cut short."""
-    out.mkdir(parents=True, exist_ok=True)
-    if not (out / SETTINGS).is_file():
-        write_json(out / SETTINGS, _settings(settings, reading))
-    for path in out.glob(".*.zip.*.part"):
-        path.unlink(missing_ok=True)
+    with _alone(out):
+        check_writable(out)
 
 
 def _settings(settings: Preparation, reading: Reading) -> dict[str, Any]:

@@ -11,6 +11,7 @@ Whether a training has seen a scene is a question of rooms, not of scans: scene0
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -106,7 +107,7 @@ def held_out(names: Iterable[str], count: int = HELD_OUT) -> frozenset[str]:
 
     The rule knows neither the order of a list nor what the scenes show, and another release of a data set changes little of it.
     """
-    return frozenset(sorted(set(names), key=lambda name: hashlib.sha256(name.encode()).hexdigest())[:count])
+    return frozenset(sorted(set(names), key=lambda name: hashlib.sha256(os.fsencode(name)).hexdigest())[:count])
 
 
 def first_without(names: Sequence[str], tested: Iterable[str], count: int) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from semgs.data.layouts import colmap, frame_files, replica, rgbd, ros_bag, scan
 from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder
 
 
@@ -101,9 +101,10 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_
     check_readings(as_peers)
     path = Path(path).expanduser()
     existing_folder(path)
-    scene = _opened(path, as_peers, asked, needs_labels)
-    if scene is None:
-        raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
+    with readable(path):
+        scene = _opened(path, as_peers, asked, needs_labels)
+        if scene is None:
+            raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
     return scene
 
 
@@ -126,7 +127,9 @@ def open_scenes(
     """
     check_readings(as_peers)
     told = asked or Asked()
-    scenes = tuple(scene for one in scene_paths(path, wanted) if (scene := _opened(one, as_peers, told)) is not None)
+    paths = scene_paths(path, wanted)
+    with readable(path):
+        scenes = tuple(scene for one in paths if (scene := _opened(one, as_peers, told)) is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -141,7 +144,8 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
     Raises:
         InputError: nothing is there, no scene, or not one that is wanted.
     """
-    found = _found(Path(path).expanduser())
+    with readable(path):
+        found = _found(Path(path).expanduser())
     if wanted is None:
         return found
     chosen = set(wanted.choose(calls(Path(path), found), str(path)))

@@ -201,7 +201,7 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         "applied_transform": scene.applied_transform and [list(row) for row in scene.applied_transform],
         "applied_scale": scene.applied_scale,
     }
-    write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, ensure_ascii=False, allow_nan=False)}))
+    write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, allow_nan=False)}))
 
 
 def load_scene(path: str | Path) -> SavedScene:

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
@@ -13,6 +14,7 @@ from jaxtyping import UInt8
 from semgs.figures.classes import HATCH, LegendEntry
 from semgs.figures.numbers import percent
 from semgs.files.pictures import jpeg_bytes, png_bytes
+from semgs.files.text import printable
 
 QUALITY = 90
 """Of JPEGs in a page."""
@@ -220,8 +222,15 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     """
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, finalize=_shown, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(
         title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent
     )
+
+
+def _shown(value: Any) -> Any:
+    """A value as the page has it: text (but none that is HTML already) without control characters."""
+    return printable(value) if type(value) is str else value

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import errno
-import secrets
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from semgs.files.errors import InputError
+from semgs.files.atomic import partial_name
+from semgs.files.errors import InputError, readable
 
 MARK = ".semgs"
 """The file that tells a folder of ours from any other."""
@@ -18,7 +20,65 @@ _MARK_TEXT = "This folder was written by semgs, which replaces it as a whole whe
 
 
 def check_folder(path: str | Path, overwrite: bool = False) -> None:
-    """Say now whether `own_folder` would accept `path`, before long work is done for nothing.
+    """Say now whether `own_folder` could make `path`, before long work is done for nothing.
+
+    Raises:
+        InputError: as `own_folder`.
+    """
+    with readable(path):
+        _check_free(path, overwrite)
+        target = Path(path).resolve()
+        if target.is_mount():
+            raise _mounted(path)
+        nearest = next(parent for parent in target.parents if parent.exists())
+    trial = partial_name(nearest / target.name)
+    _make(path, trial)
+    trial.rmdir()
+
+
+def check_writable(path: str | Path) -> None:
+    """Say now whether files can be written into a folder that is there, or into one that is to be made.
+
+    Raises:
+        InputError: they cannot.
+    """
+    with readable(path):
+        nearest = next(one for one in (Path(path).absolute(), *Path(path).absolute().parents) if one.exists())
+    trial = partial_name(nearest / MARK)
+    _make(path, trial)
+    trial.rmdir()
+
+
+@contextlib.contextmanager
+def alone(record: Path, expected: str, found: str) -> Iterator[None]:
+    """Be the only process that works in a folder, until the block or the process ends; where the system has no locks, hope so.
+
+    Args:
+        record: a file in it, which is locked; it is made if it is not there.
+        expected: what the folder should be, for the message.
+        found: what it is if another process has the lock.
+
+    Raises:
+        InputError: another process has it.
+        OSError: the file cannot be written.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with record.open("ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(record.parent, expected, found, advice="end that first, or name another folder") from error
+        except OSError:  # file systems without locks
+            pass
+        yield
+
+
+def _check_free(path: str | Path, overwrite: bool) -> None:
+    """Refuse what must not be replaced.
 
     Raises:
         InputError: it is a file, a folder that is not ours, one of ours without `overwrite`, or the working folder.
@@ -71,51 +131,89 @@ def own_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         An empty folder beside `path`, on the same disk, that already bears the mark.
 
     Raises:
-        InputError: as `check_folder`; it cannot be made there; or it cannot be renamed (a mount point).
+        InputError: it is a file, a folder that is not ours, one of ours without `overwrite`, or the working folder; it cannot be
+            made there; or it cannot be renamed (a mount point).
         OSError: the disk is full.
     """
-    check_folder(path, overwrite)
-    target = Path(path).resolve()  # a link to one of ours stays, what it points to is replaced
-    token = secrets.token_hex(4)
-    staging = target.with_name(f".{target.name}.{token}.part")
-    try:
-        staging.parent.mkdir(parents=True, exist_ok=True)
-        staging.mkdir()
-    except OSError as error:
-        if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG):
-            raise InputError(path, "a folder that can be made", f"{error.strerror} ({staging.parent})") from error
-        raise
+    with readable(path):
+        _check_free(path, overwrite)
+        target = Path(path).resolve()  # a link to one of ours stays, what it points to is replaced
+    staging = partial_name(target)
+    _make(path, staging)
     try:
         (staging / MARK).write_text(_MARK_TEXT)
         yield staging
-        check_folder(path, overwrite)  # a long time may have passed
-        _swap(staging, target, target.with_name(f".{target.name}.{token}.old"))
+        _check_free(path, overwrite)  # a long time may have passed
+        _swap(staging, target)
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
         raise
 
 
-def _swap(staging: Path, target: Path, aside: Path) -> None:
-    """Give `staging` the name `target`; what had it is moved `aside`, then removed, or comes back if the rename fails.
+def _make(path: str | Path, folder: Path) -> None:
+    """Make a folder, and those above it, that is to become `path`.
+
+    Raises:
+        InputError: that cannot be.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir()
+    except OSError as error:
+        raise InputError(path, "a folder that can be made", f"{error.strerror} ({folder.parent})") from error
+
+
+def _swap(staging: Path, target: Path) -> None:
+    """Give `staging` the name `target`; what had it is removed, or keeps it if that fails.
+
+    The two exchange their names in one step where the system can, so that even a kill leaves one of them there. Elsewhere the old one
+    moves aside first, and comes back if the second rename fails.
 
     Raises:
         InputError: `target` cannot be moved, as a mount point cannot.
     """
-    existed = target.exists()
+    if not target.exists():
+        staging.replace(target)
+        return
     try:
-        if existed:
-            target.replace(aside)
+        if _exchange(staging, target):
+            shutil.rmtree(staging, ignore_errors=True)
+            return
+        aside = staging.with_suffix(".old")
+        target.replace(aside)
     except OSError as error:
         if error.errno in (errno.EBUSY, errno.EXDEV):
-            raise InputError(
-                target, "a folder that can be replaced", "a mount point", advice="name a folder inside it"
-            ) from error
+            raise _mounted(target) from error
         raise
     try:
         staging.replace(target)
     except BaseException:
-        if existed:
-            aside.replace(target)
+        aside.replace(target)
         raise
-    if existed:
-        shutil.rmtree(aside, ignore_errors=True)
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _mounted(path: str | Path) -> InputError:
+    return InputError(path, "a folder that can be replaced", "a mount point", advice="name a folder inside it")
+
+
+_HERE, _EXCHANGE = -100, 2
+"""`AT_FDCWD` and `RENAME_EXCHANGE` of Linux."""
+
+
+def _exchange(first: Path, second: Path) -> bool:
+    """Exchange two names in one step (renameat2); False where the system or the file system cannot, and nothing was done.
+
+    Raises:
+        OSError: it can, and refuses.
+    """
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (AttributeError, OSError, TypeError):  # other systems, and old C libraries
+        return False
+    if rename(_HERE, os.fsencode(first), _HERE, os.fsencode(second), _EXCHANGE) == 0:
+        return True
+    number = ctypes.get_errno()
+    if number in (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP):
+        return False
+    raise OSError(number, os.strerror(number), str(first), None, str(second))

@@ -7,6 +7,7 @@ import re
 import shutil
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from semgs.data.terms import ATTRIBUTION
 from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_bytes, write_json
 from semgs.files.errors import InputError
+from semgs.files.folders import alone, check_writable
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution
 from semgs.rooms.scenes import ROOM, write_scene
@@ -100,7 +102,7 @@ def write_dataset(
 
     Raises:
         ValueError: the number of scenes or workers is too small, or the folder holds scenes of another recipe, or more scenes.
-        InputError: the folder is not ours, or a file of the assets cannot be read.
+        InputError: the folder is not ours, another process is filling it, or a file of the assets cannot be read.
         OSError: the disk is full.
         ImportError: embreex, or for traced scenes mitsuba, is not installed; names the extra that brings it.
     """
@@ -110,6 +112,21 @@ def write_dataset(
         )
     folder = Path(out)
     claim(folder, recipe, scenes)
+    with _alone(folder):
+        return _filled(folder, recipe, scenes, workers, done)
+
+
+def _alone(folder: Path) -> AbstractContextManager[None]:
+    """Be the only one that draws rooms into a folder.
+
+    Raises:
+        InputError: another process does.
+    """
+    return alone(folder / SETTINGS, "a folder that nobody draws rooms into", "one that another process is filling")
+
+
+def _filled(folder: Path, recipe: Recipe, scenes: int, workers: int, done: Callable[[int], None]) -> dict:
+    """Draw what is missing, and write the index; what it holds."""
     missing = [index for index in range(scenes) if not (folder / scene_name(index) / ROOM).is_file()]
     count = scenes - len(missing)
     done(count)
@@ -151,7 +168,7 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
 
     Raises:
         ValueError: it holds scenes of another recipe, which is told, or more of them.
-        InputError: it holds something else.
+        InputError: it holds something else, nothing can be written there, or another process is filling it.
     """
     record = folder / SETTINGS
     wanted = recipe.as_json()
@@ -162,8 +179,10 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
             raise ValueError(
                 f"{folder} holds {max(more)}, so more than the {scenes} scenes asked for; ask for as many or name another folder"
             )
-        for path in folder.glob(".scene_*.part"):
-            shutil.rmtree(path, ignore_errors=True)
+        with _alone(folder):
+            for path in folder.glob(".scene_*.part"):
+                shutil.rmtree(path, ignore_errors=True)
+            check_writable(folder)
         return
     if folder.exists() and not (folder.is_dir() and all(is_part_of(file, record) for file in folder.iterdir())):
         raise InputError(

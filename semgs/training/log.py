@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from semgs.files.atomic import write_text
+from semgs.files.text import printable
 from semgs.training.step import StepReport
 from semgs.training.validation import Verdict
 
@@ -167,7 +168,7 @@ def tell(console: Console | None, sentences: Iterable[str]) -> None:
     """Show sentences, where there is somewhere to show them."""
     if console is not None:
         for sentence in sentences:
-            console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+            console.print(printable(sentence), markup=False, highlight=False, soft_wrap=True)
 
 
 def memory_gb() -> float:

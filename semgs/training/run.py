@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import fields, replace
 from pathlib import Path
 
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import terms_text
+from semgs.files import folders
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
+from semgs.files.paths import check_utf8
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches
@@ -37,8 +39,9 @@ def claim(out: Path, settings: TrainingSettings) -> None:
 
     Raises:
         ValueError: it holds a run of other settings; they are listed.
-        InputError: it holds something else.
+        InputError: it holds something else, or its path is no UTF-8.
     """
+    check_utf8(out, "TensorBoard")
     record = out / SETTINGS
     if record.exists():
         there = read_settings(out)
@@ -72,29 +75,14 @@ def prolong(out: Path, settings: TrainingSettings) -> None:
         write_json(out / SETTINGS, replace(there, steps=settings.steps).as_json())
 
 
-@contextmanager
-def alone(out: Path) -> Iterator[None]:
+def alone(out: Path) -> AbstractContextManager[None]:
     """Be the only one that trains into a run folder, until the block or the process ends; where the system has no locks, hope so.
 
     Raises:
         InputError: another process trains into it.
     """
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        yield
-        return
-    with (out / LOCK).open("ab") as lock:  # not the settings, which are replaced when the run becomes longer
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(
-                out, "a run that nobody trains", "one that another process is training",
-                advice="end that first, or name another folder",
-            ) from error  # fmt: skip
-        except OSError:  # file systems without locks
-            pass
-        yield
+    # Not the settings, which are replaced when the run becomes longer.
+    return folders.alone(out / LOCK, "a run that nobody trains", "one that another process is training")
 
 
 def hold_assets(out: Path, folders: Sequence[str]) -> None:

@@ -14,7 +14,8 @@ from safetensors.torch import save as to_bytes
 
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, readable
+from semgs.files.paths import check_utf8
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.weights import format1
@@ -96,12 +97,19 @@ def _check_free(metadata: Mapping[str, str]) -> None:
 
 
 def is_ours(path: str | Path) -> bool:
-    """Whether a file is safetensors with our header."""
-    try:
-        with safe_open(path, "pt") as file:
-            return "semgs" in (file.metadata() or {})
-    except (OSError, SafetensorError):
-        return False
+    """Whether a file is safetensors with our header.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    check_utf8(path, "safetensors")
+    with readable(path):
+        Path(path).open("rb").close()  # safetensors takes a file that it may not read for one that is not there
+        try:
+            with safe_open(path, "pt") as file:
+                return "semgs" in (file.metadata() or {})
+        except SafetensorError:
+            return False
 
 
 def read_header(path: str | Path) -> Header:

@@ -12,6 +12,7 @@ import torch
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
+from semgs.files.paths import found_at
 from semgs.model import presets
 from semgs.model.build import build
 from semgs.model.semgs import SemGS
@@ -56,7 +57,7 @@ def load(
         InputError: the file cannot be read or fetched, or does not fit: the tensor or table is named.
         ImportError: a hub id is given and huggingface_hub is not installed.
     """
-    if weights is None and (is_hub_id(name) or Path(name).is_file()):
+    if weights is None and (is_hub_id(name) or found_at(name) == "a file"):
         name, weights = find(name)
     name = str(name)
     if name not in presets.NAMES:
@@ -70,8 +71,8 @@ def load(
     if str(weights) == "random":
         return _ready(drawn(presets.PRESETS[name](), seed, classes))
     path = _local(weights)
-    if not path.is_file():
-        raise InputError(path, "a file of weights", "nothing" if not path.exists() else "a folder")
+    if (found := found_at(path)) != "a file":
+        raise InputError(path, "a file of weights", found)
     if is_ours(path):
         return _ready(_ours(name, path, classes))
     return _ready(_mvsplats(name, path, seed, classes))
@@ -98,11 +99,9 @@ def find(weights: str | Path) -> tuple[str, Path]:
         if inside is None:
             raise ValueError(f'no weights ship for "{weights}"; name a file')
         return str(weights), inside
-    if not path.is_file():
+    if (found := found_at(path)) != "a file":
         names = [name for name in presets.NAMES if shipped(name)]
-        raise InputError(
-            path, f"a file of weights, or {' or '.join(names)}", "a folder" if path.is_dir() else "nothing"
-        )
+        raise InputError(path, f"a file of weights, or {' or '.join(names)}", found)
     return (read_header(path).settings.name if is_ours(path) else "mvsplat"), path
 
 

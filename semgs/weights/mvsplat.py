@@ -54,9 +54,9 @@ def read(path: Path) -> dict[str, torch.Tensor]:
             f"an object, {found[1]}" if found else "objects",
             advice="if you trust it, take its tensors out once: docs/reproduce.md has the line",
         ) from None  # fmt: skip
-    except Exception as error:  # torch raises many kinds on a broken or hostile archive
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(path, "a checkpoint that loads with weights_only=True", reason) from None
+    except Exception as error:  # torch raises many kinds on a broken or hostile archive; some advise to unpickle it
+        kind = "a TorchScript archive" if "TorchScript" in str(error) else f"a broken one ({type(error).__name__})"
+        raise InputError(path, "a checkpoint that loads with weights_only=True", kind) from None
     state = checkpoint.get("state_dict") if isinstance(checkpoint, dict) else None
     if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
         raise InputError(path, "a dictionary of tensors", "none", key="state_dict")

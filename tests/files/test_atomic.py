@@ -7,8 +7,10 @@ import signal
 from pathlib import Path
 
 import pytest
+from privileges import permissions_hold
 
-from semgs.files.atomic import write_bytes, write_json, write_text
+from semgs.files.atomic import check_file, write_bytes, write_json, write_text
+from semgs.files.errors import InputError
 
 
 def full_disk(*_: object, **__: object) -> None:
@@ -71,3 +73,28 @@ def test_a_new_file_has_the_rights_of_any_other(tmp_path: Path) -> None:
     write_text(tmp_path / "ours", "a")
     (tmp_path / "plain").write_text("a")
     assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_names_that_are_no_utf8_come_back_from_json_as_they_were(tmp_path: Path) -> None:
+    name = os.fsdecode(b"caf\xe9.png")
+    write_json(tmp_path / "a.json", {"frame": name})
+    assert b'"caf\\udce9.png"' in (tmp_path / "a.json").read_bytes()
+    assert json.loads((tmp_path / "a.json").read_text())["frame"] == name
+
+
+def test_a_file_that_can_be_written_is_told_from_one_that_cannot_and_nothing_is_left(tmp_path: Path) -> None:
+    (tmp_path / "closed").mkdir(mode=0o500)
+    (tmp_path / "old").write_text("old")
+    check_file(tmp_path / "new")
+    check_file(tmp_path / "old")
+    with permissions_hold():
+        for name, found in {
+            "closed/new": "Permission denied",
+            "nowhere/new": "no such folder",
+            "closed": "a folder",
+            "n" * 250: "File name too long",  # fits by itself, but not with what is put beside it until it is complete
+        }.items():
+            with pytest.raises(InputError, match=f"found {found}"):
+                check_file(tmp_path / name)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["closed", "old"]
+    assert (tmp_path / "old").read_text() == "old"

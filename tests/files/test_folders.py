@@ -3,12 +3,17 @@ from __future__ import annotations
 import errno
 import os
 import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from privileges import permissions_hold
 
+from semgs.files import folders
 from semgs.files.errors import InputError
-from semgs.files.folders import MARK, check_folder, own_folder
+from semgs.files.folders import MARK, alone, check_folder, check_writable, own_folder
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -81,6 +86,7 @@ def test_a_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, error:
 
 def test_a_rename_that_fails_brings_the_old_folder_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill(tmp_path / "out", "old")
+    monkeypatch.setattr(folders, "_exchange", lambda first, second: False)
     rename = os.replace
 
     def replace(source: Path, target: Path) -> None:
@@ -141,3 +147,101 @@ def test_a_link_to_one_of_ours_stays_a_link(tmp_path: Path) -> None:
     fill(tmp_path / "link", "new", overwrite=True)
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "real" / "renders" / "a.txt").read_text() == "new"
+
+
+def test_names_are_exchanged_in_one_step_where_the_system_can(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / name).touch()
+    if not folders._exchange(tmp_path / "a", tmp_path / "b"):
+        pytest.skip("this system or file system cannot")
+    assert sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("?")) == ["a", "a/b", "b", "b/a"]
+    with pytest.raises(OSError, match="No such file"):
+        folders._exchange(tmp_path / "a", tmp_path / "c")
+
+
+KILLED = """
+import os, shutil, signal, sys
+from pathlib import Path
+from semgs.files.folders import own_folder
+
+def killed(*_, **__):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def replaced_then_killed(source, target, replace=Path.replace):
+    replace(source, target)
+    killed()
+
+with own_folder(sys.argv[1], overwrite=True) as folder:
+    (folder / "a.txt").write_text("new")
+    Path.replace, shutil.rmtree = replaced_then_killed, killed
+"""
+
+
+def test_a_kill_right_after_the_first_rename_leaves_a_whole_folder_under_the_name(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    if not folders._exchange(tmp_path / "a", tmp_path / "b"):
+        pytest.skip("this system or file system cannot exchange names")
+    fill(tmp_path / "out", "old")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "out")], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert (tmp_path / "out" / "a.txt").read_text() == "new"
+    assert (tmp_path / "out" / MARK).is_file()
+
+
+def test_where_nothing_can_be_written_is_told_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "closed").mkdir(mode=0o500)
+    fill(tmp_path / "kept" / "out", "old")
+    (tmp_path / "kept").chmod(0o500)
+    with permissions_hold():
+        for path in (tmp_path / "closed" / "out", tmp_path / "closed" / "deep" / "er", tmp_path / "kept" / "out"):
+            with pytest.raises(
+                InputError, match=r"a folder that can be made, found Permission denied \(.*(closed|kept)\)$"
+            ):
+                check_folder(path, overwrite=True)
+        with pytest.raises(InputError, match="found Permission denied"):
+            check_writable(tmp_path / "closed")
+        (tmp_path / "closed").chmod(0o600)
+        with pytest.raises(InputError, match="found Permission denied"):  # a folder that may not be entered
+            check_folder(tmp_path / "closed" / "out")
+        (tmp_path / "closed").chmod(0o700)
+    with pytest.raises(InputError, match="found File name too long"):
+        check_folder(tmp_path / ("n" * 250))  # the name by itself would do, the one beside it is 15 bytes longer
+    check_folder(tmp_path / "closed" / "deep" / "er")
+    check_writable(tmp_path / "closed" / "deep" / "er")
+    assert list((tmp_path / "closed").iterdir()) == []
+    assert tree(tmp_path)["kept/out/renders/a.txt"] == "old"
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a file system of Linux")
+def test_a_file_system_that_takes_no_folders_is_told_before_the_work() -> None:
+    with pytest.raises(InputError, match=r"found No such file or directory \(/proc\)"):
+        check_folder("/proc/out")
+
+
+def test_a_mount_point_is_told_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fill(tmp_path / "out", "old")
+    monkeypatch.setattr(Path, "is_mount", lambda path: path == tmp_path / "out")
+    with pytest.raises(InputError, match="found a mount point; name a folder inside it"):
+        check_folder(tmp_path / "out", overwrite=True)
+    check_folder(tmp_path / "out" / "inside")
+
+
+def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
+    record = tmp_path / "settings.json"
+    record.write_text("{}")
+    hold = "import sys, pathlib; from semgs.files.folders import alone\nwith alone(pathlib.Path(sys.argv[1]), '', ''): print('held', flush=True); input()"
+    with subprocess.Popen(
+        [sys.executable, "-c", hold, str(record)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        with (
+            pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
+            alone(record, "a quiet folder", "a busy one"),
+        ):
+            raise AssertionError("both have it")
+        other.kill()
+    with alone(record, "a quiet folder", "a busy one"):
+        assert record.read_text() == "{}"

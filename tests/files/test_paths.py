@@ -6,9 +6,10 @@ import subprocess
 import sys
 
 import pytest
+from privileges import permissions_hold
 
 from semgs.files.errors import InputError
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, found_at
 
 
 def test_a_folder_and_a_file_in_it_lead_to_the_folder(tmp_path):
@@ -31,3 +32,30 @@ def test_a_missing_folder_is_told_without_torch():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]
+
+
+def test_what_is_at_a_path_is_told_whatever_the_path(tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "closed").mkdir(mode=0o600)
+    expected = {
+        "": "a folder",
+        "file": "a file",
+        "file/below": "nothing there",
+        "none": "nothing there",
+        "n" * 256: "nothing there",
+    }
+    assert {name: found_at(tmp_path / name) for name in expected} == expected
+    with permissions_hold():
+        assert found_at(tmp_path / "closed") == "a folder"
+        with pytest.raises(
+            InputError, match="closed/file: expected a path that can be followed, found Permission denied"
+        ):
+            found_at(tmp_path / "closed" / "file")
+
+
+def test_a_scene_that_may_not_be_reached_or_named_is_told_in_one_line(tmp_path):
+    (tmp_path / "closed").mkdir(mode=0o600)
+    with permissions_hold(), pytest.raises(InputError, match="found Permission denied"):
+        existing_folder(tmp_path / "closed" / "scene")
+    with pytest.raises(InputError, match="found File name too long"):
+        existing_folder(tmp_path / ("n" * 256))

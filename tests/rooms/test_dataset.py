@@ -12,10 +12,11 @@ pytest.importorskip("embreex")
 from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.files.folders import alone
 from semgs.rooms import dataset
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import make_lock, write_lock
-from semgs.rooms.dataset import Recipe, write_dataset
+from semgs.rooms.dataset import Recipe, claim, write_dataset
 
 RECIPE = Recipe(seed=11, size=(36, 48), frames=3)
 
@@ -135,6 +136,20 @@ def test_scenes_with_assets_name_them_and_are_not_mixed_with_others(asset_folder
     assert not any(f"`{row.file}`" in text for row in rows if row.file not in used)
     with pytest.raises(ValueError, match=r"assets is lock [0-9a-f]{16} there, None asked"):
         write_dataset(tmp_path / "one", replace(recipe, library=None), 3)
+
+
+def test_a_folder_that_another_process_fills_is_refused_and_nothing_in_it_is_cleared_away(tmp_path):
+    claim(tmp_path / "rooms", RECIPE, 1)
+    part = tmp_path / "rooms" / ".scene_00000.0123abcd.part"
+    part.mkdir()
+    with (
+        alone(tmp_path / "rooms" / "settings.json", "", ""),
+        pytest.raises(InputError, match="another process is filling"),
+    ):
+        write_dataset(tmp_path / "rooms", RECIPE, 1)
+    assert part.exists()
+    claim(tmp_path / "rooms", RECIPE, 1)
+    assert not part.exists()
 
 
 @pytest.mark.long

@@ -180,6 +180,13 @@ def test_what_needs_unpickling_is_refused_and_nothing_of_it_runs(state, tmp_path
     assert not sprung.exists()
 
 
+@pytest.mark.filterwarnings("ignore:.torch.jit:DeprecationWarning")
+def test_an_archive_of_torchscript_is_refused_without_the_advice_to_run_it(tmp_path):
+    torch.jit.save(torch.jit.script(torch.nn.Identity()), tmp_path / "scripted.ckpt")
+    with pytest.raises(InputError, match=r"scripted\.ckpt: expected .*, found a TorchScript archive$"):
+        load("mvsplat", weights=tmp_path / "scripted.ckpt")
+
+
 @pytest.mark.parametrize("content", [{"epoch": 3}, {"state_dict": {"encoder.backbone": 1}}, [1, 2]])
 def test_a_checkpoint_without_tensors_is_refused(content, tmp_path):
     torch.save(content, tmp_path / "empty.ckpt")

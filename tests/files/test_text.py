@@ -1,0 +1,31 @@
+"""What others wrote, shown and not obeyed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from semgs.files.errors import InputError
+from semgs.files.text import printable
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Küche 3 – ‘Åse’, 椅子", "Küche 3 – ‘Åse’, 椅子"),
+        ("two\nlines", "two\nlines"),
+        ("\x1b[31mred\x1b[0m", "\\x1b[31mred\\x1b[0m"),
+        ("bell\a, tab\t, return\r, delete\x7f", "bell\\x07, tab\\t, return\\r, delete\\x7f"),
+        ("\x9b2J", "\\x9b2J"),  # the one-byte form of ESC [
+        ("gpj.\u202egnp", "gpj.\\u202egnp"),  # right to left from here
+        (os.fsdecode(b"caf\xe9"), "caf\\udce9"),  # Latin-1, which is no UTF-8
+    ],
+)
+def test_letters_of_any_script_stay_and_what_a_terminal_obeys_is_escaped(text: str, shown: str) -> None:
+    assert printable(text) == shown
+
+
+def test_an_error_about_a_hostile_name_can_be_printed_anywhere() -> None:
+    error = InputError(os.fsdecode(b"\xff/\x1b]0;title\x07.png"), "a picture", "nothing\nthere")
+    assert str(error) == "\\udcff/\\x1b]0;title\\x07.png: expected a picture, found nothing there"
