@@ -57,7 +57,8 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
         assert part in text, part
     bar, own, held_out, enlarged = 1, 2 * 7, 2 * 7, 1
     assert html.count("<img") == bar + own + held_out + enlarged
-    assert (text.count("true classes"), text.count("measured depth")) == (4, 4 + 1)  # once more in the reason
+    assert (text.count("True classes, measured depth, classes over the photo"), text.count("true classes")) == (4, 4)
+    assert text.count("measured depth") == 2 * 4 + 1  # once more in the reason
 
 
 def test_the_scores_are_those_of_input_views_too_in_the_words_of_an_evaluation(
@@ -96,7 +97,7 @@ def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], 
     scene = wall_scene()
     html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
     assert re.findall(r"<h2>([^<]*)</h2>", html) == [
-        "Input views", "Held-out views", "Scores", "Files", "What was read and chosen", "Time",
+        "Please note", "Input views", "Held-out views", "Scores", "Files", "What was read and chosen", "Time",
     ]  # fmt: skip
     assert len(re.findall(r"<details>\s*<summary><h2>", html)) == 2
     captions = [re.findall(r"<figcaption>([^<]+)</figcaption>", view) for view in html.split('<div class="view">')[1:]]
