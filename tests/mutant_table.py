@@ -895,7 +895,7 @@ MUTANTS = (
     Mutant(
         "names reach the terminal as they are", "semgs/cli/main.py",
         "redirect_stdout(Plain(sys.stdout))", "redirect_stdout(sys.stdout)",
-        ("tests/cli/test_refused_by_the_system.py::test_hostile_names_reach_neither_terminal_nor_report",),
+        ("tests/cli/test_refused_by_the_system.py::test_a_hostile_name_of_a_folder_is_prepared_into_and_shown_but_not_trained_into",),
     ),
     Mutant(
         "weights that may not be read count as somebody else's", "semgs/weights/file.py",

@@ -182,10 +182,18 @@ def test_hostile_names_reach_neither_terminal_nor_report(
     assert "\x1b" not in shown
     assert b"\x1b" not in page
     assert json.loads((out / "report.json").read_text(encoding="utf-8"))["scene"]["name"] == name
-    prepared = tmp_path / "set"
-    assert main(["prepare", str(scene), str(prepared), "--size", "32x48", "--workers", "0"]) == 0
-    assert [path.name for path in prepared.glob("*.zip")] == ["31mred.zip"]
-    assert main(["train", "small", "--out", str(tmp_path / name / "run")]) == 2
+
+
+def test_a_hostile_name_of_a_folder_is_prepared_into_and_shown_but_not_trained_into(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / os.fsdecode(b"\xff\x1b[31mred")
+    assert main(["prepare", str(room), str(out), "--size", "32x48", "--workers", "0"]) == 0
+    assert [path.name for path in out.glob("*.zip")] == ["room.zip"]
+    shown = capsys.readouterr().out
+    assert "\\udcff\\x1b[31mred: 1 scenes, 4 frames" in shown
+    assert "\x1b" not in shown
+    assert main(["train", "small", "--out", str(out / "run")]) == 2
     assert "expected a path in UTF-8, as TensorBoard needs it" in capsys.readouterr().err
 
 

@@ -141,6 +141,7 @@ def test_lists_in_an_entry_that_reach_beyond_the_file_are_refused(tmp_path: Path
         ("images_txt", "3 1 0 0 0 1 2 3 7 a.png\n4 1 0 0 0 1 2 3 7 b.png", "line 2: expected the points of an image"),
         ("images_bin", struct.pack("<Q", 1) + IMAGE[8:72] + b"7" * 30, "found one cut short"),
         ("points3D_txt", "0 1 2 3 9 8 7 0.5 4 0", "points that images of this model see, found some seen by image 4"),
+        ("points3D_txt", f"0 1 2 3 9 8 7 0.5 {2**64:030} 0", "line 1: expected a whole number, found 0000000000184467440737095516"),
         ("points3D_txt", "0 1 2 inf 9 8 7 0.5 3 0", r"expected finite positions, found \[1.0, 2.0, inf\]"),
         ("points3D_txt", "0 1 2 3 9 8 7 0.5 3", "line 1: expected POINT3D_ID X Y Z"),
         ("points3D_bin", POINT[:-8] + struct.pack("<II", 4, 0), "found some seen by image 4"),

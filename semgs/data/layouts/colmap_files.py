@@ -411,7 +411,7 @@ def _wholes(path: Path, place: str, words: Sequence[bytes]) -> list[int]:
         InputError: a word is none.
     """
     for word in words:
-        if not word.isdigit() or int(word[:11]) >> 32:
+        if not word.isdigit() or len(word) > 10 or int(word) >> 32:
             raise InputError(path, "a whole number", _shown(word), place)
     return [int(word) for word in words]
 
