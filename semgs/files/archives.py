@@ -11,6 +11,7 @@ import posixpath
 import struct
 import zipfile
 import zlib
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -104,7 +105,8 @@ def members(archive: Path) -> dict[str, Member]:
     """The files of a zip archive by their names in it.
 
     Raises:
-        InputError: it is no zip archive, is damaged, or has a member that is encrypted or compressed in another way than deflate.
+        InputError: it is no zip archive, is damaged, has two members of one name, or one that is encrypted or compressed in another way
+            than deflate.
     """
     try:
         with zipfile.ZipFile(archive) as opened:
@@ -113,9 +115,9 @@ def members(archive: Path) -> dict[str, Member]:
         raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
     for one in listed:
         if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
-            found = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
-            raise InputError(archive, "members that are stored or deflated", f"one {found}", one.filename)
-    return {
+            fault = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
+            raise InputError(archive, "members that are stored or deflated", f"one {fault}", one.filename)
+    found = {
         one.filename: Member(
             archive,
             one.filename,
@@ -126,3 +128,7 @@ def members(archive: Path) -> dict[str, Member]:
         )
         for one in listed
     }
+    if len(found) < len(listed):
+        (name, count), *_ = Counter(one.filename for one in listed).most_common(1)
+        raise InputError(archive, "one member of each name", f"{count}", name)
+    return found

@@ -5,11 +5,16 @@ The defaults are the paper's sizes with MVSplat's layer shapes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from itertools import cycle
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from semgs.model.conventions import OURS, Conventions
+
+LARGEST = 4096
+"""No whole number in the settings of a file may be larger."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +204,7 @@ class NetworkSettings:
             KeyError, TypeError, ValueError: these are no such settings.
         """
         colour, semantic = saved["colour"], saved["semantic"]
-        return cls(
+        return checked(cls(
             **{
                 **saved,
                 "cnn_widths": tuple(saved["cnn_widths"]),
@@ -220,7 +225,44 @@ class NetworkSettings:
                 ),
                 "conventions": Conventions(**saved["conventions"]),
             }
-        )  # fmt: skip
+        ))  # fmt: skip
+
+
+def checked(settings: NetworkSettings) -> NetworkSettings:
+    """Settings that came from a file, each found to be of its type.
+
+    Raises:
+        ValueError: one is not ("yes" for true), a number is not finite, or a whole number is not within 0 to `LARGEST`; it is named.
+    """
+    _check(settings, "")
+    return settings
+
+
+def _check(part: Any, place: str) -> None:
+    """As `checked`, of one of the dataclasses, which is found at this place."""
+    hints = get_type_hints(type(part))
+    for one in fields(part):
+        value = getattr(part, one.name)
+        if is_dataclass(value):
+            _check(value, f"{place}{one.name}.")
+        elif not _fits(value, hints[one.name]):
+            raise ValueError(f"{place}{one.name} is {value!r:.60}; expected {one.type}")
+
+
+def _fits(value: object, hint: Any) -> bool:
+    """Whether a value is of a type, as far as settings have types."""
+    kinds = get_args(hint)
+    if get_origin(hint) is Literal:
+        return value in kinds
+    if get_origin(hint) is tuple:
+        each = kinds[:1] if kinds[-1] is Ellipsis else kinds
+        long = isinstance(value, tuple) and (kinds[-1] is Ellipsis or len(value) == len(kinds))
+        return long and all(_fits(one, kind) for one, kind in zip(value, cycle(each)))  # type: ignore[call-overload]
+    if kinds:
+        return any(_fits(value, kind) for kind in kinds)
+    if hint is float:
+        return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
+    return type(value) is hint and (hint is not int or 0 <= value <= LARGEST)  # type: ignore[operator]
 
 
 def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:

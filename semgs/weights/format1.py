@@ -21,6 +21,7 @@ from semgs.model.settings import (
     SemanticSettings,
     TransformerSettings,
     TwoBlocks,
+    checked,
 )
 
 PREFIXES = {
@@ -63,7 +64,7 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
         semantic: whether the file has a class table, and so a semantic branch.
 
     Raises:
-        KeyError, TypeError: these are no such settings.
+        KeyError, TypeError, ValueError: these are no such settings.
     """
     s = {
         "paper_heads": False,
@@ -100,7 +101,7 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
         levels=s["refine_levels"],
         decoder_blocks=s["decoder_blocks"],
     )
-    return NetworkSettings(
+    return checked(NetworkSettings(
         name=s["name"],
         channels=s["channels"],
         cnn_widths=tuple(s["cnn_widths"]),
@@ -123,4 +124,4 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
             hidden=s["semantic_hidden"],
         ) if semantic else None,
         conventions=Conventions(**s["conventions"]),
-    )  # fmt: skip
+    ))  # fmt: skip
