@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.files.strict_json import parse_json
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
@@ -20,6 +19,7 @@ from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
+from semgs.files.strict_json import parse_json
 from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import cycle
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from semgs.model.conventions import OURS, Conventions
+
+Part = TypeVar("Part")
 
 LARGEST = 4096
 """No whole number in the settings of a file may be larger."""
@@ -204,49 +206,45 @@ class NetworkSettings:
             KeyError, TypeError, ValueError: these are no such settings.
         """
         colour, semantic = saved["colour"], saved["semantic"]
-        return checked(cls(
+        return made(
+            cls,
             **{
                 **saved,
                 "cnn_widths": tuple(saved["cnn_widths"]),
-                "colour": ColourSettings(
+                "colour": made(
+                    ColourSettings,
                     **{
                         **colour,
-                        "transformer": TransformerSettings(**colour["transformer"]),
-                        "depth": DepthSettings(**colour["depth"]),
+                        "transformer": made(TransformerSettings, **colour["transformer"]),
+                        "depth": made(DepthSettings, **colour["depth"]),
                         "heads": _one_of(colour["heads"], MVSplatHeads, PaperHeads),
-                    }
+                    },
                 ),
-                "semantic": None if semantic is None else SemanticSettings(
+                "semantic": None if semantic is None else made(
+                    SemanticSettings,
                     **{
                         **semantic,
-                        "transformer": TransformerSettings(**semantic["transformer"]),
+                        "transformer": made(TransformerSettings, **semantic["transformer"]),
                         "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid, MobileNet),
-                    }
+                    },
                 ),
-                "conventions": Conventions(**saved["conventions"]),
-            }
-        ))  # fmt: skip
+                "conventions": made(Conventions, **saved["conventions"]),
+            },
+        )  # fmt: skip
 
 
-def checked(settings: NetworkSettings) -> NetworkSettings:
-    """Settings that came from a file, each found to be of its type.
+def made(cls: type[Part], /, **values: Any) -> Part:
+    """One of the dataclasses from values that a file gave.
 
     Raises:
-        ValueError: one is not ("yes" for true), a number is not finite, or a whole number is not within 0 to `LARGEST`; it is named.
+        ValueError: a value is not of its field's type ("yes" for true), not finite, or a whole number not within 0 to `LARGEST`.
+        TypeError: a field is unknown, or missing.
     """
-    _check(settings, "")
-    return settings
-
-
-def _check(part: Any, place: str) -> None:
-    """As `checked`, of one of the dataclasses, which is found at this place."""
-    hints = get_type_hints(type(part))
-    for one in fields(part):
-        value = getattr(part, one.name)
-        if is_dataclass(value):
-            _check(value, f"{place}{one.name}.")
-        elif not _fits(value, hints[one.name]):
-            raise ValueError(f"{place}{one.name} is {value!r:.60}; expected {one.type}")
+    hints = get_type_hints(cls)
+    for name, value in values.items():
+        if name in hints and not _fits(value, hints[name]):
+            raise ValueError(f"{name} is {value!r:.60}; expected {cls.__annotations__[name]}")
+    return cls(**values)
 
 
 def _fits(value: object, hint: Any) -> bool:
@@ -273,5 +271,7 @@ def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:
     """
     for kind in kinds:
         if kind.kind == saved.get("kind"):
-            return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()})
+            return made(
+                kind, **{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
+            )
     raise ValueError(f"kind is {saved.get('kind')!r}; expected {' or '.join(kind.kind for kind in kinds)}")

@@ -421,8 +421,9 @@ def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | 
         return None
     try:
         before = parse_json(record.read_bytes())
-        there = [(one["name"], one["frames"]) for one in before["scenes"]]
-        counts = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
+        there = [(str(one["name"]), int(one["frames"])) for one in before["scenes"]]
+        pixels = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
+        counts = [None if one is None else np.array(one, dtype=np.float64) for one in pixels]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(record, "what the data of the run are", str(error)) from error
     here = [(scene.name, len(scene)) for scene in scenes]
@@ -432,4 +433,4 @@ def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | 
             record, f"the {len(there)} scenes that the run began with", f"{len(here)}, of which {other[0]} differs",
             advice="bring those back, or train in a new folder",
         )  # fmt: skip
-    return [None if one is None else np.array(one, dtype=np.float64) for one in counts]
+    return counts

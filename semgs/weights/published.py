@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
+
 from semgs.files.errors import InputError
 from semgs.files.tensor_files import opened_tensors
 from semgs.model.mobilenet import MobileNetRefinement, MobileNetV2

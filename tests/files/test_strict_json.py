@@ -23,14 +23,14 @@ def test_what_json_holds_comes_out_as_from_the_standard_library():
 
 def test_a_key_that_appears_twice_in_one_object_is_refused_and_in_two_is_not():
     assert parse_json('[{"near": 1}, {"near": 2}]') == [{"near": 1}, {"near": 2}]
-    with pytest.raises(ValueError, match="^the key 'near' twice in one object$"):
+    with pytest.raises(ValueError, match=r"^the key 'near' twice in one object$"):
         parse_json('{"frames": [{"near": 1, "far": 3, "near": 2}]}')
 
 
 def test_a_hundred_levels_are_read_and_one_more_is_refused():
     assert json.dumps(parse_json(nested(100))) == nested(100)
     for levels in (101, 900, 100_000):
-        with pytest.raises(ValueError, match="^objects or lists nested more than 100 levels deep$"):
+        with pytest.raises(ValueError, match=r"^objects or lists nested more than 100 levels deep$"):
             parse_json(nested(levels))
 
 
