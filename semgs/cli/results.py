@@ -51,6 +51,7 @@ def saved(result: Reconstruction) -> SavedScene:
         model=result.model,
         applied_transform=transform and tuple(tuple(row) for row in transform),
         applied_scale=scene.applied_scale,
+        origin=tuple(scene.origin.tolist()),
     )
 
 
