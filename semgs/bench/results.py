@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 
 FORMAT = "semgs.bench"
 VERSION = 1
@@ -79,8 +79,8 @@ def numbers(bench: Bench) -> dict[str, Any]:
 def is_bench(path: Path) -> bool:
     """Whether a file is JSON that says it is the bench's."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content = read_json(path)
+    except InputError:
         return False
     return isinstance(content, dict) and content.get("format") == FORMAT
 
@@ -91,12 +91,7 @@ def read_bench(path: Path) -> Bench:
     Raises:
         InputError: the file cannot be read, or holds something else, or is of another version.
     """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            path, "the JSON file of semgs bench", getattr(error, "strerror", None) or str(error)
-        ) from error
+    content = read_json(path, "the JSON file of semgs bench")
     if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise InputError(path, f"a file of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")

@@ -169,8 +169,8 @@ class Ablate:
         """Train a row, or go on with it; whether it is finished."""
         from rich.console import Console
 
-        from semgs.training.loop import WEIGHTS, train
-        from semgs.training.run import claim, finished
+        from semgs.training.loop import train
+        from semgs.training.run import WEIGHTS, claim, finished
 
         run = self._run(row, settings.seed)
         if run == self.full:
@@ -202,7 +202,7 @@ class Ablate:
         from semgs.cli.evaluate import labelled_scenes, plan_of
         from semgs.cli.evaluation_results import evaluate_into, network_method
         from semgs.cli.scene_options import SceneOptions
-        from semgs.training.loop import WEIGHTS
+        from semgs.training.run import WEIGHTS
 
         folder = self._folder(row, settings.seed)
         if (folder / EVALUATION).exists():

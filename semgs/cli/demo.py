@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from semgs.cli.reconstruct import Reconstruct
+from semgs.files.strict_json import parse_json
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,6 @@ class Demo:
 def _scene_in(folder: Path) -> str | None:
     """The name of the scene that a folder of results is of, None if it is no such folder."""
     try:
-        return json.loads((folder / "report.json").read_text(encoding="utf-8"))["scene"]["name"]
+        return parse_json((folder / "report.json").read_bytes())["scene"]["name"]
     except (OSError, ValueError, TypeError, KeyError):
         return None

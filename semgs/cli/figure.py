@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -20,6 +19,7 @@ from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
+from semgs.files.strict_json import parse_json
 from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
@@ -224,9 +224,13 @@ def _check_smoothness(weights: Sequence[str]) -> None:
     for one, wanted in zip(weights, (False, True), strict=True):
         with what_the_user_gave():
             _, path = find(one)
-        training = json.loads(read_header(path).metadata.get("training", "{}")) if is_ours(path) else {}
-        weight = training.get("losses", {}).get("smoothness")
-        if weight is not None and (weight > 0) != wanted:
+        try:
+            training = parse_json(read_header(path).metadata.get("training", "{}")) if is_ours(path) else {}
+            weight = training.get("losses", {}).get("smoothness")
+            smooth = None if weight is None else weight > 0
+        except (ValueError, TypeError, AttributeError) as error:
+            raise InputError(path, "settings of a training as JSON", str(error), key="training") from error
+        if smooth not in (None, wanted):
             raise InputError(
                 path, f"weights trained {'with' if wanted else 'without'} the smoothness of regions", f"a weight of {weight:g} of it",
                 key="training.losses.smoothness", advice="name those without first, then those with",

@@ -52,6 +52,7 @@ def saved(result: Reconstruction) -> SavedScene:
         found,
         applied_transform=transform and tuple(tuple(row) for row in transform),
         applied_scale=scene.applied_scale,
+        origin=tuple(scene.origin.tolist()),
     )
 
 

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from typing import Any
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
+from semgs.files.strict_json import read_json
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,7 @@ def read_class_file(path: str | Stored) -> LabelSet:
     """
     path = Path(path).expanduser() if isinstance(path, str | Path) else path
     expected = "a table of classes as JSON"
-    try:
-        content = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(path, expected, error.strerror or str(error)) from error
-    except ValueError as error:
-        raise InputError(path, expected, str(error)) from error
+    content = read_json(path, expected)
     if not isinstance(content, dict) or not isinstance(content.get("classes"), list) or not content["classes"]:
         raise InputError(path, 'an object with a list "classes"', "something else", advice="see docs/train.md")
     if unknown := sorted(content.keys() - {"name", "classes", "ignored"}):

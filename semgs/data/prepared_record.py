@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from semgs.files.archives import members
+from semgs.files.strict_json import parse_json
 
 RECORD = "prepared.json"
 
@@ -19,7 +19,7 @@ def read_record(archive: Path) -> dict[str, Any] | None:
     """
     member = members(archive).get(RECORD)
     try:
-        content = json.loads(member.read_bytes()) if member is not None else None
+        content = parse_json(member.read_bytes()) if member is not None else None
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) else None

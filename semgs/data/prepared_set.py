@@ -34,6 +34,7 @@ from semgs.files.atomic import is_part_of, write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
 from semgs.files.hashes import sha256
+from semgs.files.strict_json import read_json
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
 SAMPLED_SCENES = 3
@@ -223,10 +224,7 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
             )
         check_writable(out)
         return
-    try:
-        there = json.loads(record.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as error:
-        raise InputError(record, "the settings of a prepared set", str(error)) from error
+    there = read_json(record, "the settings of a prepared set")
     if not isinstance(there, dict) or set(there) != set(wanted):
         raise InputError(record, "the settings of a prepared set", "something else", advice="name another folder")
     other = [f"{name} is {there[name]} there, {value} asked" for name, value in wanted.items() if there[name] != value]

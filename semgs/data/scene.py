@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,7 @@ from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
 from semgs.data.parallax import Seen
-from semgs.data.views import Views, default_size, joined
+from semgs.data.views import FAR_OUT, Views, default_size, joined
 from semgs.files.errors import InputError
 from semgs.files.notebook import MOST, Row, html, small
 from semgs.geometry.cameras import Cameras
@@ -25,7 +26,8 @@ from semgs.geometry.summaries import summary
 class Scene:
     """Posed pictures as a layout describes them. Nothing but headers has been read yet.
 
-    Frames are counted by their position among the usable ones, in file order, from 0.
+    Frames are counted by their position among the usable ones, in file order, from 0. Their poses, and `points`, are as the files have
+    them; views that are read of a scene far from the origin of its coordinates have `origin` subtracted.
 
     Attributes:
         path: the file or folder that describes the scene.
@@ -101,8 +103,23 @@ class Scene:
 
     @property
     def cameras(self) -> list[Cameras]:
-        """The camera of each frame, as it is read: at the picture's own size, distortion undone."""
+        """The camera of each frame, as its files have it: at the picture's own size, distortion undone."""
         return [frame.camera for frame in self.frames]
+
+    @cached_property
+    def origin(self) -> np.ndarray:
+        """The point [3] of the scene's coordinates that is the origin of the views' world.
+
+        (0, 0, 0), and nothing is moved, but where the cameras are further than `FAR_OUT` from there along an axis (UTM, ECEF): then it is
+        in the middle of them, in whole units, so that subtracting it and adding it again are exact in float64.
+        """
+        centres = np.sort([frame.world_from_camera[:3, 3] for frame in self.frames], axis=0)
+        middle = centres[len(centres) // 2]
+        return np.rint(middle) if np.abs(middle).max() > FAR_OUT else np.zeros(3)
+
+    def local(self, views: Views) -> Views:
+        """Views of frames, whose poses are as the files have them, in the world about `origin`."""
+        return views.changed(cameras=views.cameras.relative_to(self.origin)) if self.origin.any() else views
 
     def index(self, frame: int | str) -> int:
         """The position of a frame given by its position or name (as listed, the file's name, or that without its ending).
@@ -162,7 +179,7 @@ class Scene:
         size: Sequence[int] | Literal["native"] | None = None,
         depth_range: DepthRange | None = None,
     ) -> Views:
-        """Read frames as views: distortion undone, near and far filled in, labels and depths where all of them have them.
+        """Read frames as views in the world about `origin`: distortion undone, near and far filled in, labels and depths where all of them have them.
 
         Args:
             frames: positions or names, in the order wanted.
@@ -183,7 +200,7 @@ class Scene:
                 lens, maps = frame.lens, frame.lens.maps()
             given = None if frame.lens.is_pinhole else maps
             views.append(frame.view((bounds.near, bounds.far), self.classes, size=wanted, crop=True, maps=given))
-        return joined(views).checked()
+        return self.local(joined(views)).checked()
 
 
 def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | None) -> Sequence[int] | None:

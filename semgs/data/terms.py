@@ -11,6 +11,7 @@ from typing import Any
 from semgs.data.layouts import replica, scannet, scannetpp
 from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
+from semgs.files.strict_json import parse_json
 
 ROOM = "room.json"
 """The file of a room's folder that tells which room of semgs it is and how many pixels each class has in it."""
@@ -84,7 +85,7 @@ def terms_from(text: str) -> tuple[Terms, ...]:
     Raises:
         ValueError, TypeError, KeyError: it is something else.
     """
-    return tuple(Terms(str(one["text"]), bool(one["own"])) for one in json.loads(text))
+    return tuple(Terms(str(one["text"]), bool(one["own"])) for one in parse_json(text))
 
 
 def _of_layout(layout: str) -> Terms | None:
@@ -99,7 +100,7 @@ def _of_layout(layout: str) -> Terms | None:
 def _has_assets(room: Path) -> bool:
     """Whether a room's file lists assets."""
     try:
-        content: Any = json.loads(room.read_text(encoding="utf-8"))
+        content: Any = parse_json(room.read_bytes())
     except (OSError, ValueError):
         return False
     return isinstance(content, dict) and bool(content.get("assets"))

@@ -27,6 +27,9 @@ DEFAULT_PIXELS = 76_800
 STRETCH = 0.01
 """Pictures whose aspect is off by no more than this are stretched where others are cropped."""
 
+FAR_OUT = 1000.0
+"""Coordinates may be so large in float32, whose steps there are 0.06 mm where they are metres; beyond, an origin is subtracted."""
+
 
 @dataclass(frozen=True, init=False)
 class Views:
@@ -133,6 +136,8 @@ class Views:
             intrinsics: [v 3 3] or one [3 3] for all [px].
             depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning once.
 
+        Poses further than `FAR_OUT` from the origin of their world cause a warning: Gaussians there are coarse, in float32.
+
         Raises:
             ValueError: as the constructor, and for pictures that are neither uint8 HWC nor float CHW.
         """
@@ -149,7 +154,14 @@ class Views:
         bounds = as_float64(depth_range)
         if bounds.ndim == 1:
             bounds = bounds.expand(count, 2)
-        return cls(pictures, Cameras(world_from_camera, matrices, tuple(pictures.shape[-2:])), bounds)
+        cameras = Cameras(world_from_camera, matrices, tuple(pictures.shape[-2:]))
+        if (farthest := float(cameras.centres.abs().max())) > FAR_OUT:
+            warnings.warn(
+                f"cameras are {farthest:.4g} from the origin, where the Gaussians' float32 is coarse: subtract a point near them from "
+                "all poses, as Cameras.relative_to does",
+                stacklevel=2,
+            )
+        return cls(pictures, cameras, bounds)
 
     def __repr__(self) -> str:
         return summary(

@@ -103,7 +103,7 @@ def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
     Raises:
         InputError: a file of it cannot be used.
     """
-    return task.scene.frames[position].read(bounds, task.scene.classes, size=task.size)
+    return task.scene.local(task.scene.frames[position].read(bounds, task.scene.classes, size=task.size))
 
 
 def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> dict[int, Views]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 from semgs.data.scene import Scene
 from semgs.evaluation.protocols import Sample
 from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 
 LANDSCAPE = (240, 320)
 """(height, width) that the field compares at [px]; portrait scenes have it turned."""
@@ -190,10 +190,7 @@ def _frames_of(path: Path) -> dict:
     Raises:
         InputError: it cannot be read, or is none.
     """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(path, "a JSON file of frames", getattr(error, "strerror", None) or str(error)) from error
+    content = read_json(path, "a JSON file of frames")
     if isinstance(content, dict) and isinstance(content.get("frames"), dict):
         content = content["frames"]  # of a report
     if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from semgs.evaluation.records import finite, frame_of, number, record, seconds
 from semgs.evaluation.scores import FrameScores
 from semgs.evaluation.summary import LOWER_IS_BETTER, METRICS, SEEN_METRICS, class_scores, summary
 from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 
 FORMAT = "semgs.report.evaluate"
 VERSION = 1
@@ -238,11 +238,7 @@ def read_report(path: str | Path) -> SavedReport:
     path = Path(path)
     if path.is_dir():
         path = path / "report.json"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        found = getattr(error, "strerror", None) or str(error)
-        raise InputError(path, "the report.json of an evaluation", found) from error
+    content = read_json(path, "the report.json of an evaluation")
     if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise InputError(path, f"a report of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from semgs.evaluation.plan import Plan, Task
 from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header, read_rgb, read_uint16
+from semgs.files.strict_json import read_json
 from semgs.reconstruction.renders import MILLIMETRES
 
 KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
@@ -180,10 +180,7 @@ def _timing(path: Path) -> dict[str, float]:
     """
     if not path.is_file():
         return {}
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(path, "a JSON object", str(error)) from error
+    content = read_json(path, "a JSON object")
     known = ("seconds_encode", "seconds_render")
     if not isinstance(content, dict):
         raise InputError(path, f"a JSON object with {' and '.join(known)}", f"{content!r:.40}")

@@ -7,6 +7,9 @@ f_rest holds the harmonics above degree 0 channel by channel: 15 of red, 15 of g
 All 45 f_rest are written whatever the degree, zero where there is none: of the viewers looked at, some read exactly
 these 62 floats by position (the first one itself, 3DGS.cpp), some ask for f_rest by name (splatapult), some know 0 and 45 only
 (splatviz); none refuses 45. It costs 180 bytes a Gaussian.
+
+Positions are float32, and so relative to `origin` of a scene that is far from that of its coordinates (`semgs.data.scene`); report.json and
+`scene.safetensors` hold the origin, which a PLY has no place for.
 """
 
 from __future__ import annotations
@@ -83,7 +86,7 @@ def read_ply(path: str | Path) -> Gaussians:
     Files of lower degree with fewer f_rest (0, 9 or 24) are read as well.
 
     Raises:
-        InputError: the file is missing, of another layout, or shorter or longer than its header says.
+        InputError: the file is missing, of another layout, shorter or longer than its header says, or has a Gaussian without axes.
     """
     try:
         content = Path(path).read_bytes()
@@ -115,7 +118,11 @@ def read_ply(path: str | Path) -> Gaussians:
         scales=scales.exp(),
         features=torch.cat((constant[:, None], higher.reshape(-1, degree, 3)), dim=1),
     )
-    return Gaussians(means, opacity[:, 0].sigmoid(), colour).map(lambda tensor: tensor.float().contiguous())
+    gaussians = Gaussians(means, opacity[:, 0].sigmoid(), colour).map(lambda tensor: tensor.float().contiguous())
+    try:
+        return gaussians.checked()
+    except ValueError as error:
+        raise InputError(path, "Gaussians that can be drawn", str(error)) from error
 
 
 _SIZES = {3 * higher: higher for higher in (0, 3, 8, _FULL)}

@@ -3,6 +3,8 @@
 Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene"), `version`, `unit`, `image_size`
 [height, width], `frames` (names of the context frames in the source), `source`, `model`, `classes` (null, or `name`,
 `names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null where the source has none).
+Where the source is far from the origin of its coordinates the version is 2, and `origin` holds three numbers: `means` are relative to that
+point, in float32; `cameras.world_from_camera` is as the source has it.
 Tensors, float32 unless said otherwise, g Gaussians, v context views:
 
     means [g 3]  opacities [g]
@@ -22,7 +24,6 @@ from typing import Literal
 
 import torch
 from jaxtyping import Float, Float64
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
@@ -30,6 +31,8 @@ from semgs.data.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
+from semgs.files.tensor_files import opened_tensors
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import summary
@@ -39,7 +42,8 @@ FILE_NAME = "scene.safetensors"
 """How the file is called inside a folder that `semgs reconstruct` wrote."""
 
 FORMAT = "semgs.scene"
-VERSION = 1
+VERSION, FAR_VERSION = 1, 2
+"""Of scenes whose means are in the source's own coordinates, and of those that have an origin."""
 
 _FLOAT64 = ("cameras.world_from_camera", "cameras.intrinsics", "depth_range")
 
@@ -49,8 +53,9 @@ class SavedScene:
     """A reconstructed scene: its Gaussians and what is needed to draw, measure and trace them back.
 
     Attributes:
-        gaussians: in the order view, row, column; without a batch axis; world frame of the source.
-        cameras: the context views', of the size they were encoded at.
+        gaussians: in the order view, row, column; without a batch axis; in the coordinates of the source less `origin`.
+        cameras: the context views', of the size they were encoded at, in the same coordinates. Those of the source become so by
+            `cameras.relative_to(scene.origin)`.
         depths: z-depth of every context pixel as the network saw it [unit of the scene].
         confidences: the largest probability among the depth candidates, 0..1.
         depth_range: near and far of each context view [unit of the scene].
@@ -61,9 +66,11 @@ class SavedScene:
         model: name of the model.
         applied_transform: nerfstudio's [3 4] or [4 4]: what its tools did to the source's poses, None if not said.
         applied_scale: likewise, their scale.
+        origin: added to a position here, it gives that in the source's coordinates; (0, 0, 0) but for sources far from theirs.
 
     Raises:
-        ValueError: the parts disagree in size or number.
+        ValueError: the parts disagree in size or number, or a number cannot be: one that is not finite, an opacity or confidence that is
+            not in 0..1, a negative scale or depth, a quaternion that is not of unit length, near and far that are not 0 < near < far.
     """
 
     gaussians: Gaussians
@@ -78,6 +85,7 @@ class SavedScene:
     model: str
     applied_transform: tuple[tuple[float, ...], ...] | None = None
     applied_scale: float | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         maps = (len(self.frames), *self.cameras.size)
@@ -99,6 +107,16 @@ class SavedScene:
             raise ValueError(
                 f"the Gaussians have {held} classes and the table is {self.classes}; expected both or none"
             )
+        self.gaussians.checked()
+        near, far = self.depth_range.unbind(-1)
+        for name, good, expected in (
+            ("depths", (self.depths >= 0) & self.depths.isfinite(), "finite numbers, 0 or more"),
+            ("confidences", (self.confidences >= 0) & (self.confidences <= 1 + 1e-5), "0 to 1"),
+            ("depth_range", (near > 0) & (near < far) & far.isfinite(), "0 < near < far"),
+            ("origin", torch.tensor(self.origin).isfinite(), "finite numbers"),
+        ):
+            if not good.all():
+                raise ValueError(f"{name} hold a number that cannot be; expected {expected}")
 
     @classmethod
     def of(
@@ -162,10 +180,11 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
     """Write a scene file in one step; equal scenes give equal bytes.
 
     Raises:
-        ValueError: a number in the Gaussians is not finite.
         OSError: the file cannot be written.
     """
-    gaussians = scene.gaussians
+    gaussians, in_source = scene.gaussians, scene.cameras
+    if any(scene.origin):
+        in_source = in_source.relative_to([-side for side in scene.origin])
     tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
     for branch, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
         if appearance is not None:
@@ -174,18 +193,15 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
             tensors[f"{branch}.features"] = appearance.features
     tensors |= {"depths": scene.depths, "confidences": scene.confidences}
     tensors = {name: tensor.detach().to("cpu", torch.float32).contiguous() for name, tensor in tensors.items()}
-    for name, tensor in tensors.items():
-        if not torch.isfinite(tensor).all():
-            raise ValueError(f"{name} hold a number that is not finite")
     tensors |= {
-        "cameras.world_from_camera": scene.cameras.world_from_camera.contiguous(),
+        "cameras.world_from_camera": in_source.world_from_camera.contiguous(),
         "cameras.intrinsics": scene.cameras.intrinsics.contiguous(),
         "depth_range": scene.depth_range.contiguous(),
     }
     table = scene.classes
     header = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": FAR_VERSION if any(scene.origin) else VERSION,
         "unit": scene.unit,
         "image_size": list(scene.cameras.size),
         "frames": list(scene.frames),
@@ -200,6 +216,7 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         },
         "applied_transform": scene.applied_transform and [list(row) for row in scene.applied_transform],
         "applied_scale": scene.applied_scale,
+        **({"origin": list(scene.origin)} if any(scene.origin) else {}),
     }
     write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, allow_nan=False)}))
 
@@ -208,17 +225,14 @@ def load_scene(path: str | Path) -> SavedScene:
     """Read a scene file, or the one in a folder that `semgs reconstruct` wrote.
 
     Raises:
-        InputError: it is missing, cut short, no scene file, of a newer version, or its parts disagree.
+        InputError: it is missing, cut short, no scene file, of a newer version, or its parts cannot be a `SavedScene`.
     """
     file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
     if not file.is_file():
         raise InputError(file, "a scene file", "no such file", advice="name what `semgs reconstruct --out` wrote")
-    try:
-        with safe_open(file, framework="pt") as opened:
-            header = _header(file, (opened.metadata() or {}).get("semgs"))
-            tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
-    except (SafetensorError, OSError) as error:
-        raise InputError(file, "a complete safetensors file", str(error)) from error
+    with opened_tensors(file, "a complete safetensors file") as opened:
+        header = _header(file, (opened.metadata() or {}).get("semgs"))
+        tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
     try:
         return _scene(header, tensors)
     except KeyError as error:
@@ -234,14 +248,17 @@ def _header(file: Path, text: str | None) -> dict:
         InputError: it is not one.
     """
     try:
-        header = json.loads(text or "null")
-    except json.JSONDecodeError as error:
+        header = parse_json(text or "null")
+    except ValueError as error:
         raise InputError(file, "JSON", str(error), key="metadata.semgs") from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise InputError(file, f"a scene file (format {FORMAT})", "another safetensors file")
-    if not isinstance(header.get("version"), int) or header["version"] > VERSION:
+    if not isinstance(header.get("version"), int) or header["version"] > FAR_VERSION:
         raise InputError(
-            file, f"version {VERSION} or older", f"version {header.get('version')}", advice="upgrade semgs to read it"
+            file,
+            f"version {FAR_VERSION} or older",
+            f"version {header.get('version')}",
+            advice="upgrade semgs to read it",
         )
     return header
 
@@ -259,6 +276,10 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
     table = header["classes"]
     transform = header["applied_transform"]
     height, width = header["image_size"]
+    if not all(isinstance(one, str) for one in (*header["frames"], header["source"], header["model"])):
+        raise ValueError("frames, source and model are names; expected texts")
+    x, y, z = header.get("origin", (0.0, 0.0, 0.0))
+    cameras = Cameras(tensors["cameras.world_from_camera"], tensors["cameras.intrinsics"], (height, width))
     return SavedScene(
         gaussians=Gaussians(
             means=tensors["means"],
@@ -266,7 +287,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
             colour=appearance("colour"),
             semantic=None if table is None else appearance("semantic"),
         ),
-        cameras=Cameras(tensors["cameras.world_from_camera"], tensors["cameras.intrinsics"], (height, width)),
+        cameras=cameras.relative_to((x, y, z)) if any((x, y, z)) else cameras,
         depths=tensors["depths"],
         confidences=tensors["confidences"],
         depth_range=tensors["depth_range"],
@@ -283,4 +304,5 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         model=header["model"],
         applied_transform=transform and tuple(tuple(row) for row in transform),
         applied_scale=header["applied_scale"],
+        origin=(x, y, z),
     )

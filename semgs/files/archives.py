@@ -11,6 +11,7 @@ import posixpath
 import struct
 import zipfile
 import zlib
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -112,8 +113,8 @@ def members(archive: Path) -> dict[str, Member]:
     """The files of a zip archive by their names in it.
 
     Raises:
-        InputError: it is no zip archive, is damaged, or has a member that is encrypted, compressed in another way than deflate, or
-            longer than the archive.
+        InputError: it is no zip archive, is damaged, has two members of one name, or one that is encrypted, compressed in another way
+            than deflate, or longer than the archive.
     """
     try:
         with zipfile.ZipFile(archive) as opened:
@@ -123,11 +124,11 @@ def members(archive: Path) -> dict[str, Member]:
         raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
     for one in listed:
         if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
-            found = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
-            raise InputError(archive, "members that are stored or deflated", f"one {found}", one.filename)
+            fault = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
+            raise InputError(archive, "members that are stored or deflated", f"one {fault}", one.filename)
         if one.header_offset + one.compress_size > end:
             raise InputError(archive, "members inside it", f"one of {one.compress_size:,} bytes", one.filename)
-    return {
+    found = {
         one.filename: Member(
             archive,
             one.filename,
@@ -139,3 +140,7 @@ def members(archive: Path) -> dict[str, Member]:
         )
         for one in listed
     }
+    if len(found) < len(listed):
+        (name, count), *_ = Counter(one.filename for one in listed).most_common(1)
+        raise InputError(archive, "one member of each name", f"{count}", name)
+    return found

@@ -89,6 +89,12 @@ class Cameras:
         """
         return Cameras.trusted(self.world_from_camera, new_from_old @ self.intrinsics, size)
 
+    def relative_to(self, origin: Arrays) -> Cameras:
+        """The same cameras in the world whose origin is at the point `origin` [3] of theirs, its axes the same."""
+        poses = self.world_from_camera.clone()
+        poses[..., :3, 3] -= as_float64(origin)
+        return Cameras.trusted(poses, self.intrinsics, self.size)
+
     @property
     def batch(self) -> tuple[int, ...]:
         """The leading axes."""

@@ -82,6 +82,35 @@ class Gaussians:
             "Gaussians", means=self.means, opacities=self.opacities, colour=self.colour, semantic=self.semantic
         )
 
+    def checked(self) -> Gaussians:
+        """These Gaussians, every number checked.
+
+        Raises:
+            ValueError: one is not finite, an opacity is not in 0..1, a scale is negative, or a quaternion is not of length 1 to a
+                thousandth.
+        """
+        branches = (("colour", self.colour), ("semantic", self.semantic))
+        for name, tensor in (
+            ("means", self.means),
+            ("opacities", self.opacities),
+            *(
+                (f"{name}.{one.name}", getattr(shape, one.name))
+                for name, shape in branches
+                if shape
+                for one in fields(shape)
+            ),
+        ):
+            if not torch.isfinite(tensor).all():
+                raise ValueError(f"{name} hold a number that is not finite")
+            for part, good, expected in (
+                ("opacities", (tensor >= 0) & (tensor <= 1), "0 to 1"),
+                ("scales", tensor >= 0, "0 or more"),
+                ("quaternions", (tensor.norm(dim=-1) - 1).abs() < 1e-3, "a length of 1"),
+            ):
+                if name.endswith(part) and not good.all():
+                    raise ValueError(f"{name} hold {tensor[~good][0].tolist()}; expected {expected}")
+        return self
+
     def __len__(self) -> int:
         """The number of Gaussians of one scene."""
         return self.means.shape[-2]

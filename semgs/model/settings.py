@@ -5,11 +5,18 @@ The defaults are the paper's sizes with MVSplat's layer shapes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from itertools import cycle
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from semgs.model.conventions import OURS, Conventions
+
+Part = TypeVar("Part")
+
+LARGEST = 4096
+"""No whole number in the settings of a file may be larger."""
 
 
 @dataclass(frozen=True)
@@ -199,28 +206,61 @@ class NetworkSettings:
             KeyError, TypeError, ValueError: these are no such settings.
         """
         colour, semantic = saved["colour"], saved["semantic"]
-        return cls(
+        return made(
+            cls,
             **{
                 **saved,
                 "cnn_widths": tuple(saved["cnn_widths"]),
-                "colour": ColourSettings(
+                "colour": made(
+                    ColourSettings,
                     **{
                         **colour,
-                        "transformer": TransformerSettings(**colour["transformer"]),
-                        "depth": DepthSettings(**colour["depth"]),
+                        "transformer": made(TransformerSettings, **colour["transformer"]),
+                        "depth": made(DepthSettings, **colour["depth"]),
                         "heads": _one_of(colour["heads"], MVSplatHeads, PaperHeads),
-                    }
+                    },
                 ),
-                "semantic": None if semantic is None else SemanticSettings(
+                "semantic": None if semantic is None else made(
+                    SemanticSettings,
                     **{
                         **semantic,
-                        "transformer": TransformerSettings(**semantic["transformer"]),
+                        "transformer": made(TransformerSettings, **semantic["transformer"]),
                         "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid, MobileNet),
-                    }
+                    },
                 ),
-                "conventions": Conventions(**saved["conventions"]),
-            }
+                "conventions": made(Conventions, **saved["conventions"]),
+            },
         )  # fmt: skip
+
+
+def made(cls: type[Part], /, **values: Any) -> Part:
+    """One of the dataclasses from values that a file gave.
+
+    Raises:
+        ValueError: a value is not of its field's type ("yes" for true), not finite, or a whole number not within 0 to `LARGEST`.
+        TypeError: a field is unknown, or missing.
+    """
+    hints = get_type_hints(cls)
+    for name, value in values.items():
+        if name in hints and not _fits(value, hints[name]):
+            raise ValueError(f"{name} is {value!r:.60}; expected {cls.__annotations__[name]}")
+    return cls(**values)
+
+
+def _fits(value: object, hint: Any) -> bool:
+    """Whether a value is of a type, as far as settings have types."""
+    kinds = get_args(hint)
+    if get_origin(hint) is Literal:
+        return value in kinds
+    if get_origin(hint) is tuple:
+        each = kinds[:1] if kinds[-1] is Ellipsis else kinds
+        long = isinstance(value, tuple) and (kinds[-1] is Ellipsis or len(value) == len(kinds))
+        return long and all(_fits(one, kind) for one, kind in zip(value, cycle(each)))  # type: ignore[call-overload]
+    if kinds:
+        return any(_fits(value, kind) for kind in kinds)
+    if hint is float:
+        return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
+    return type(value) is hint and (hint is not int or 0 <= value <= LARGEST)  # type: ignore[operator]
 
 
 def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:
@@ -231,5 +271,7 @@ def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:
     """
     for kind in kinds:
         if kind.kind == saved.get("kind"):
-            return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()})
+            return made(
+                kind, **{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
+            )
     raise ValueError(f"kind is {saved.get('kind')!r}; expected {' or '.join(kind.kind for kind in kinds)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,12 +13,16 @@ from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views, default_size, kept_size
+from semgs.geometry.cameras import back_project, project
 from semgs.model.encoding import Encoding
 from semgs.model.plan import Plan
 from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
+
+GRID = 24
+"""Points along each side of a picture by which it is found out whether views can overlap."""
 
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this part of the near bound show no parallax."""
@@ -50,7 +55,7 @@ class Reconstruction:
         scene: where the frames are from.
         choice: which frames, and why.
         native_size: (height, width) of the first context frame on disk [px].
-        encoding: the model's answer; its Gaussians are in the scene's world frame.
+        encoding: the model's answer; its Gaussians are in the world of the views, about the scene's `origin`.
         classes: the table of the Gaussians' classes; None for a colour-only model.
         model: its name.
         context: the frames that went in, as the Gaussians show them.
@@ -166,6 +171,16 @@ def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | N
         notes.append(
             "No parallax: the context cameras stand at the same place, so depth is a prior of the model and not measured."
         )
+    if names := [scene.frames[choice.context[view]].name for view in strangers(context)]:
+        notes.append(
+            f"No overlap: {', '.join(names)} shows nothing that another input view can show between near and far, so depth is a prior "
+            "of the model and not measured."
+        )
+    if scene.origin.any():
+        notes.append(
+            "The scene is far from the origin of its coordinates: positions in the PLY files are relative to "
+            f"({', '.join(f'{side:.0f}' for side in scene.origin)}), which is added to them for the scene's own."
+        )
     if scene.unit != "metric":
         notes.append(
             "The scale of this scene is unknown: lengths are in its own unit, and depth maps are floating-point TIFF files."
@@ -199,6 +214,20 @@ def _note_of_memory(planned: Plan | None) -> list[str]:
     return [
         "Memory was short, so the network worked on fewer views at a time; that takes longer and changes nothing else."
     ]
+
+
+def strangers(context: Views) -> list[int]:
+    """The views that have no point in their picture, at 16 depths from near to far, that is in that of another view."""
+    grid = torch.diag(torch.tensor([GRID / context.size[1], GRID / context.size[0], 1.0], dtype=torch.float64))
+    cameras = context.cameras.adjusted(grid, (GRID, GRID))
+    near, far = context.depth_range[:, 0].min(), context.depth_range[:, 1].max()
+    depths = 1 / torch.linspace(float(1 / near), float(1 / far), 16, dtype=torch.float64)
+    shared = torch.zeros(len(context), len(context), dtype=torch.bool)
+    for one, other in itertools.permutations(range(len(context)), 2):
+        points = back_project(depths[:, None, None].expand(-1, GRID, GRID), cameras[one])
+        x, y, depth = project(points.flatten(end_dim=-2), cameras[other]).unbind(-1)
+        shared[one, other] = ((depth > 0) & (x >= 0) & (x < GRID) & (y >= 0) & (y < GRID)).any()
+    return [view for view in range(len(context)) if not (shared | shared.T)[view].any()]
 
 
 def has_parallax(context: Views) -> bool:

@@ -58,7 +58,8 @@ def outputs(result: Reconstruction) -> tuple[Output, ...]:
 def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
     """Everything that the report says in numbers, ready for JSON; what is not known is None.
 
-    Lengths are metres where `scene.unit` is "metric", else the scene's own unit. `psnr` is in dB, None for equal pictures.
+    Lengths are metres where `scene.unit` is "metric", else the scene's own unit. `scene.origin` is what to add to positions in the PLY
+    files and `scene.safetensors` for those in the scene's coordinates. `psnr` is in dB, None for equal pictures.
     """
     scene = result.scene
     maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in _all_shown(result)]
@@ -72,6 +73,7 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             "path": str(scene.path),
             "layout": scene.layout,
             "unit": scene.unit,
+            "origin": scene.origin.tolist(),
             "usable_frames": len(scene),
             "absent_frames": list(scene.absent),
         },

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import traceback
@@ -20,6 +19,7 @@ from semgs.data.workers import settle_worker
 from semgs.files.atomic import is_part_of, write_bytes, write_json
 from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
+from semgs.files.strict_json import read_json
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution
 from semgs.rooms.scenes import ROOM, write_scene
@@ -193,12 +193,8 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
 
 
 def _check_settings(record: Path, wanted: dict) -> None:
-    try:
-        there = json.loads(record.read_text(encoding="utf-8"))
-        known = set(there) == set(wanted)
-    except (ValueError, TypeError) as error:
-        raise InputError(record, "the settings of a data set of rooms", str(error)) from error
-    if not known:
+    there = read_json(record, "the settings of a data set of rooms")
+    if not isinstance(there, dict) or set(there) != set(wanted):
         raise InputError(record, "the settings of a data set of rooms", "something else", advice="name another folder")
     other = [f"{name} is {there[name]} there, {value} asked" for name, value in wanted.items() if there[name] != value]
     if other:
@@ -239,7 +235,7 @@ class _Drawing(Dataset):
 
 def _files(folder: Path, scenes: int) -> set[str]:
     """The files of the assets that are in any scene."""
-    rooms = (json.loads((folder / scene_name(index) / ROOM).read_text(encoding="utf-8")) for index in range(scenes))
+    rooms = (read_json(folder / scene_name(index) / ROOM) for index in range(scenes))
     return {file for room in rooms for file in room["assets"]}
 
 
@@ -247,7 +243,7 @@ def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
     """What is in the data set: its recipe, its scenes, and the pixels of each class in each and in all."""
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
-        room = json.loads((folder / scene_name(index) / ROOM).read_text(encoding="utf-8"))
+        room = read_json(folder / scene_name(index) / ROOM)
         render = render_of(recipe.render, recipe.seed, index)
         listed.append({"folder": scene_name(index), "kind": room["kind"], "render": render, "pixels": room["pixels"]})
         for name, pixels in room["pixels"].items():

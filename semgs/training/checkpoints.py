@@ -8,7 +8,6 @@ a checkpoint's name; a file damaged later fails its hash.
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,9 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from semgs.files.atomic import write_bytes, write_json
-from semgs.training.state import TrainingState
+from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
+from semgs.training.state import TrainingState, are_numbers
 
 KEPT = 3
 """How many checkpoints stay beside the best; each is about five times the size of the network."""
@@ -48,23 +49,36 @@ def save_checkpoint(folder: Path, state: TrainingState) -> Path:
     record = _record(folder, state.step)
     write_bytes(record.with_suffix(".safetensors"), tensors, durable=True)
     write_json(record, {"sha256": hashlib.sha256(tensors).hexdigest(), **state.numbers()}, durable=True)
-    _tidy(folder, state.best_step)
+    _tidy(folder, state)
     return record
 
 
 def newest_checkpoint(folder: Path) -> Checkpoint | None:
-    """The newest intact checkpoint of a folder, None where there is none."""
+    """The newest intact checkpoint of a folder, None where there has never been one.
+
+    Raises:
+        InputError: there are checkpoints, and none of them is intact.
+    """
     damaged: list[Path] = []
-    for record in sorted(folder.glob("*.json"), reverse=True):
+    for record in _records(folder):
         checkpoint = _read(record, tuple(damaged))
         if checkpoint is not None:
             return checkpoint
         damaged.append(record)
+    if damaged:
+        raise InputError(
+            folder, "an intact checkpoint", f"{len(damaged)}, all damaged; the newest is {damaged[0].name}",
+            advice="nothing was changed; train in a new folder, with --init and weights of this run to keep what was learned",
+        )  # fmt: skip
     return None
 
 
 def best_checkpoint(folder: Path) -> Checkpoint | None:
-    """The checkpoint of the best validation, as the newest one knows it; None where there is none or it is damaged."""
+    """The checkpoint of the best validation, as the newest one knows it; None where there is none or it is damaged.
+
+    Raises:
+        InputError: as `newest_checkpoint`.
+    """
     newest = newest_checkpoint(folder)
     if newest is None or "best_step" not in newest.numbers:
         return None
@@ -76,24 +90,42 @@ def _record(folder: Path, step: int) -> Path:
     return folder / f"{step:08d}.json"
 
 
+def _records(folder: Path) -> list[Path]:
+    """The files of numbers of all checkpoints, the newest first."""
+    return sorted(folder.glob("[0-9]*.json"), reverse=True)
+
+
 def _read(record: Path, damaged: tuple[Path, ...] = ()) -> Checkpoint | None:
     """The checkpoint of a record, None if it is damaged."""
+    found = _intact(record)
+    return None if found is None else Checkpoint(load(found[1]), found[0], damaged)
+
+
+def _intact(record: Path) -> tuple[dict[str, int | float], bytes] | None:
+    """The numbers of a checkpoint and its file of tensors; None unless both are as they were written."""
     try:
-        numbers = json.loads(record.read_text())
+        numbers = parse_json(record.read_bytes())
         tensors = record.with_suffix(".safetensors").read_bytes()
-        intact = hashlib.sha256(tensors).hexdigest() == numbers.pop("sha256")
-    except (OSError, ValueError, KeyError):
+        intact = hashlib.sha256(tensors).hexdigest() == numbers.pop("sha256") and are_numbers(numbers)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
-    return Checkpoint(load(tensors), numbers, damaged) if intact else None
+    return (numbers, tensors) if intact and _record(record.parent, numbers["step"]) == record else None
 
 
-def _tidy(folder: Path, best: int) -> None:
-    """Remove older checkpoints but the best, and what a killed run left half-written."""
-    records = sorted(folder.glob("*.json"))
-    last = [record for record in records[:-KEPT] if record == _record(folder, best)] + records[-KEPT:]
-    for old in set(records) - set(last):
-        old.unlink()
-    kept = {record.stem for record in last}
+def _tidy(folder: Path, state: TrainingState) -> None:
+    """Remove the checkpoints that are older than the last few intact ones, but the best, and what a killed run left half-written.
+
+    The newest is the state's own. One that cannot be read does not count, and one of a later step, which was passed over, stays until
+    the run comes by.
+    """
+    own, best = _record(folder, state.step), _record(folder, state.best_step)
+    intact = 0
+    for record in _records(folder):
+        if intact < KEPT:
+            intact += record <= own and (record == own or _intact(record) is not None)
+        elif record != best:
+            record.unlink()
+    kept = {record.stem for record in _records(folder)}
     for file in [*folder.glob("[0-9]*.safetensors"), *folder.glob(".[0-9]*.part")]:
         if file.stem not in kept:
             file.unlink()

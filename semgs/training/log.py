@@ -17,13 +17,17 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from semgs.files.atomic import write_text
+from semgs.files.atomic import write_bytes
+from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
 from semgs.training.step import StepReport
 from semgs.training.validation import Verdict
 
 EVERY = 20
 """Steps whose means make one line of the log."""
+
+DAMAGED = "log.damaged.jsonl"
+"""Where lines of the log go that a crash has left damaged."""
 
 PLAIN_LINE_SECONDS = 30.0
 """Time between lines on a console that is no terminal."""
@@ -34,7 +38,7 @@ class RunLog:
 
     Args:
         out: the run folder, for log.jsonl and tensorboard/; lines after `step` are dropped, as a killed run may have left them.
-            None writes nothing.
+            Lines that cannot be read go to `DAMAGED`. None writes nothing.
         step: where the run goes on.
         steps: where it ends.
         console: where progress is shown; None shows nothing.
@@ -44,8 +48,13 @@ class RunLog:
         self._file = self._events = None
         if out is not None:
             path = out / "log.jsonl"
-            kept = [line for line in _lines(path) if json.loads(line)["step"] <= step]
-            write_text(path, "".join(f"{line}\n" for line in kept))
+            found = [(_step_of(line), line) for line in _lines(path)]
+            if damaged := [line for there, line in found if there is None]:
+                with (out / DAMAGED).open("ab") as aside:
+                    aside.writelines(damaged)
+                tell(console, [f"{path}: {len(damaged)} lines cannot be read; they are in {DAMAGED} now"])
+            kept = [line for there, line in found if there is not None and there <= step]
+            write_bytes(path, b"".join(kept))
             self._file = path.open("a")
             self._events = _events(out / "tensorboard", step)
         self._start, self._steps, self._console = step, steps, console
@@ -201,7 +210,16 @@ def _finite(value: object) -> object:
     return value
 
 
-def _lines(path: Path) -> list[str]:
-    """The whole lines of a file; a last one that a kill cut short is no line."""
-    text = path.read_text() if path.exists() else ""
-    return text[: text.rfind("\n") + 1].splitlines()
+def _lines(path: Path) -> list[bytes]:
+    """The whole lines of a file with their ends; a last one that a kill cut short is no line."""
+    found = path.read_bytes() if path.exists() else b""
+    return found[: found.rfind(b"\n") + 1].splitlines(keepends=True)
+
+
+def _step_of(line: bytes) -> int | None:
+    """The step that a line of the log is of, None if it cannot be read."""
+    try:
+        step = parse_json(line)["step"]
+    except (ValueError, TypeError, KeyError, IndexError):
+        return None
+    return step if type(step) is int else None

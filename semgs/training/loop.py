@@ -39,14 +39,12 @@ from semgs.training.engine import launched
 from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
-from semgs.training.run import alone, claim, export_weights, hold_assets, network, prolong
+from semgs.training.run import BEST, WEIGHTS, alone, claim, export_weights, hold_assets, network, prolong
 from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision import supervision_of
-
-WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ def train(
 
     Raises:
         ValueError: the folder holds a run of other settings, the settings leave something open, or a step cannot be shared equally.
-        InputError: it holds something else, another process trains into it, data, assets or the weights to start from cannot be
+        InputError: it holds something else or damaged checkpoints alone, another process trains into it, data, assets or the weights to start from cannot be
             used, or the state is of another network.
         ImportError: an extra is not installed that training or its rooms need.
         FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
@@ -113,8 +111,8 @@ def train(
     with alone(out) if fabric.is_global_zero else nullcontext():
         if fabric.is_global_zero:
             prolong(out, settings)
-        data = surveyed(settings, out)
         model = network(out, settings)
+        data = surveyed(settings, out)
         where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
         tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
         supervision = supervision_of(replace(settings, class_weights=data.class_weights))

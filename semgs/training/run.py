@@ -14,6 +14,7 @@ from semgs.files import folders
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
+from semgs.files.strict_json import parse_json, read_json
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches
@@ -27,6 +28,8 @@ from semgs.weights.load import DATA_TERMS, SCENES, drawn
 from semgs.weights.start import start
 
 SETTINGS = "settings.json"
+WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
+"""The averaged weights of the newest checkpoint and of the best validation."""
 NETWORK = "network.json"
 """The settings of the network, which may come from a file of weights that is not there any more when the run goes on."""
 
@@ -98,10 +101,10 @@ def hold_assets(out: Path, folders: Sequence[str]) -> None:
         if folders:
             write_json(record, locks)
         return
-    there = record.read_text(encoding="utf-8")
-    if json.loads(there) != locks:
+    there = read_json(record, "the locks of the assets of a run")
+    if there != locks:
         raise InputError(
-            record, f"assets of the locks {', '.join(locks)}, which are asked for", f"others, {there}",
+            record, f"assets of the locks {', '.join(locks)}, which are asked for", f"others, {json.dumps(there)}",
             advice="give those that the run began with, or another run folder",
         )  # fmt: skip
 
@@ -113,11 +116,12 @@ def read_settings(out: Path) -> TrainingSettings:
         InputError: the folder holds no run, or one that this version cannot read.
     """
     record = out / SETTINGS
+    if not record.exists():
+        raise InputError(record, "the settings of a training run", "no such file")
+    saved = read_json(record, "the settings of a training run")
     try:
-        return TrainingSettings.from_json(json.loads(record.read_text()))
-    except FileNotFoundError as error:
-        raise InputError(record, "the settings of a training run", "no such file") from error
-    except (ValueError, TypeError, KeyError) as error:
+        return TrainingSettings.from_json(saved)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(record, "the settings of a training run", str(error)) from error
 
 
@@ -125,11 +129,16 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
     """The network of a run as it begins; of a run that has a checkpoint, one of the same shape, to be filled from there.
 
     Raises:
-        InputError: the weights to start from cannot be used.
+        InputError: the weights to start from cannot be used, or the run has lost all its checkpoints.
     """
     classes = settings.classes or SCANNET20
     record = out / NETWORK
     if newest_checkpoint(out / "checkpoints") is None:
+        if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
+            raise InputError(
+                out, "a run with a checkpoint to go on from", f"none, but {' and '.join(lost)}",
+                advice=f"nothing was changed; train in a new folder, with --init {out / lost[0]} to keep what was learned",
+            )  # fmt: skip
         model = start(
             settings.model, settings.init, seed=settings.seed, classes=classes,
             own_classes=settings.classes is not None, switches=_switched(settings.network),
@@ -138,8 +147,8 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
         write_json(record, model.settings.as_json())
         return model
     try:
-        return drawn(NetworkSettings.from_json(json.loads(record.read_text())), settings.seed, classes)
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return drawn(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, classes)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             record, "the settings of a network", f"{type(error).__name__}: {error}",
             advice="another version of semgs wrote it; go on with that one or name a new folder",

@@ -192,7 +192,7 @@ class Samples:
             chosen = [replace(frame, depth_path=None) for frame in chosen]
         maps = {frame.lens: frame.lens.maps() for frame in chosen if not frame.lens.is_pinhole}
         views = [frame.view((bounds.near, bounds.far), scene.classes, maps=maps.get(frame.lens)) for frame in chosen]
-        return joined([window(view, views[0].size) for view in views]).checked()
+        return scene.local(joined([window(view, views[0].size) for view in views])).checked()
 
     def _generator(self, k: int, purpose: int) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence((self._seed, k, purpose))))

@@ -141,6 +141,19 @@ class TrainingState:
         self.best_score = float(numbers.get("best_score", -math.inf))
 
 
+def are_numbers(found: Mapping[str, object]) -> bool:
+    """Whether these can be what `TrainingState.numbers` gave."""
+    whole = {"step", "skipped", "skipped_in_a_row"}
+    if not whole | {"seconds"} <= found.keys() or ("best_step" in found) != ("best_score" in found):
+        return False
+    return all(
+        type(value) in ((int,) if name in whole | {"best_step"} else (int, float))
+        and math.isfinite(value)  # type: ignore[arg-type]
+        and (value >= 0 or name == "best_score")  # type: ignore[operator]
+        for name, value in found.items()
+    )
+
+
 def _learners(model: nn.Module, head: nn.Module | None) -> dict[str, nn.Parameter]:
     """The parameters of a model, and of a head beside it, by name."""
     beside = {} if head is None else {f"{HEAD}{name}": one for name, one in head.named_parameters()}

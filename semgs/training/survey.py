@@ -8,7 +8,6 @@ drawn from them by number.
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from semgs.data.terms import ROOMS as ROOMS_TERMS
 from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
 from semgs.training.settings import CLASS_WEIGHTINGS, ROOMS, Source, TrainingSettings
@@ -149,7 +149,7 @@ def scenes_of(record: Path) -> tuple[str, ...]:
     if not record.is_file():
         return ()
     try:
-        content = json.loads(record.read_text(encoding="utf-8"))
+        content = parse_json(record.read_bytes())
         return tuple(
             dict.fromkeys(
                 [*content.get("before", ()), *(one["name"] for one in content["scenes"] if not one.get("drawn"))]
@@ -166,7 +166,7 @@ def data_terms_of(record: Path) -> tuple[Terms, ...]:
         InputError: the record is damaged.
     """
     try:
-        content = json.loads(record.read_text(encoding="utf-8"))
+        content = parse_json(record.read_bytes())
         return terms_from(content["terms"]) if "terms" in content else (UNSTATED,)
     except FileNotFoundError:
         return (UNSTATED,)
@@ -420,9 +420,10 @@ def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | 
     if not record.is_file():
         return None
     try:
-        before = json.loads(record.read_text(encoding="utf-8"))
-        there = [(one["name"], one["frames"]) for one in before["scenes"]]
-        counts = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
+        before = parse_json(record.read_bytes())
+        there = [(str(one["name"]), int(one["frames"])) for one in before["scenes"]]
+        pixels = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
+        counts = [None if one is None else np.array(one, dtype=np.float64) for one in pixels]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(record, "what the data of the run are", str(error)) from error
     here = [(scene.name, len(scene)) for scene in scenes]
@@ -432,4 +433,4 @@ def _remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | 
             record, f"the {len(there)} scenes that the run began with", f"{len(here)}, of which {other[0]} differs",
             advice="bring those back, or train in a new folder",
         )  # fmt: skip
-    return [None if one is None else np.array(one, dtype=np.float64) for one in counts]
+    return counts

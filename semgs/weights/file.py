@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -9,13 +10,14 @@ from math import prod
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import check_utf8
+from semgs.files.strict_json import parse_json
+from semgs.files.tensor_files import opened_tensors
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.weights import format1
@@ -26,7 +28,12 @@ FORMAT = "2"
 OLDER = "1"
 """The version that is read as well."""
 
-OWN_KEYS = frozenset({"semgs", "settings", "classes"})
+WEIGHTS = "a safetensors file of weights"
+
+CHECKSUM = "tensors_sha256"
+"""Key of the hash of all tensors (`checksum`); files that older versions wrote have none."""
+
+OWN_KEYS = frozenset({"semgs", "settings", "classes", CHECKSUM})
 """Keys of the header that are the format's own."""
 
 
@@ -51,7 +58,7 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
     Args:
         path: the file.
         model: the network; its settings and class table go into the header.
-        metadata: provenance; its keys must not be those of the format (semgs, settings, classes).
+        metadata: provenance; its keys must not be those of the format (`OWN_KEYS`).
         dtype: floating-point tensors are stored in it; they are computed with in float32.
 
     Raises:
@@ -67,7 +74,7 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
         name: tensor.detach().to("cpu", dtype if tensor.is_floating_point() else tensor.dtype).contiguous()
         for name, tensor in model.state_dict().items()
     }
-    write_bytes(Path(path), to_bytes(tensors, header | metadata))
+    write_bytes(Path(path), to_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | metadata))
 
 
 def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str]) -> None:
@@ -79,15 +86,22 @@ def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str])
         metadata: takes the place of what the header says under these keys; the others stay.
 
     Raises:
-        InputError: the source is no weights file of ours.
+        InputError: the source is no weights file of ours, or damaged.
         ValueError: a key of the metadata is one of the format's own.
     """
     read_header(source)
     _check_free(metadata)
-    with safe_open(source, "pt") as file:
-        header = file.metadata() | dict(metadata)
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    write_bytes(Path(target), to_bytes(tensors, header))
+    header, tensors = _content(source)
+    write_bytes(Path(target), to_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | dict(metadata)))
+
+
+def checksum(tensors: Mapping[str, torch.Tensor]) -> str:
+    """SHA-256 of tensors as they are stored: name, type and shape on a line, then the bytes of each, in the order of their names."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        digest.update(f"{name} {tensor.dtype} {list(tensor.shape)}\n".encode())
+        digest.update(tensor.contiguous().flatten().view(torch.uint8).numpy())
+    return digest.hexdigest()
 
 
 def _check_free(metadata: Mapping[str, str]) -> None:
@@ -105,11 +119,11 @@ def is_ours(path: str | Path) -> bool:
     check_utf8(path, "safetensors")
     with readable(path):
         Path(path).open("rb").close()  # safetensors takes a file that it may not read for one that is not there
-        try:
-            with safe_open(path, "pt") as file:
-                return "semgs" in (file.metadata() or {})
-        except SafetensorError:
-            return False
+    try:
+        with opened_tensors(path, WEIGHTS) as file:
+            return "semgs" in (file.metadata() or {})
+    except InputError:
+        return False
 
 
 def read_header(path: str | Path) -> Header:
@@ -118,23 +132,21 @@ def read_header(path: str | Path) -> Header:
     Raises:
         InputError: it is no weights file of ours, or of a later version.
     """
-    try:
-        with safe_open(path, "pt") as file:
-            fields = dict(file.metadata() or {})
-    except (OSError, SafetensorError) as error:
-        raise InputError(path, "a safetensors file of weights", f"{error}") from None
+    with opened_tensors(path, WEIGHTS) as file:
+        fields = dict(file.metadata() or {})
+    fields.pop(CHECKSUM, None)
     version = fields.pop("semgs", None)
     if version not in (FORMAT, OLDER):
         raise InputError(path, f"weights of format {FORMAT}, written by semgs", "another header", key="metadata")
     try:
-        saved = json.loads(fields.pop("settings"))
-        classes = json.loads(fields.pop("classes"))
+        saved = parse_json(fields.pop("settings"))
+        classes = parse_json(fields.pop("classes"))
         table = None if classes is None else ClassTable.from_json(classes)
         if version == OLDER:
             settings = format1.todays_settings(saved, semantic=table is not None)
         else:
             settings = NetworkSettings.from_json(saved)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
 
@@ -149,27 +161,37 @@ def count_parameters(path: str | Path) -> int:
     Raises:
         InputError: the file cannot be read.
     """
-    try:
-        with safe_open(path, "pt") as file:
-            names = [name for name in file.keys() if not name.endswith(MEASURED)]  # noqa: SIM118
-            return sum(prod(file.get_slice(name).get_shape()) for name in names)
-    except (OSError, SafetensorError) as error:
-        raise InputError(path, "a safetensors file of weights", f"{error}") from None
+    with opened_tensors(path, WEIGHTS) as file:
+        names = [name for name in file.keys() if not name.endswith(MEASURED)]  # noqa: SIM118
+        return sum(prod(file.get_slice(name).get_shape()) for name in names)
 
 
 def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
     """All tensors of a safetensors file, in float32; those of our format 1 have their names of today.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file cannot be read, or its tensors are not those that were written.
     """
-    try:
-        with safe_open(path, "pt") as file:
-            tensors = {name: _single(file.get_tensor(name)) for name in file.keys()}  # noqa: SIM118
-            older = (file.metadata() or {}).get("semgs") == OLDER
-            return format1.todays_tensors(tensors) if older else tensors
-    except (OSError, SafetensorError) as error:
-        raise InputError(path, "a whole safetensors file", f"{error}") from None
+    header, stored = _content(path)
+    tensors = {name: _single(tensor) for name, tensor in stored.items()}
+    return format1.todays_tensors(tensors) if header.get("semgs") == OLDER else tensors
+
+
+def _content(path: str | Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
+    """The metadata of a safetensors file and its tensors as they are stored.
+
+    Raises:
+        InputError: as `read_tensors`.
+    """
+    with opened_tensors(path, "a whole safetensors file") as file:
+        header = dict(file.metadata() or {})
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    if "semgs" in header and header.get(CHECKSUM, found := checksum(tensors)) != found:
+        raise InputError(
+            path, f"tensors of sha256 {header[CHECKSUM][:12]}, as they were written", f"{found[:12]}",
+            key=CHECKSUM, advice="the file is damaged; get it again",
+        )  # fmt: skip
+    return header, tensors
 
 
 def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> None:

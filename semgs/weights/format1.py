@@ -21,6 +21,7 @@ from semgs.model.settings import (
     SemanticSettings,
     TransformerSettings,
     TwoBlocks,
+    made,
 )
 
 PREFIXES = {
@@ -63,7 +64,7 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
         semantic: whether the file has a class table, and so a semantic branch.
 
     Raises:
-        KeyError, TypeError: these are no such settings.
+        KeyError, TypeError, ValueError: these are no such settings.
     """
     s = {
         "paper_heads": False,
@@ -71,10 +72,14 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
         "semantic_pyramid": (),
         **flat,
     }  # the oldest files have none of these
+    for flag in ("paper_heads", "shared_layers"):
+        if not isinstance(s[flag], bool):
+            raise ValueError(f"{flag} is {s[flag]!r:.60}; expected bool")
     pyramid = tuple(s["semantic_pyramid"])
 
     def transformer(branch: str) -> TransformerSettings:
-        return TransformerSettings(
+        return made(
+            TransformerSettings,
             blocks=s[f"{branch}_blocks"],
             windows=s["windows"],
             expansion=s["expansion"],
@@ -83,7 +88,8 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
             output_transform=s["output_transform"],
         )
 
-    depth = DepthSettings(
+    depth = made(
+        DepthSettings,
         candidates=s["candidates"],
         width=s["cost_width"],
         hidden=s["cost_hidden"],
@@ -93,34 +99,38 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
         cost_prior=s["cost_prior"],
         initial_scale=s["initial_depth_scale"],
     )
-    mvsplat = MVSplatHeads(
+    mvsplat = made(
+        MVSplatHeads,
         upsampled=s["upsampled_channels"],
         projected=s["projected_channels"],
         width=s["refine_width"],
         levels=s["refine_levels"],
         decoder_blocks=s["decoder_blocks"],
     )
-    return NetworkSettings(
+    return made(
+        NetworkSettings,
         name=s["name"],
         channels=s["channels"],
         cnn_widths=tuple(s["cnn_widths"]),
         stride=s["gaussian_stride"],
         last_kernel=s["last_kernel"],
         initial_sigma=s["initial_sigma"],
-        colour=ColourSettings(
+        colour=made(
+            ColourSettings,
             transformer=transformer("colour"),
             depth=depth,
-            heads=PaperHeads(s["opacity_hidden"]) if s["paper_heads"] else mvsplat,
+            heads=made(PaperHeads, opacity_hidden=s["opacity_hidden"]) if s["paper_heads"] else mvsplat,
             hidden=s["colour_hidden"],
             harmonics=s["harmonics"],
             from_image=s["colour_from_image"],
             shrink_seen=0.5 if s["name"] == "small" else 0.0,  # format 1 is older than the rule
         ),
-        semantic=SemanticSettings(
+        semantic=made(
+            SemanticSettings,
             transformer=transformer("semantic"),
-            refinement=Pyramid(pyramid) if pyramid else TwoBlocks(),
+            refinement=made(Pyramid, widths=pyramid) if pyramid else TwoBlocks(),
             own_cnn=not s["shared_layers"],
             hidden=s["semantic_hidden"],
         ) if semantic else None,
-        conventions=Conventions(**s["conventions"]),
+        conventions=made(Conventions, **s["conventions"]),
     )  # fmt: skip

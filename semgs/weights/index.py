@@ -5,7 +5,6 @@ shipped/index.json    {"small": {"file": "small.safetensors", "sha256": "...", "
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -14,6 +13,7 @@ from pathlib import Path
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
+from semgs.files.strict_json import parse_json
 
 FILE_NAME = "index.json"
 SHOWN = 12
@@ -51,7 +51,7 @@ def read_index(folder: Path | None = None) -> tuple[Shipped, ...]:
     folder = shipped_folder() if folder is None else folder
     path = folder / FILE_NAME
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_bytes())
         return tuple(
             Shipped(name, folder / Path(str(one["file"])).name, str(one["sha256"]), int(one["bytes"]))
             for name, one in sorted(content.items())

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import torch
+from torch import nn
+from torch.nn.modules.module import register_module_parameter_registration_hook
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
 from semgs.files.paths import found_at
+from semgs.files.strict_json import parse_json
 from semgs.model import presets
 from semgs.model.build import build
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.weights import mvsplat
-from semgs.weights.file import fill, is_ours, read_header, read_tensors
+from semgs.weights.file import count_parameters, fill, is_ours, read_header, read_tensors
 from semgs.weights.hub import SCHEME, fetched, is_hub_id
 from semgs.weights.index import shipped_folder
 from semgs.weights.temperatures import temperatures_in
@@ -28,6 +31,9 @@ SCENES = "scenes"
 
 DATA_TERMS = "data_terms"
 """Where it has the terms of those data."""
+
+FAR_LARGER, SMALLEST = 4, 1_000_000
+"""A network may have so many times the parameters of its file, which count as so many at least."""
 
 MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://github.com/donydchen/mvsplat", own=True)
 """Of its checkpoint, which has no header."""
@@ -125,7 +131,7 @@ def trained_scenes(weights: str | Path) -> tuple[str, ...]:
     if not is_ours(path):
         return ()
     try:
-        names = json.loads(read_header(path).metadata.get(SCENES, "[]"))
+        names = parse_json(read_header(path).metadata.get(SCENES, "[]"))
     except ValueError as error:
         raise InputError(path, "names of scenes as JSON", str(error), key=SCENES) from error
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -192,10 +198,8 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
             f"{header.classes.name} ({len(header.classes)} classes)",
             key="classes",
         )
-    try:
+    with as_large_as(path):
         model = build(header.settings, header.classes)
-    except (TypeError, ValueError) as error:
-        raise InputError(path, f'settings of "{name}"', f"{error}", key="settings") from None
     fill(model, read_tensors(path), path)
     if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
         told = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
@@ -203,6 +207,32 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
     model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
     model.temperatures = temperatures_in(header.metadata, path) or {}
     return model
+
+
+@contextmanager
+def as_large_as(path: Path) -> Iterator[None]:
+    """Around the building of a network that a file describes: one that is far larger than the file would take memory without end.
+
+    Raises:
+        InputError: it is, or the settings make no network.
+    """
+    most = FAR_LARGER * max(count_parameters(path), SMALLEST)
+
+    def check(module: nn.Module, name: str, parameter: nn.Parameter | None) -> None:
+        nonlocal most
+        most -= 0 if parameter is None else parameter.numel()
+        if most < 0:
+            raise ValueError("those of a network far larger than the file")
+
+    hook = register_module_parameter_registration_hook(check)  # before the parameter is touched, and takes memory
+    try:
+        yield
+    except InputError:
+        raise
+    except (TypeError, ValueError, RuntimeError, ArithmeticError) as error:
+        raise InputError(path, "settings of its network", f"{error}", key="settings") from None
+    finally:
+        hook.remove()
 
 
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:

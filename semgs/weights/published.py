@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError, safe_open
 
 from semgs.files.errors import InputError
+from semgs.files.tensor_files import opened_tensors
 from semgs.model.mobilenet import MobileNetRefinement, MobileNetV2
 from semgs.model.semgs import SemGS
 from semgs.weights.file import read_tensors
@@ -22,9 +22,9 @@ BACKBONE = ("stem.", "blocks.")
 def is_published(path: str | Path) -> bool:
     """Whether a file is safetensors with a stem and blocks by these names; says nothing about their shapes."""
     try:
-        with safe_open(path, "pt") as file:
+        with opened_tensors(path, "a safetensors file") as file:
             names = list(file.keys())
-    except (OSError, SafetensorError):
+    except InputError:
         return False
     return all(any(name.startswith(start) for name in names) for start in BACKBONE)
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
 from semgs.weights.file import read_header
 
 KEY = "scores"
@@ -64,7 +65,7 @@ def read_scores(path: str | Path) -> tuple[Score, ...]:
     try:
         return tuple(
             Score(**{**one, "figures": {name: Figure(**figure) for name, figure in one["figures"].items()}})
-            for one in json.loads(text)
+            for one in parse_json(text)
         )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(path, "scores as JSON", f"{type(error).__name__}: {error}", key=KEY) from None

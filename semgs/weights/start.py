@@ -13,7 +13,7 @@ from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import switched, switches_of
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
-from semgs.weights.load import drawn, find, from_mvsplat, load, semantic_tensors, shipped
+from semgs.weights.load import as_large_as, drawn, find, from_mvsplat, load, semantic_tensors, shipped
 from semgs.weights.published import is_published, with_backbone
 
 SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
@@ -91,7 +91,8 @@ def start(
 
 def _with_another_branch(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int) -> SemGS:
     """The network of a file but for the semantic branch, which these settings shape."""
-    model = drawn(settings, seed, classes)
+    with as_large_as(path):
+        model = drawn(settings, seed, classes)
     own, theirs = model.state_dict(), read_tensors(path)
     fresh = {name: own[name] for name in own if name in semantic_tensors(model)}
     kept = {name: tensor for name, tensor in theirs.items() if not name.startswith("semantic.")}
@@ -104,7 +105,8 @@ def _with_another_branch(path: Path, settings: NetworkSettings, classes: ClassTa
 
 def _with_other_classes(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int) -> SemGS:
     """The network of a file for another table: everything but the rows of the classes."""
-    model = drawn(settings, seed, classes)
+    with as_large_as(path):
+        model = drawn(settings, seed, classes)
     own, theirs = model.state_dict(), read_tensors(path)
     predict = model.parts()["classes"]
     fresh = [name for name in own if name in predict]

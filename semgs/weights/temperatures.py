@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
 from semgs.weights.file import read_header
 
 KEY = "temperatures"
@@ -41,7 +42,7 @@ def temperatures_in(metadata: Mapping[str, str], path: str | Path) -> dict[str, 
     if text is None:
         return None
     try:
-        held = json.loads(text)
+        held = parse_json(text)
         found = {kind: float(held[kind]) for kind in KINDS}
     except (ValueError, TypeError, KeyError) as error:
         raise InputError(path, "temperatures as JSON", f"{type(error).__name__}: {error}", key=KEY) from None

@@ -132,3 +132,60 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
             tmp_path / "a", dataclasses.replace(scene, gaussians=dataclasses.replace(scene.gaussians, means=means))
         )
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_would_not_have_been_written_is_not_read(tmp_path: Path) -> None:
+    save_scene(tmp_path / "a", some_scene())
+    with safe_open(tmp_path / "a", framework="pt") as file:
+        header = file.metadata()
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    for name, index, value, told in (
+        ("means", (2, 1), float("nan"), "means hold a number that is not finite"),
+        ("opacities", (3,), 7.0, r"opacities hold 7\.0; expected 0 to 1"),
+        ("colour.scales", (0, 2), -1.0, r"colour\.scales hold -1\.0; expected 0 or more"),
+        ("semantic.scales", (0, 2), float("inf"), r"semantic\.scales hold a number that is not finite"),
+        (
+            "colour.quaternions",
+            (5,),
+            0.0,
+            r"colour\.quaternions hold \[0\.0, 0\.0, 0\.0, 0\.0\]; expected a length of 1",
+        ),
+        ("semantic.quaternions", (5,), 2.0, r"expected a length of 1"),
+        ("depth_range", (0, 0), -0.7, "depth_range hold a number that cannot be; expected 0 < near < far"),
+        ("depth_range", (1, 1), 0.5, "expected 0 < near < far"),
+        ("depths", (0, 1, 1), -1.0, "depths hold"),
+        ("confidences", (0, 1, 1), float("nan"), "confidences hold"),
+    ):
+        changed = tensors[name].clone()
+        changed[index] = value
+        save_file(tensors | {name: changed}, tmp_path / "b", metadata=header)
+        with pytest.raises(InputError, match=told):
+            load_scene(tmp_path / "b")
+
+
+def test_a_header_that_says_a_thing_twice_is_refused(tmp_path: Path) -> None:
+    save_scene(tmp_path / "a", some_scene())
+    with safe_open(tmp_path / "a", framework="pt") as file:
+        text = file.metadata()["semgs"]
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    save_file(
+        tensors,
+        tmp_path / "b",
+        metadata={"semgs": text.replace('"unit": "metric"', '"unit": "unknown", "unit": "metric"')},
+    )
+    with pytest.raises(InputError, match="the key 'unit' twice in one object"):
+        load_scene(tmp_path / "b")
+    far = json.dumps(json.loads(text) | {"version": 2, "origin": [1e6, float("inf"), 0]})
+    save_file(tensors, tmp_path / "b", metadata={"semgs": far})
+    with pytest.raises(InputError):
+        load_scene(tmp_path / "b")
+
+
+def test_a_far_scene_comes_back_as_it_was(tmp_path: Path) -> None:
+    scene = dataclasses.replace(some_scene(), origin=(4e6, -5e5, 3e3))
+    save_scene(tmp_path / "a", scene)
+    again = load_scene(tmp_path / "a")
+    assert again.origin == (4e6, -5e5, 3e3)
+    torch.testing.assert_close(again.cameras.world_from_camera, scene.cameras.world_from_camera, rtol=0, atol=1e-9)
+    with safe_open(tmp_path / "a", framework="pt") as file:
+        assert file.get_tensor("cameras.world_from_camera")[0, :3, 3].tolist() == [4000000.1, -499999.8, 3000.3]

@@ -103,3 +103,15 @@ def test_members_longer_than_their_archive_are_refused_before_they_are_read(tmp_
         InputError, match=r"scene\.zip: a: expected members inside it, found one of 3,000,000,000 bytes"
     ):
         members(path)
+
+
+def test_two_members_of_one_name_are_refused(tmp_path: Path):
+    """The directory lists both; readers of zip archives differ in which one they take."""
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("transforms.json", b"{}")
+        file.writestr("images/0.png", b"a")
+        with pytest.warns(UserWarning, match="Duplicate name"):
+            file.writestr("images/0.png", b"b")
+    with pytest.raises(InputError, match=r"scene\.zip: images/0\.png: expected one member of each name, found 2"):
+        members(path)

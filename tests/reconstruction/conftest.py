@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +50,10 @@ def look(shift: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def wall_scene(tmp_path: Path) -> Callable[..., Scene]:
     """Writes and opens the scene: `wall_scene(metric=True, shifts=(0, 0.1, 0.2, 0.3))`."""
 
-    def write(metric: bool = True, shifts: tuple[float, ...] = (0.0, 0.08, 0.16, 0.24)) -> Scene:
-        folder = tmp_path / "wall"
+    def write(
+        metric: bool = True, shifts: tuple[float, ...] = (0.0, 0.08, 0.16, 0.24), moved: Sequence[float] = (0, 0, 0)
+    ) -> Scene:
+        folder = tmp_path / f"wall_{moved[0]:g}" if any(moved) else tmp_path / "wall"
         for name in ("images", "depth", "labels"):
             (folder / name).mkdir(parents=True)
         frames = []
@@ -59,6 +61,7 @@ def wall_scene(tmp_path: Path) -> Callable[..., Scene]:
             picture, depth, labels = look(shift)
             write_png(folder / f"images/{index:02d}.png", picture)
             opengl = wall_camera(shift).world_from_camera.numpy() @ np.diag([1, -1, -1, 1])
+            opengl[:3, 3] += moved
             frame = {"file_path": f"images/{index:02d}.png", "transform_matrix": opengl.tolist()}
             if metric:
                 write_png(folder / f"depth/{index:02d}.png", np.rint(1000 * depth).astype(np.uint16))
@@ -83,15 +86,16 @@ class Oracle(nn.Module):
     def __init__(self, classes: ClassTable | None = SCANNET20) -> None:
         super().__init__()
         self.classes = classes
+        self.start = torch.tensor([3.0, -1.0, 0.5], dtype=torch.float64)  # where the first camera is
 
     def forward(self, views: Views) -> Encoding:
-        shifts = (views.cameras.centres - torch.tensor([3.0, -1.0, 0.5])) @ torch.from_numpy(TURN)
+        shifts = (views.cameras.centres - self.start) @ torch.from_numpy(TURN)
         depths = (WALL - shifts[:, 2]).float()[:, None, None].expand(-1, *views.size)
         means = back_project(depths, views.cameras).reshape(-1, 3)
         colours = (views.images.permute(0, 2, 3, 1).reshape(-1, 1, 3) - 0.5) / 0.28209479177387814
         turns = torch.tensor([1.0, 0, 0, 0]).expand(len(means), 4)
         scales = torch.full_like(means, 0.6 * WALL / 50)
-        on_the_left = (means.double() - torch.tensor([3.0, -1.0, 0.5])) @ torch.from_numpy(TURN)[:, 0] < 0.1
+        on_the_left = (means.double() - self.start) @ torch.from_numpy(TURN)[:, 0] < 0.1
         shares = torch.full((len(means), 20), 0.01)
         shares[torch.arange(len(means)), torch.where(on_the_left, 0, SCANNET20.index("picture"))] = 0.81
         return Encoding(
@@ -99,7 +103,7 @@ class Oracle(nn.Module):
                 means,
                 torch.full((len(means),), 0.9),
                 Appearance(turns, scales, colours),
-                Appearance(turns, scales, shares) if self.classes is not None else None,
+                Appearance(turns, scales.clone(), shares) if self.classes is not None else None,
             ),
             depths,
             torch.full_like(depths, 0.5),

@@ -1,13 +1,23 @@
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from reconstruction.conftest import SIZE, TURN, WALL
+from safetensors import safe_open
 
+from semgs import load
+from semgs.cli.results import saved
 from semgs.data.choice import choose, given
 from semgs.data.scene import Scene
-from semgs.reconstruction.reconstruct import Network, reconstruct
+from semgs.data.views import Views
+from semgs.export.scene import load_scene, save_scene
+from semgs.reconstruction.reconstruct import Network, reconstruct, strangers
+from semgs.reconstruction.report import Origin, report_numbers
 from semgs.reconstruction.stages import Stages
 
 
@@ -120,3 +130,85 @@ def test_a_reconstruction_has_one_near_and_far(wall_scene: Callable[..., Scene],
     for bounds in (result.context.views, result.target.views, result.encoding):
         assert bounds.depth_range.tolist() == [[near, far]] * 2
     assert result.depth_range == scene.depth_range([0, 3])
+
+
+MOVED = (5e6, -4e6, 3e5 + 0.3)
+"""As far as a point on the ground is in ECEF [m]; a float32 has steps of half a metre there."""
+
+
+def test_a_scene_far_from_its_origin_is_reconstructed_as_well_as_near_it(wall_scene: Callable[..., Scene]) -> None:
+    """The middle camera is at (3.129, -0.997, 0.607) + MOVED, and that is rounded."""
+    near, far = wall_scene(), wall_scene(moved=MOVED)
+    assert near.origin.tolist() == [0, 0, 0]
+    assert far.origin.tolist() == [5_000_003, -4_000_001, 300_001]
+    network = load("small")
+    before, after = (reconstruct(scene, given(scene, [0, 3]), network) for scene in (near, far))
+    for mine, theirs in ((after.context, before.context), (after.target, before.target)):
+        for score, wanted in zip(mine.scores, theirs.scores, strict=True):
+            assert score.psnr > 15
+            assert score.psnr == pytest.approx(wanted.psnr, abs=0.01)
+            assert score.depth_error == pytest.approx(wanted.depth_error, abs=1e-3)
+    assert any("relative to (5000003, -4000001, 300001), which is added" in note for note in after.notes)
+    assert not any("relative to" in note for note in before.notes)
+
+
+def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_them_again(
+    wall_scene: Callable[..., Scene], oracle: Network, tmp_path: Path
+) -> None:
+    scene = wall_scene(moved=MOVED)
+    oracle.start += torch.tensor(MOVED, dtype=torch.float64) - torch.from_numpy(scene.origin)
+    result = reconstruct(scene, given(scene, [0, 3]), oracle, SIZE)
+    asked = scene.cameras[3].arranged(lambda array: array[None])
+    assert asked.centres[0, 0] > 5e6
+    mine = result.encoding.render(asked.relative_to(scene.origin))
+    assert torch.equal(mine.images[0], result.context.rendering.images[1])
+    save_scene(tmp_path / "a", saved(result))
+    with safe_open(tmp_path / "a", "pt") as file:
+        written = file.get_tensor("cameras.world_from_camera")
+        assert json.loads(file.metadata()["semgs"])["version"] == 2
+    exact = [
+        frame["transform_matrix"] for frame in json.loads((scene.path.parent / "transforms.json").read_text())["frames"]
+    ]
+    assert written[:, :3, 3].tolist() == np.array(exact)[[0, 3], :3, 3].tolist()
+    again = load_scene(tmp_path / "a")
+    assert again.origin == (5_000_003, -4_000_001, 300_001)
+    assert torch.equal(again.cameras.world_from_camera, result.context.views.cameras.world_from_camera)
+    wall = (
+        again.gaussians.means.double() + torch.tensor(again.origin) - torch.tensor(MOVED, dtype=torch.float64)
+    ).numpy()
+    np.testing.assert_allclose((wall - [3.0, -1.0, 0.5]) @ TURN[:, 2], WALL, atol=1e-5)
+    report = report_numbers(result, Origin("semgs", "none", 0, "cpu"), {})
+    assert report["scene"]["origin"] == [5_000_003, -4_000_001, 300_001]
+
+
+def test_up_to_a_kilometre_nothing_is_moved(wall_scene: Callable[..., Scene]) -> None:
+    """The middle camera is at (3.129, -0.997, 0.607): 996 m more in x keep it below 1,000 and 997 m do not."""
+    for moved, origin in ((996.0, [0, 0, 0]), (997.0, [1000, -1, 1])):
+        scene = wall_scene(moved=(moved, 0, 0))
+        assert scene.origin.tolist() == origin
+        read = scene.read([0, 3]).cameras.world_from_camera
+        files = torch.stack([camera.world_from_camera for camera in scene.cameras])[[0, 3]]
+        assert torch.equal(read[:, :3, 3], files[:, :3, 3] - torch.tensor(origin))
+        assert torch.equal(read[..., :3, :3], files[..., :3, :3])
+
+
+def test_poses_from_arrays_that_are_far_out_are_warned_of() -> None:
+    images, poses = np.zeros((2, 4, 6, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))
+    poses[:, 0, 3] = [1000, 990]
+    Views.from_arrays(images, poses, np.eye(3), (0.5, 10))
+    poses[1, 0, 3] = -1001
+    with pytest.warns(UserWarning, match="cameras are 1001 from the origin"):
+        Views.from_arrays(images, poses, np.eye(3), (0.5, 10))
+
+
+def test_views_that_cannot_overlap_are_told(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    """At 10 m, the far bound, a camera sees 29 / 52 * 10 = 5.6 m to its right and 5.2 m to its left: more than 8 m together, less than 12."""
+    for shifts, told in (((0.0, 12.0), True), ((0.0, 8.0), False)):
+        scene = wall_scene(shifts=shifts, moved=(shifts[1], 0, 0))
+        notes = reconstruct(scene, given(scene, [0, 1]), oracle).notes
+        found = [note for note in notes if note.startswith("No overlap: images/00.png, images/01.png shows nothing")]
+        assert bool(found) is told
+
+
+def test_a_view_beside_two_that_overlap_is_the_stranger(wall_scene: Callable[..., Scene]) -> None:
+    assert strangers(wall_scene(shifts=(0.0, 0.1, 15.0)).read([0, 2, 1])) == [1]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 from dataclasses import dataclass
 from typing import Any
 
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
+from semgs.files.strict_json import read_json
 
 
 def parsed(path: Stored) -> Fields:
@@ -18,14 +18,7 @@ def parsed(path: Stored) -> Fields:
     Raises:
         InputError: it cannot be read, is no JSON, or holds something other than an object.
     """
-    try:
-        content = json.loads(path.read_bytes().decode("utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise InputError(path, "JSON", f"{error.msg} in line {error.lineno}, column {error.colno}") from error
-    except (UnicodeDecodeError, RecursionError) as error:
-        raise InputError(path, "JSON in UTF-8", type(error).__name__) from error
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    content = read_json(path)
     if not isinstance(content, dict):
         raise InputError(path, "a JSON object", f"a {type(content).__name__}")
     return Fields(path, content)

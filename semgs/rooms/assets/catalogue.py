@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 
 EXCLUDED = {
     "kenney_bookcaseopen": "a ladder rather than a bookshelf",
@@ -136,14 +136,9 @@ def usable(row: MeshRow) -> bool:
 
 
 def _rows(path: Path) -> list[dict]:
-    try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(
-            path, "the list of a folder of assets", "no such file", advice="give the folder that holds it"
-        ) from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "JSON", str(error)) from None
+    if not path.exists():
+        raise InputError(path, "the list of a folder of assets", "no such file", advice="give the folder that holds it")
+    rows = read_json(path)
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(path, "a list of objects", type(rows).__name__)
     return rows

@@ -13,6 +13,7 @@ from jaxtyping import Float32, Int64
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
 
 HEADER, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TRIANGLES = 4
@@ -75,7 +76,7 @@ def _chunks(raw: bytes) -> tuple[dict, bytes]:
         size, kind = struct.unpack_from("<II", raw, place)
         chunks[kind] = raw[place + 8 : place + 8 + size]
         place += 8 + size
-    return json.loads(chunks[JSON_CHUNK]), chunks.get(BINARY_CHUNK, b"")
+    return parse_json(chunks[JSON_CHUNK]), chunks.get(BINARY_CHUNK, b"")
 
 
 def _primitives(description: dict, data: bytes) -> list[Primitive]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
 from semgs.rooms.assets.catalogue import MeshRow, PictureRow, inside, read_catalogue
 
 NAME = "lock.json"
@@ -81,13 +82,13 @@ def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
     """
     path = Path(str(files("semgs.rooms.assets"))) / NAME if path is None else Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_bytes())
         rows = []
         for file, origin, inner, sha256 in content["files"]:
             source, commit, licence, author = content["origins"][origin]
             rows.append(LockRow(inside(file), source, commit, inner, licence, author, sha256))
         return tuple(rows)
-    except (OSError, json.JSONDecodeError, KeyError, IndexError, TypeError, ValueError) as error:
+    except (OSError, KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(
             path,
             "a lock of assets",

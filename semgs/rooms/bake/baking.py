@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ from threading import Event
 from semgs import __version__
 from semgs.files.atomic import is_part_of, write_json, write_text
 from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
 from semgs.rooms.assets.lock import LISTS, NAME, make_lock, write_lock
 from semgs.rooms.bake.finish import finish
 from semgs.rooms.bake.kinds import Job, make_job
@@ -117,7 +117,7 @@ def claim(folder: Path, seed: int, pieces: int) -> None:
     wanted = {"semgs": __version__, "recipe": RECIPE, "seed": seed}
     if record.is_file():
         try:
-            there = json.loads(record.read_text(encoding="utf-8"))
+            there = parse_json(record.read_bytes())
             other = [
                 f"{name} is {there[name]} there, {value} now" for name, value in wanted.items() if there[name] != value
             ]
@@ -177,7 +177,7 @@ def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Baked:
         if not path.is_file():
             continue
         try:
-            record = json.loads(path.read_text(encoding="utf-8"))
+            record = parse_json(path.read_bytes())
             rows += record.get("rows", [])
         except (ValueError, AttributeError, TypeError) as error:
             raise InputError(
