@@ -194,7 +194,9 @@ def test_a_full_disk(
         return replace(path, target)
 
     monkeypatch.setattr(Path, "replace", full)
-    monkeypatch.setattr("semgs.files.folders._exchange", lambda first, second: False)  # so that the folder is renamed too
+    monkeypatch.setattr(
+        "semgs.files.folders._exchange", lambda first, second: False
+    )  # so that the folder is renamed too
     assert "the disk is full" in refused(scene, "--overwrite")
 
 
