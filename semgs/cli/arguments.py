@@ -6,16 +6,37 @@ import io
 import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
+from pathlib import Path
 from typing import TypeVar
 
 import tyro
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from semgs.cli.errors import UsageError
+from semgs.files.paths import typed_path
 
 Options = TypeVar("Options")
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Sides of the pictures that can be asked for [px]."""
+
+
+_TYPES = ConstructorRegistry()
+"""How what was typed becomes what options hold, where that is not tyro's own way."""
+
+
+@_TYPES.primitive_rule
+def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
+    """Paths, by `typed_path`."""
+    if info.type is not Path:
+        return None
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="PATH",
+        instance_from_str=lambda typed: typed_path(typed[0]),
+        is_instance=lambda instance: isinstance(instance, Path),
+        str_from_instance=lambda path: [str(path)],
+    )
 
 
 def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
@@ -33,7 +54,13 @@ def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Option
     told = io.StringIO()
     try:
         with redirect_stderr(told):
-            return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=(tyro.conf.FlagCreatePairsOff,))
+            return tyro.cli(
+                options,
+                prog=f"semgs {name}",
+                args=list(arguments),
+                config=(tyro.conf.FlagCreatePairsOff,),
+                registry=_TYPES,
+            )
     except SystemExit as leaving:
         if leaving.code in (None, 0):
             raise

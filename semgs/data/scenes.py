@@ -12,7 +12,7 @@ from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.files.errors import InputError
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, typed_path
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked) -> Sce
         InputError, ValueError: as `open_scene`.
     """
     check_readings(as_peers)
-    path = Path(path).expanduser()
+    path = typed_path(path)
     existing_folder(path)
     scene = _opened(path, as_peers, asked)
     if scene is None:
@@ -139,7 +139,7 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
     Raises:
         InputError: nothing is there, no scene, or not one that is wanted.
     """
-    found = _found(Path(path).expanduser())
+    found = _found(typed_path(path))
     if wanted is None:
         return found
     chosen = set(wanted.choose(calls(Path(path), found), str(path)))

@@ -14,6 +14,7 @@ from torch.nn.modules.module import register_module_parameter_registration_hook
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
 from semgs.files.strict_json import parse_json
 from semgs.model import presets
 from semgs.model.build import build
@@ -58,7 +59,7 @@ def load(
         InputError: the file cannot be read or fetched, or does not fit: the tensor or table is named.
         ImportError: a hub id is given and huggingface_hub is not installed.
     """
-    if weights is None and (is_hub_id(name) or Path(name).is_file()):
+    if weights is None and (is_hub_id(name) or typed_path(name).is_file()):
         name, weights = find(name)
     name = str(name)
     if name not in presets.NAMES:
@@ -176,7 +177,7 @@ def shipped(name: str) -> Path | None:
 
 def _local(weights: str | Path) -> Path:
     """The path of weights, fetched where they are on the hub."""
-    return fetched(str(weights)) if is_hub_id(weights) else Path(weights)
+    return fetched(str(weights)) if is_hub_id(weights) else typed_path(weights)
 
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:

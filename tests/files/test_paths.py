@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import pwd
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, typed_path
 
 
 def test_a_folder_and_a_file_in_it_lead_to_the_folder(tmp_path):
@@ -31,3 +33,23 @@ def test_a_missing_folder_is_told_without_torch():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]
+
+
+def test_a_tilde_is_replaced_at_the_beginning_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert typed_path("~") == tmp_path
+    assert typed_path("~/a/~b") == tmp_path / "a" / "~b"
+    assert typed_path("a/~/b") == Path("a/~/b")
+    assert typed_path("~root/a") == Path(pwd.getpwnam("root").pw_dir) / "a"
+    assert existing_folder("~") == tmp_path
+
+
+def test_nobodys_home_and_an_empty_path_are_refused():
+    with pytest.raises(
+        InputError, match=r"^~nosuchuser/x: expected a user nosuchuser, found none; .* \./~nosuchuser/x$"
+    ):
+        typed_path("~nosuchuser/x")
+    with pytest.raises(
+        InputError, match=r'^"": expected a path, found an empty one; name \. for the folder you are in$'
+    ):
+        existing_folder("")
