@@ -803,6 +803,37 @@ MUTANTS = (
         'np.frombuffer(data, ">u2"', 'np.frombuffer(data, "<u2"',
         ("tests/files/test_pictures.py::test_counts_of_a_pgm_are_taken_as_they_are",),
     ),
+    # Scenes far from their origin
+    Mutant(
+        "a far scene is moved twice as far as its origin", "semgs/data/scene.py",
+        "views.cameras.relative_to(self.origin)", "views.cameras.relative_to(2 * self.origin)",
+        ("tests/reconstruction/test_reconstruct.py",),
+    ),
+    Mutant(
+        "an origin is added for subtracted", CAMERAS, "poses[..., :3, 3] -= as_float64(origin)", "poses[..., :3, 3] += as_float64(origin)",
+        ("tests/export/test_scene.py", "tests/reconstruction/test_reconstruct.py"),
+    ),
+    Mutant(
+        "a scene file's cameras stay about the origin", "semgs/export/scene.py",
+        "in_source.relative_to([-side for side in scene.origin])", "in_source", ("tests/export/test_scene.py",),
+    ),
+    # Damage
+    Mutant(
+        "damaged checkpoints count among the last three", "semgs/training/checkpoints.py",
+        "(record == own or _intact(record) is not None)", "True", ("tests/training/test_damage.py",),
+    ),
+    Mutant(
+        "a run whose checkpoints are all damaged begins anew", "semgs/training/checkpoints.py",
+        "    if damaged:\n", "    if False:\n", ("tests/training/test_damage.py",),
+    ),
+    Mutant(
+        "of a key that appears twice the last counts", "semgs/files/strict_json.py",
+        "if len(content) < len(pairs):", "if False:", ("tests/files/test_strict_json.py",),
+    ),
+    Mutant(
+        "tensors of weights are not compared with their checksum", "semgs/weights/file.py",
+        "!= found:", "is None:", ("tests/weights/test_crafted.py",),
+    ),
     # Choice of views
     Mutant(
         "views twice as far apart are preferred", CHOICE,

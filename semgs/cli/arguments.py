@@ -8,11 +8,14 @@ from collections.abc import Iterable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from difflib import get_close_matches
 from itertools import pairwise
+from pathlib import Path
 from typing import TypeVar
 
 import tyro
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from semgs.cli.errors import UsageError
+from semgs.files.paths import typed_path
 
 Options = TypeVar("Options")
 
@@ -21,6 +24,24 @@ REFUSED = 2
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Sides of the pictures that can be asked for [px]."""
+
+
+_TYPES = ConstructorRegistry()
+"""How what was typed becomes what options hold, where that is not tyro's own way."""
+
+
+@_TYPES.primitive_rule
+def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
+    """Paths, by `typed_path`."""
+    if info.type is not Path:
+        return None
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="PATH",
+        instance_from_str=lambda typed: typed_path(typed[0]),
+        is_instance=lambda instance: isinstance(instance, Path),
+        str_from_instance=lambda path: [str(path)],
+    )
 
 
 def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
@@ -71,7 +92,8 @@ def parse_size(text: str) -> tuple[int, int] | None:
 
 def _parsed(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
     """What tyro makes of the arguments; where they are wrong it explains itself on stderr and leaves."""
-    return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=(tyro.conf.FlagCreatePairsOff,))
+    config = (tyro.conf.FlagCreatePairsOff,)
+    return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=config, registry=_TYPES)
 
 
 def _mistyped(options: type, name: str, arguments: Sequence[str], box: str) -> str:

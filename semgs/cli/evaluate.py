@@ -16,7 +16,7 @@ from semgs.cli.progress import show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, typed_path
 from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
@@ -129,9 +129,9 @@ class Evaluate:
             self.weights
             and self.weights not in NETWORKS
             and not is_hub_id(self.weights)
-            and not Path(self.weights).is_file()
+            and not typed_path(self.weights).is_file()
         ):
-            found = "a folder" if Path(self.weights).is_dir() else "nothing there"
+            found = "a folder" if typed_path(self.weights).is_dir() else "nothing there"
             raise InputError(self.weights, "a file of weights, or small for those inside the package", found)
         if self.predictions is not None and not self.predictions.is_dir():
             found = "a file" if self.predictions.exists() else "nothing there"
@@ -212,7 +212,7 @@ def check_protocol(protocol: tuple[str, ...]) -> None:
         raise UsageError(f"--protocol is {name!r}; expected one of {', '.join(KNOWN)}")
     if len(file) != (name == "pinned"):
         raise UsageError(f"--protocol is {' '.join(protocol)!r}; expected one of {', '.join(KNOWN)}")
-    if file and not Path(file[0]).is_file():
+    if file and not typed_path(file[0]).is_file():
         raise InputError(file[0], "a frames.json or report.json", "no such file")
 
 

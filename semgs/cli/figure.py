@@ -18,7 +18,7 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, typed_path
 from semgs.files.strict_json import parse_json
 from semgs.weights.hub import is_hub_id
 
@@ -129,8 +129,8 @@ class Figure:
         if not self.data or not self.weights:
             raise UsageError("expected --data DIR and --weights W; see semgs figure --help")
         for one in self.weights:
-            if one not in NETWORKS and not is_hub_id(one) and not Path(one).is_file():
-                found = "a folder" if Path(one).is_dir() else "nothing there"
+            if one not in NETWORKS and not is_hub_id(one) and not typed_path(one).is_file():
+                found = "a folder" if typed_path(one).is_dir() else "nothing there"
                 raise InputError(one, "a file of weights, or small for those inside the package", found)
         if self.kind == "smoothness" and (len(self.weights) != 2 or self.predictions):
             raise UsageError("smoothness compares two weights, trained without and with it, and no --predictions")
@@ -145,7 +145,7 @@ class Figure:
             name, _, theirs = text.partition("=")
             if not name or not theirs:
                 raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
-            if not Path(theirs).is_dir():
+            if not typed_path(theirs).is_dir():
                 raise InputError(theirs, "a folder of predictions", "nothing there")
         check_protocol(self.protocol)
         if self.views < 2 or self.rows < 1:

@@ -14,7 +14,7 @@ from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, typed_path
 from semgs.reconstruction.stages import Stages
 from semgs.weights.hub import is_hub_id
 
@@ -120,7 +120,7 @@ class Reconstruct:
         if len(self.context) == 1:
             raise UsageError("--context names one frame; expected two or more that overlap")
         named = self.weights in ("shipped", "random") or is_hub_id(self.weights)
-        if not named and not Path(self.weights).is_file():
+        if not named and not typed_path(self.weights).is_file():
             raise UsageError(f"--weights is {self.weights}; expected a file, found nothing there")
 
     def _notes(self) -> list[str]:

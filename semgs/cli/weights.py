@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.errors import what_the_user_gave
+from semgs.files.paths import typed_path
 
 if TYPE_CHECKING:
     from semgs.evaluation.tables import Grid
@@ -76,7 +77,7 @@ class Verify:
         for text in self.weights or index:
             if text in index:
                 check(index[text])
-            match = index.get(text) or matching(Path(text), tuple(index.values()))
+            match = index.get(text) or matching(typed_path(text), tuple(index.values()))
             of = "" if match.name == text else f" of {match.name}"
             print(f"{text}: sha256 {match.sha256[:SHOWN]}{of} matches, {match.bytes:,} bytes")
 

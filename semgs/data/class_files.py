@@ -17,6 +17,7 @@ from typing import Any
 
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
 
@@ -40,7 +41,7 @@ def read_class_file(path: str | Stored) -> LabelSet:
     Raises:
         InputError: it is absent, no JSON, or not as described above; the key at fault is named.
     """
-    path = Path(path).expanduser() if isinstance(path, str | Path) else path
+    path = typed_path(path) if isinstance(path, str | Path) else path
     expected = "a table of classes as JSON"
     content = read_json(path, expected)
     if not isinstance(content, dict) or not isinstance(content.get("classes"), list) or not content["classes"]:

@@ -34,6 +34,7 @@ from semgs.files.atomic import is_part_of, write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
 from semgs.files.hashes import sha256
+from semgs.files.paths import typed_path
 from semgs.files.strict_json import read_json
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
@@ -93,7 +94,7 @@ def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
     Raises:
         InputError: there is none, or not one that is wanted.
     """
-    path = path.expanduser()
+    path = typed_path(path)
     paths = scene_paths(path)
     if paths == (path,):
         below = [Path(sequence_name(path) if path.is_dir() else path.stem)]

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
 
 Place = TypeVar("Place")
 
@@ -88,7 +89,7 @@ def read_list(asked: str | Path) -> SceneList:
     if text in package_lists():
         return SceneList(text, _names(text, (_folder() / f"{text}.txt").read_text(encoding="utf-8")))
     rule = next((one for one in (TEN, ALL_BUT_TEN) if text.startswith(one)), "")
-    path = Path(text.removeprefix(rule)).expanduser()
+    path = typed_path(text.removeprefix(rule))
     try:
         names = _names(path, path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
@@ -162,7 +163,7 @@ def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
     That is the place below the folder (with _ or / between), the folder's own name, and for 7-Scenes "sequence1". What two are called means
     the first.
     """
-    root = root.expanduser()
+    root = typed_path(root)
     known: dict[str, Path] = {}
     for path in paths:
         place = Path(path.absolute().name) if path == root else path.relative_to(root)

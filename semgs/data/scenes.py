@@ -12,7 +12,7 @@ from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.files.errors import InputError, readable
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, typed_path
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_
         InputError, ValueError: as `open_scene`.
     """
     check_readings(as_peers)
-    path = Path(path).expanduser()
+    path = typed_path(path)
     existing_folder(path)
     with readable(path):
         scene = _opened(path, as_peers, asked, needs_labels)
@@ -145,7 +145,7 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
         InputError: nothing is there, no scene, or not one that is wanted.
     """
     with readable(path):
-        found = _found(Path(path).expanduser())
+        found = _found(typed_path(path))
     if wanted is None:
         return found
     chosen = set(wanted.choose(calls(Path(path), found), str(path)))

@@ -109,14 +109,14 @@ class SavedScene:
             )
         self.gaussians.checked()
         near, far = self.depth_range.unbind(-1)
-        for name, good, expected in (
+        for name, good, wanted in (
             ("depths", (self.depths >= 0) & self.depths.isfinite(), "finite numbers, 0 or more"),
             ("confidences", (self.confidences >= 0) & (self.confidences <= 1 + 1e-5), "0 to 1"),
             ("depth_range", (near > 0) & (near < far) & far.isfinite(), "0 < near < far"),
             ("origin", torch.tensor(self.origin).isfinite(), "finite numbers"),
         ):
             if not good.all():
-                raise ValueError(f"{name} hold a number that cannot be; expected {expected}")
+                raise ValueError(f"{name} hold a number that cannot be; expected {wanted}")
 
     @classmethod
     def of(

@@ -9,13 +9,33 @@ from typing import Literal
 from semgs.files.errors import InputError, readable
 
 
+def typed_path(path: str | Path) -> Path:
+    """A path as it was typed, with ~ (the user's own folder) and ~NAME (that of another) at its beginning replaced, as a shell does.
+
+    Raises:
+        InputError: nothing was typed, or nobody is called NAME.
+    """
+    if path == "":
+        raise InputError('""', "a path", "an empty one", advice="name . for the folder you are in")
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        user = Path(path).parts[0]
+        raise InputError(
+            path,
+            f"a user {user[1:]}" if user[1:] else "a home folder",
+            "none",
+            advice=f"a file of that name is ./{path}",
+        ) from error
+
+
 def existing_folder(path: str | Path) -> Path:
     """The folder of a scene, whether the folder itself or a file inside it was named.
 
     Raises:
         InputError: nothing is there (the nearest folder that does exist is named), or a folder on the way may not be entered.
     """
-    path = Path(path).expanduser()
+    path = typed_path(path)
     with readable(path):
         if path.is_dir():
             return path

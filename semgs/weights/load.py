@@ -14,7 +14,7 @@ from torch.nn.modules.module import register_module_parameter_registration_hook
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
-from semgs.files.paths import found_at
+from semgs.files.paths import found_at, typed_path
 from semgs.files.strict_json import parse_json
 from semgs.model import presets
 from semgs.model.build import build
@@ -63,7 +63,7 @@ def load(
         InputError: the file cannot be read or fetched, or does not fit: the tensor or table is named.
         ImportError: a hub id is given and huggingface_hub is not installed.
     """
-    if weights is None and (is_hub_id(name) or found_at(name) == "a file"):
+    if weights is None and (is_hub_id(name) or found_at(typed_path(name)) == "a file"):
         name, weights = find(name)
     name = str(name)
     if name not in presets.NAMES:
@@ -184,7 +184,7 @@ def shipped(name: str) -> Path | None:
 
 def _local(weights: str | Path) -> Path:
     """The path of weights, fetched where they are on the hub."""
-    return fetched(str(weights)) if is_hub_id(weights) else Path(weights)
+    return fetched(str(weights)) if is_hub_id(weights) else typed_path(weights)
 
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:

@@ -8,8 +8,10 @@ import sys
 
 import pytest
 
+from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.cli.main import main
+from semgs.cli.reconstruct import Reconstruct
 from semgs.cli.scene_options import SceneOptions
 from semgs.data.asked import Asked
 
@@ -61,3 +63,17 @@ def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_
     assert options.asked == Asked(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
     with pytest.raises(UsageError, match="depth_unit is -1"):
         SceneOptions(depth_unit=-1.0).check()
+
+
+def test_paths_are_expanded_and_empty_ones_refused_as_they_are_typed(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    options = parse(Reconstruct, "reconstruct", ["~/scan", "--out", "~"])
+    assert (options.scene, options.out) == (tmp_path / "scan", tmp_path)
+    for arguments, told in (
+        (["", "--out", "out"], 'SCENE: "": expected a path, found an empty one'),
+        (["scan", "--out", "~nosuchuser"], "--out: ~nosuchuser: expected a user nosuchuser, found none"),
+    ):
+        assert main(["reconstruct", *arguments]) == 2
+        line = capsys.readouterr().err
+        assert told in line
+        assert line.count("\n") == 1

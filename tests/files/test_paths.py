@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import pwd
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from privileges import permissions_hold
 
 from semgs.files.errors import InputError
-from semgs.files.paths import existing_folder, found_at
+from semgs.files.paths import existing_folder, found_at, typed_path
 
 
 def test_a_folder_and_a_file_in_it_lead_to_the_folder(tmp_path):
@@ -59,3 +61,23 @@ def test_a_scene_that_may_not_be_reached_or_named_is_told_in_one_line(tmp_path):
         existing_folder(tmp_path / "closed" / "scene")
     with pytest.raises(InputError, match="found File name too long"):
         existing_folder(tmp_path / ("n" * 256))
+
+
+def test_a_tilde_is_replaced_at_the_beginning_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert typed_path("~") == tmp_path
+    assert typed_path("~/a/~b") == tmp_path / "a" / "~b"
+    assert typed_path("a/~/b") == Path("a/~/b")
+    assert typed_path("~root/a") == Path(pwd.getpwnam("root").pw_dir) / "a"
+    assert existing_folder("~") == tmp_path
+
+
+def test_nobodys_home_and_an_empty_path_are_refused():
+    with pytest.raises(
+        InputError, match=r"^~nosuchuser/x: expected a user nosuchuser, found none; .* \./~nosuchuser/x$"
+    ):
+        typed_path("~nosuchuser/x")
+    with pytest.raises(
+        InputError, match=r'^"": expected a path, found an empty one; name \. for the folder you are in$'
+    ):
+        existing_folder("")
