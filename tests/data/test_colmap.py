@@ -215,7 +215,7 @@ def test_a_latin_1_name_is_found_by_its_letters_or_its_bytes(tmp_path, form, on_
     file.write_bytes(file.read_bytes().replace(b"a.png", b"caf\xe9.png"))
     scene = open_scene(tmp_path)
     assert [frame.name for frame in scene.frames] == ["b.png", "c.png", "caf\u00e9.png"]
-    assert scene.read([1, 2]).size == SIZE
+    assert scene.read([1, 2], "native").size == SIZE
 
 
 def test_a_model_is_read_without_pycolmap_and_without_points(tmp_path, monkeypatch):

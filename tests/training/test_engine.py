@@ -49,5 +49,5 @@ def test_one_process_leads_and_agrees_with_itself():
 
 def test_without_lightning_fabric_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "lightning_fabric", None)
-    with pytest.raises(ImportError, match=r"semgs\[train\]"):
+    with pytest.raises(ImportError, match=r"'\.\[train\]'"):
         launched()
