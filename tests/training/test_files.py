@@ -15,12 +15,16 @@ from scenes_on_disk import labelled_views, unlabel, write_labelled, write_table
 
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import IGNORE, SCANNET20
+from semgs.data.scenes import open_scene
 from semgs.data.views import Batch
+from semgs.evaluation import protocols
+from semgs.evaluation.evaluate import read_frame
+from semgs.evaluation.plan import Task
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.faults import BadScenes
 from semgs.training.loop import fit
-from semgs.training.samples import completed, relabelled
+from semgs.training.samples import Folder, Samples, completed, relabelled
 from semgs.training.settings import Augmentation, Source, TrainingSettings
 from semgs.training.survey import check_bad, inverse_frequency
 
@@ -297,3 +301,25 @@ def test_sources_are_paths_with_weights():
     for text in ("a=0", "a=-1", "a=much", "=2", ""):
         with pytest.raises(ValueError, match="expected rooms, DIR, or either with =WEIGHT"):
             Source.parsed(text)
+
+
+def test_samples_and_frames_of_a_scene_far_from_its_origin_are_near_one(tmp_path):
+    """Six million metres away, as a float32 with steps of half a metre would tell."""
+
+    def far(scene: dict) -> None:
+        for frame in scene["frames"]:
+            frame["transform_matrix"][0][3] += 6e6
+
+    drawn = []
+    for name, change in (("near", lambda scene: None), ("far", far)):
+        folder = write_labelled(tmp_path / name, 1, change=change)
+        samples = Samples(3, SETTINGS.size, 1, None, [Folder((folder,))], [1.0], ((2, 2), 1), SCANNET20, Augmentation())
+        drawn.append(samples[0])
+        scene = open_scene(folder)
+        frame = read_frame(Task(scene, SETTINGS.size, protocols.Sample((0, 1), 2)), 2, (0.5, 10.0))
+        assert torch.equal(frame.cameras.centres[0], scene.cameras[2].centres - torch.from_numpy(scene.origin))
+        assert frame.cameras.centres.abs().max() < 100
+    before, after = (torch.cat((one.context.cameras.centres, one.target.cameras.centres)) for one in drawn)
+    assert torch.equal(drawn[0].context.images, drawn[1].context.images)
+    assert after.abs().max() < 100
+    torch.testing.assert_close(after - after[0], before - before[0], rtol=0, atol=1e-8)
