@@ -645,6 +645,28 @@ MUTANTS = (
         "GSNeRF's distance takes R for its transpose", "semgs/evaluation/protocols.py",
         '-np.einsum("nji,nj->ni"', '-np.einsum("nij,nj->ni"', ("tests/evaluation/test_protocols.py",),
     ),
+    # Kernels in threads, the time they take to compile, and the page of a reconstruction
+    Mutant(
+        "one part of a kernel's work is left out", "semgs/geometry/compiled.py",
+        "for part in range(parts)]", "for part in range(parts - 1)]", ("tests/geometry/test_compiled.py",),
+    ),
+    Mutant(
+        "compiling counts as the stage in which it happens", "semgs/reconstruction/stages.py",
+        "perf_counter() - start - compiled()", "perf_counter() - start", ("tests/reconstruction/test_stages.py",),
+    ),
+    Mutant(
+        "what a kernel calls is compiled twice, by the clock", "semgs/geometry/compiling.py",
+        "            if self.depth == 0:\n                self.seconds +=", "            if True:\n                self.seconds +=",
+        ("tests/reconstruction/test_stages.py",),
+    ),
+    Mutant(
+        "a class of one percent counts as rare", "semgs/figures/page.py",
+        "if entry.share < RARE)", "if entry.share <= RARE)", ("tests/figures/test_page.py",),
+    ),
+    Mutant(
+        "a percentage is a share", "semgs/figures/numbers.py",
+        'f"{100 * share:.0f} %"', 'f"{share:.0f} %"', ("tests/figures/test_numbers.py",),
+    ),
     # Files that carry Gaussians
     Mutant(
         "a PLY holds scales for their logarithm", "semgs/export/ply.py",
