@@ -138,8 +138,8 @@ def _run(arguments: list[str]) -> int:
         print(f"semgs {__version__}")
         return 0
     if name not in COMMANDS:
-        advice = nearest(name, COMMANDS) or f"; expected one of {', '.join(COMMANDS)}"
-        raise UsageError(f"unknown command {name!r}{advice}; see semgs --help")
+        known = ", ".join(COMMANDS)
+        raise UsageError(f"unknown command {name!r}{nearest(name, COMMANDS)}; expected one of {known}; see semgs --help")
     command = COMMANDS[name]
     parse(getattr(import_module(command.module), command.options), name, rest).run()
     return 0
