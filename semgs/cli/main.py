@@ -139,7 +139,9 @@ def _run(arguments: list[str]) -> int:
         return 0
     if name not in COMMANDS:
         known = ", ".join(COMMANDS)
-        raise UsageError(f"unknown command {name!r}{nearest(name, COMMANDS)}; expected one of {known}; see semgs --help")
+        raise UsageError(
+            f"unknown command {name!r}{nearest(name, COMMANDS)}; expected one of {known}; see semgs --help"
+        )
     command = COMMANDS[name]
     parse(getattr(import_module(command.module), command.options), name, rest).run()
     return 0
