@@ -29,7 +29,7 @@ from semgs.training.checkpoints import newest_checkpoint
 from semgs.training.loop import train
 from semgs.training.run import hold_assets
 from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
-from semgs.weights.file import read_header
+from semgs.weights.file import read_header, save
 from semgs.weights.load import data_terms, load
 
 SETTINGS = TrainingSettings(
@@ -84,18 +84,26 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
 
 
+@pytest.fixture(scope="module")
+def with_shared_cnn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Weights whose branches share the shallow CNN, as those that ship do not."""
+    path = tmp_path_factory.mktemp("weights") / "shared.safetensors"
+    save(path, load("small", "random"), {"description": "drawn"})
+    return path
+
+
 @pytest.mark.parametrize(("supervision", "held"), [("labels", False), ("labels", True), ("pictures", True)])
 def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, supervision: str, held: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, supervision: str, held: bool
 ):
     monkeypatch.setattr("semgs.model.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
-        SETTINGS, supervision=supervision, init="small", data=(str(own),), validation=str(own), depth_weight=0.0,
+        SETTINGS, supervision=supervision, init=str(with_shared_cnn), data=(str(own),), validation=str(own), depth_weight=0.0,
         hold_shared=held,
     )  # fmt: skip
     train(settings, tmp_path / "run", workers=0)
-    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small")
+    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
     moved = {
         name
         for (name, value), old in zip(model.named_parameters(), start.parameters(), strict=True)
@@ -116,15 +124,15 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
 
 @pytest.mark.parametrize("held", [False, True])
 def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_sitting_or_two(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, held: bool
 ):
     monkeypatch.setattr("semgs.model.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1)
     settings = replace(
-        SETTINGS, supervision="depth", init="small", data=(str(own),), validation=str(own), hold_shared=held
+        SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own), hold_shared=held
     )  # fmt: skip
     train(settings, tmp_path / "run", workers=0)
-    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small")
+    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
     moved = {
         name
         for (name, value), old in zip(model.named_parameters(), start.parameters(), strict=True)

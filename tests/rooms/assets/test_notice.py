@@ -38,6 +38,8 @@ def test_something_else_is_refused(text: str):
 def test_the_notice_that_ships_is_of_the_locked_assets():
     text = (ROOT / "NOTICE").read_text()
     assert text.startswith(HEAD)
+    text, _, networks = text.partition("\nThe class branch")
+    assert "Apache-2.0" in networks
     named = {line.strip("- ").partition(":")[0] for line in text.splitlines() if line.startswith("  - ")}
     assert named <= {one.file for one in read_lock() if one.licence.startswith("CC-BY")}
     assert named
