@@ -142,19 +142,14 @@ def _run(arguments: list[str]) -> int:
         print(f"semgs {__version__}")
         return 0
     if name not in COMMANDS:
-<<<<<<< HEAD
         from semgs.cli.arguments import nearest
 
-        advice = nearest(name, COMMANDS) or f"; expected one of {', '.join(COMMANDS)}"
-        raise UsageError(f"unknown command {name!r}{advice}; see semgs --help")
-    from semgs.cli.arguments import parse
-
-=======
         known = ", ".join(COMMANDS)
         raise UsageError(
             f"unknown command {name!r}{nearest(name, COMMANDS)}; expected one of {known}; see semgs --help"
         )
->>>>>>> part_u1
+    from semgs.cli.arguments import parse
+
     command = COMMANDS[name]
     options = parse(getattr(import_module(command.module), command.options), name, rest)
     with redirect_stdout(Plain(sys.stdout)):

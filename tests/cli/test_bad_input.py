@@ -203,7 +203,8 @@ def test_a_full_disk(
 def test_unknown_commands_and_options(refused: Refused, scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "--viws" in refused(scene, "--viws", "3")
     assert main(["recontruct", str(scene)]) == 2
-    assert "did you mean reconstruct?" in capsys.readouterr().err
+    assert "did you mean reconstruct?" in (told := capsys.readouterr().err)
+    assert "expected one of demo, reconstruct" in told
     assert main(["xyz", str(scene)]) == 2
     assert "expected one of demo, reconstruct" in capsys.readouterr().err
     assert main(["reconstruct", str(scene)]) == 2
