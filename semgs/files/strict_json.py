@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from decimal import Decimal
 from typing import Any
 
 from semgs.files.errors import InputError
@@ -12,16 +13,18 @@ from semgs.files.stored import Stored, stored
 DEEPEST = 100
 """Objects and lists nested more deeply than this are refused: walking them would exhaust Python's stack."""
 
-MOST_DIGITS = 300
-"""Longer whole numbers are refused: no float holds them, and Python takes long to read them."""
+FLOAT_DIGITS, MOST_DIGITS = 300, 1000
+"""Whole numbers of more digits become `Decimal`, as no float holds them; of still more they are refused, as Python takes long to read them."""
 
 
 def parse_json(text: str | bytes) -> Any:
     """The content of a JSON text, in UTF-8 (or what its byte order mark says) if it is bytes.
 
+    A whole number that no float holds is a `Decimal`: no `int`, so that who reads numbers can refuse it and name its key.
+
     Raises:
         ValueError: it is no JSON, a key appears twice in one object, it is nested more than 100 levels deep, or a whole number has more
-            than 300 digits.
+            than 1,000 digits.
     """
     if isinstance(text, bytes):
         text = text.decode(json.detect_encoding(text))
@@ -78,7 +81,7 @@ def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _whole(digits: str) -> int:
+def _whole(digits: str) -> int | Decimal:
     """A whole number.
 
     Raises:
@@ -86,4 +89,4 @@ def _whole(digits: str) -> int:
     """
     if len(digits) > MOST_DIGITS:
         raise ValueError(f"a whole number of {len(digits)} digits")
-    return int(digits)
+    return int(digits) if len(digits) <= FLOAT_DIGITS else Decimal(digits)

@@ -104,7 +104,7 @@ def hold_assets(out: Path, folders: Sequence[str]) -> None:
     there = read_json(record, "the locks of the assets of a run")
     if there != locks:
         raise InputError(
-            record, f"assets of the locks {', '.join(locks)}, which are asked for", f"others, {json.dumps(there)}",
+            record, f"assets of the locks {', '.join(locks)}, which are asked for", f"others, {there}",
             advice="give those that the run began with, or another run folder",
         )  # fmt: skip
 
