@@ -272,6 +272,16 @@ class TrainingSettings:
         """The settings as JSON knows them."""
         return asdict(self)
 
+    def published(self) -> dict:
+        """The settings as JSON for a file that travels: of `PLACES` the last part of each path, not where it lay; hub ids stay."""
+
+        def named(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(named, value))
+            return value if "://" in value else PurePath(value).name
+
+        return self.as_json() | {place: named(getattr(self, place)) for place in PLACES}
+
     @classmethod
     def from_json(cls, saved: dict) -> TrainingSettings:
         """The settings that `as_json` gave; fields that a newer version added take their defaults.
