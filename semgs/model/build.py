@@ -9,6 +9,7 @@ from torch import nn
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.cnn import SHRINK, FeatureCNN
+from semgs.model.cost_filter import CostFilter
 from semgs.model.depth import CostRegressor, PlaneSweepDepth
 from semgs.model.heads import (
     Decoder,
@@ -19,7 +20,7 @@ from semgs.model.heads import (
     PlainUpsampler,
     Upsampler,
 )
-from semgs.model.mobilenet import MobileNetRefinement
+from semgs.model.mobilenet import CUE_WIDTHS, MobileNetRefinement
 from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
 from semgs.model.pyramid import SemanticPyramid
 from semgs.model.refinement import ClassRefinement, ResidualRefinement
@@ -68,9 +69,11 @@ def _colour_branch(settings: NetworkSettings) -> ColourBranch:
         depth.levels,
         depth.decoder_blocks,
         depth.cost_prior,
+        CUE_WIDTHS if depth.cue else (),
     )
     _scaled(regressor.head, depth.initial_scale)
-    sweep = PlaneSweepDepth(regressor, depth.candidates, depth.cosine_cost, settings.conventions)
+    cost_filter = CostFilter(depth.cost_filter) if depth.cost_filter else None
+    sweep = PlaneSweepDepth(regressor, depth.candidates, depth.cosine_cost, settings.conventions, cost_filter)
     return ColourBranch(transformer, sweep, _decoder(settings))
 
 

@@ -15,9 +15,11 @@ from torch import Tensor, nn
 from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
+from semgs.model.cost_filter import CostFilter
 from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.layout import beside
 from semgs.model.precision import FullPrecisionConv2d
+from semgs.model.refinement import Cues
 from semgs.model.scene import Padded, widened
 from semgs.model.unet import GROUPS, UNet
 
@@ -97,11 +99,20 @@ class PlaneSweepDepth(nn.Module):
         candidates: L.
         cosine_cost: correlate features of equal length (`semgs.model.settings.DepthSettings`).
         conventions: of geometry.
+        cost_filter: of the cost before the regressor sees it; None leaves it.
     """
 
-    def __init__(self, regressor: CostRegressor, candidates: int, cosine_cost: bool, conventions: Conventions) -> None:
+    def __init__(
+        self,
+        regressor: CostRegressor,
+        candidates: int,
+        cosine_cost: bool,
+        conventions: Conventions,
+        cost_filter: CostFilter | None = None,
+    ) -> None:
         super().__init__()
         self.regressor = regressor
+        self.filter = cost_filter
         self.candidates = candidates
         self.cosine_cost = cosine_cost
         self.conventions = conventions
@@ -127,10 +138,26 @@ class PlaneSweepDepth(nn.Module):
             views_at_a_time=views_at_a_time,
         ).flatten(0, 1)
 
-    def forward(self, cost: Float[Tensor, "n l h4 w4"], features: Float[Tensor, "n c h4 w4"], scene: Padded) -> Depth:
-        """Probabilities of the depth candidates; within autocast the regressor alone computes in half precision."""
+    @property
+    def reads_cues(self) -> bool:
+        """Whether it looks at what each view shows by itself."""
+        return self.regressor.cues is not None
+
+    def forward(
+        self, cost: Float[Tensor, "n l h4 w4"], features: Float[Tensor, "n c h4 w4"], scene: Padded, cues: Cues = ()
+    ) -> Depth:
+        """Probabilities of the depth candidates; within autocast filter and regressor alone compute in half precision.
+
+        Args:
+            cost: of `cost`.
+            features: of the colour transformer.
+            scene: the views that they are of.
+            cues: of the class branch; they only count with `reads_cues`.
+        """
         planes = self.planes(features, scene)
-        logits: Tensor = self.regressor(cost, features, scene.views)
+        if self.filter is not None:
+            cost = self.filter(cost)
+        logits: Tensor = self.regressor(cost, features, scene.views, cues)
         return Depth(logits.to(planes.depths).softmax(1), planes)
 
     def planes(self, features: Tensor, scene: Padded) -> Planes:
@@ -150,6 +177,8 @@ class CostRegressor(nn.Module):
         hidden: width between the two last convolutions.
         levels, decoder_blocks: of the U-Net.
         cost_prior: the logits are a correction of the cost itself, from normalised features.
+        cue_widths: channels of the maps that show, at 1/2 and 1/4 of the cost's size, what each view sees by itself; they start without
+            a say. Empty for none.
     """
 
     def __init__(
@@ -161,6 +190,7 @@ class CostRegressor(nn.Module):
         levels: int = 3,
         decoder_blocks: int = 2,
         cost_prior: bool = False,
+        cue_widths: tuple[int, ...] = (),
     ) -> None:
         super().__init__()
         self.norm = nn.GroupNorm(GROUPS, candidates) if cost_prior else None
@@ -180,13 +210,23 @@ class CostRegressor(nn.Module):
             nn.GELU(),
             FullPrecisionConv2d(hidden, candidates, 3, padding=1),
         )
+        self.cues = nn.ModuleList(_cue(one, width) for one in cue_widths) if cue_widths else None
 
     def forward(
-        self, cost: Float[Tensor, "n l h w"], features: Float[Tensor, "n c h w"], views: int
+        self, cost: Float[Tensor, "n l h w"], features: Float[Tensor, "n c h w"], views: int, cues: Cues = ()
     ) -> Float[Tensor, "n l h w"]:
         """Logits over the candidates; `views` of them belong to a scene."""
         x = beside(cost, features)
         conv, norm, activation, unet, last = self.refine
-        refined = last(unet(activation(norm(conv(x))), views)) + self.residual(x)
+        seen = () if self.cues is None else tuple(look(cue) for look, cue in zip(self.cues, cues, strict=True))
+        refined = last(unet(activation(norm(conv(x))), views, seen)) + self.residual(x)
         logits: Tensor = self.head(refined) if self.norm is None else cost + self.head(self.norm(refined))
         return logits
+
+
+def _cue(inputs: int, outputs: int) -> nn.Sequential:
+    """From a map of the class branch to what a level of the U-Net adds; zero at first."""
+    last = nn.Conv2d(outputs, outputs, 1)
+    for parameter in last.parameters():
+        nn.init.zeros_(parameter)
+    return nn.Sequential(nn.GroupNorm(GROUPS, inputs), nn.Conv2d(inputs, outputs, 3, padding=1), nn.GELU(), last)

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 
 def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
-    """Bring the kernels of a module's convolutions into a layout; the parameters stay the same objects."""
+    """Bring the kernels of a module's 2D convolutions into a layout; the parameters stay the same objects."""
     for parameter in module.parameters():
         if parameter.ndim == 4:
             parameter.data = parameter.data.contiguous(memory_format=layout)

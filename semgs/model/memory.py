@@ -12,6 +12,7 @@ from semgs.model.chunks import WHOLE, Chunks
 from semgs.model.cnn import SHRINK
 from semgs.model.cost_volume import CHUNK
 from semgs.model.heads import RENDERED_HARMONICS
+from semgs.model.mobilenet import CUE_WIDTHS
 from semgs.model.semantic import SHAPE
 from semgs.model.semgs import SemGS
 from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, Pyramid, TransformerSettings
@@ -25,6 +26,10 @@ DRAWING = 340
 UNET_MAPS = 10
 """Maps of a U-Net's width that are in memory together at its finest level: skips, a convolution's input and output, both in
 its own layout too."""
+
+
+CUES = sum(width / 4**level for level, width in enumerate(CUE_WIDTHS, 1))
+"""Numbers that depth's cues take for each texel at 1/4."""
 
 
 @dataclass(frozen=True)
@@ -103,11 +108,14 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     # The cost, the distribution, its largest share and its spread.
     known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
     regression = known + texels * (s.channels + 2 * s.colour.depth.candidates + UNET_MAPS * s.colour.depth.width)
+    # The filtered cost and what was added to it; five maps at half the volume's sides.
+    filtered = known + texels * s.colour.depth.candidates * (2 + 5 * s.colour.depth.cost_filter / 8)
+    known += texels * CUES * s.colour.depth.cue
 
     heads = _heads(s)
     again = heads.wide if chunks.heads else 0  # made a second time, and gone before the head begins
     known += heads.joined * features + gaussians * ((1 if heads.refined else 0) + heads.wide - again)
-    depth = max(regression, known + gaussians * heads.refined)
+    depth = max(regression, filtered, known + gaussians * heads.refined)
     kept = known + gaussians * heads.kept
     # What the heads see, their hidden layer and their output, both in the convolution's own layout too.
     part = min(chunks.heads or views, views) / views

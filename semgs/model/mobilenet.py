@@ -13,7 +13,7 @@ from torch.nn.functional import interpolate, pad, relu6
 
 from semgs.model.cnn import SHRINK
 from semgs.model.pyramid import near_side, normed
-from semgs.model.refinement import PictureRefinement, Refined, Shallow
+from semgs.model.refinement import Cues, PictureRefinement, Refined, Shallow
 
 STEM = 32
 """Channels of the first convolution, at 1/2 of the picture."""
@@ -28,6 +28,12 @@ TAPS = (2, 5, 12, 16)
 
 WIDTHS = (24, 32, 96, 320)
 """Channels of those outputs."""
+
+CUES = (1, 2)
+"""Which of the outputs depth may see: those at 1/8 and 1/16."""
+
+CUE_WIDTHS = tuple(WIDTHS[k] for k in CUES)
+"""Channels of those."""
 
 
 class SameConv2d(nn.Conv2d):
@@ -129,6 +135,7 @@ class MobileNetRefinement(PictureRefinement):
 
     reads_shallow = False
     feature_layers = ("features",)
+    cue_layers = ("backbone",)
 
     def __init__(self, channels: int, classes: int, width: int = 96) -> None:
         super().__init__()
@@ -143,17 +150,38 @@ class MobileNetRefinement(PictureRefinement):
 
     def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features at 1/4 of the pictures, and what the classes are linear in; large pictures are averaged down first (`near_side`)."""
-        x = self.decoded(near_side(pictures, SHRINK))
-        size = (pictures.shape[-2] // SHRINK, pictures.shape[-1] // SHRINK)
-        if size != x.shape[-2:]:
-            x = interpolate(x, size=size, mode="bilinear", align_corners=False)
-        return Refined(self.features(x), x)
+        maps = self.backbone(near_side(pictures, SHRINK))
+        x = at_scale(self.decoded(maps), pictures, SHRINK)
+        return Refined(self.features(x), x, self._cues(maps, pictures))
 
-    def decoded(self, pictures: Float[Tensor, "n 3 h w"]) -> Float[Tensor, "n width h4 w4"]:
-        """The decoder's finest map, at 1/4 of pictures in 0..1; classes and features are linear in it."""
-        *finer, coarsest = (lateral(one) for lateral, one in zip(self.lateral, self.backbone(pictures), strict=True))
+    @torch.no_grad()
+    def cues(self, pictures: Float[Tensor, "n 3 h w"]) -> Cues:
+        """The backbone's maps of 32 and 96 channels."""
+        return self._cues(self.backbone(near_side(pictures, SHRINK)), pictures)
+
+    def _cues(self, maps: list[Tensor], pictures: Tensor) -> Cues:
+        """Those of the backbone's maps that depth sees: it reads them and never teaches them.
+
+        They are contiguous: torch 2.13 crashes in the gradient of a group norm on maps that have channels last and need no gradient.
+        """
+        shown = (maps[k].detach().contiguous() for k in CUES)
+        return tuple(at_scale(one, pictures, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
+
+    def decoded(self, maps: list[Tensor]) -> Float[Tensor, "n width h4 w4"]:
+        """The decoder's finest map, at 1/4 of the pictures that the backbone's maps are of; classes and features are linear in it."""
+        *finer, coarsest = (lateral(one) for lateral, one in zip(self.lateral, maps, strict=True))
         x = coarsest
         for merged, fine in zip(reversed(self.merged), reversed(finer), strict=True):
             x = merged(fine + interpolate(x, size=fine.shape[-2:], mode="bilinear", align_corners=False))
         finest: Tensor = self.last(x)
         return finest
+
+
+def at_scale(
+    maps: Float[Tensor, "n c h2 w2"], pictures: Float[Tensor, "n 3 h w"], shrink: int
+) -> Float[Tensor, "n c hs ws"]:
+    """Maps resampled to 1 / shrink of the pictures, where they are not of that size already."""
+    size = (pictures.shape[-2] // shrink, pictures.shape[-1] // shrink)
+    if size == maps.shape[-2:]:
+        return maps
+    return interpolate(maps, size=size, mode="bilinear", align_corners=False)

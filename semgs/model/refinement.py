@@ -17,6 +17,9 @@ from semgs.model.layout import lay_out
 Shallow = Callable[[Tensor], Tensor]
 """Gives the shallow CNN's features [n c h/4 w/4] of images [n 3 h w]."""
 
+Cues = tuple[Tensor, ...]
+"""Coarse maps of what each of n views shows by itself, [n c h8 w8] and [n c h16 w16], or none; they carry no gradient."""
+
 
 @dataclass(frozen=True)
 class Refined:
@@ -25,14 +28,16 @@ class Refined:
     Attributes:
         features: for the transformer.
         evidence: for the refinement's own classifier, where it has one.
+        cues: of depth, where it gives some (`ClassRefinement.cues`).
     """
 
     features: Float[Tensor, "n c h4 w4"]
     evidence: Float[Tensor, "n k h4 w4"]
+    cues: Cues = ()
 
     def __getitem__(self, at: slice) -> Refined:
         """That of some of the views."""
-        return Refined(self.features[at], self.evidence[at])
+        return Refined(self.features[at], self.evidence[at], tuple(cue[at] for cue in self.cues))
 
 
 class ClassRefinement(nn.Module, ABC):
@@ -41,6 +46,7 @@ class ClassRefinement(nn.Module, ABC):
     Attributes:
         reads_shallow: whether it reads the shallow features, so that these learn from classes where they are shared.
         feature_layers: names of its layers that only the transformer needs.
+        cue_layers: names of the layers that `cues` needs.
 
     Args:
         classifier: from `Refined.evidence` to logits of the classes, which the head then corrects; None leaves the classes to the head.
@@ -48,6 +54,7 @@ class ClassRefinement(nn.Module, ABC):
 
     reads_shallow: ClassVar[bool] = True
     feature_layers: ClassVar[tuple[str, ...]] = ()
+    cue_layers: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, classifier: nn.Conv2d | None = None) -> None:
         super().__init__()
@@ -61,6 +68,10 @@ class ClassRefinement(nn.Module, ABC):
             pictures: with sides that are multiples of 16.
             shallow: gives the shallow features of images, these or smaller ones.
         """
+
+    def cues(self, pictures: Float[Tensor, "n 3 h w"]) -> Cues:
+        """What `forward` says to depth, at less cost; this refinement says nothing."""
+        return ()
 
 
 class PictureRefinement(ClassRefinement):

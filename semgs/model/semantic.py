@@ -63,15 +63,13 @@ class SemanticBranch(nn.Module):
         self.upsampler = upsampler
         self.head = head
 
-    def forward(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Attributes:
-        """The features of all views are computed; the function that is returned says what the head makes of some of them.
+    def forward(self, refined: Refined, scene: Padded) -> Attributes:
+        """The transformer sees all views; the function that is returned says what the head makes of some of them.
 
         Args:
+            refined: what `refined` says of each view.
             scene: the views.
-            cnn: the shared CNN.
-            shallow: what it made of the views; None computes that if it is needed.
         """
-        refined = self.refined(scene, cnn, shallow)
         features: Tensor = self.transformer(refined.features, scene)
         return lambda at: self._attributes(scene.small[at], features[at], refined[at])
 
@@ -87,7 +85,13 @@ class SemanticBranch(nn.Module):
         return 0 if self.refinement.classifier is None else self.refinement.classifier.in_channels
 
     def refined(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Refined:
-        """The features of each view by itself."""
+        """What the refinement makes of each view by itself.
+
+        Args:
+            scene: the views.
+            cnn: the shared CNN.
+            shallow: what it made of the views; None computes that if it is needed.
+        """
 
         def features(pictures: Tensor) -> Tensor:
             if shallow is not None and self.cnn is None and pictures is scene.pictures:

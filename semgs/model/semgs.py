@@ -18,6 +18,7 @@ from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoder, coarse_disparities
 from semgs.model.layout import lay_out
 from semgs.model.placing import Placer
+from semgs.model.refinement import Cues
 from semgs.model.scene import Padded, widened
 from semgs.model.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.settings import NetworkSettings
@@ -116,11 +117,12 @@ class SemGS(nn.Module):
         with stage("transformer_colour"):
             features = self.colour.transformer(shallow, scene)
         with stage("transformer_semantic"):
-            semantic = None if self.semantic is None else self.semantic(scene, self.cnn, shallow)
+            refined = None if self.semantic is None else self.semantic.refined(scene, self.cnn, shallow)
+            semantic = None if self.semantic is None else self.semantic(refined, scene)
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, scene, chunks.cost)
         with stage("depth"):
-            depth = self.colour.depth(cost, features, scene)
+            depth = self.colour.depth(cost, features, scene, () if refined is None else refined.cues)
             decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
         bounds = scene.depth_range.flatten(0, 1)
         rays = self.placer.rays(scene, views.size, depth.planes.bounds)
@@ -160,11 +162,11 @@ class SemGS(nn.Module):
         if self.semantic is None:
             raise ValueError("the network has no semantic branch; it cannot classify")
         scene, evidence = self._padded(views, fewest=1 if alone else 2), None
+        refined = self.semantic.refined(scene, self.cnn)
         if alone:
-            refined = self.semantic.refined(scene, self.cnn)
             logits, evidence = self.semantic.logits_of(refined, scene), refined.evidence
         else:
-            logits = self.semantic(scene, self.cnn)(slice(None))[:, SHAPE:]
+            logits = self.semantic(refined, scene)(slice(None))[:, SHAPE:]
         rows, columns = (-(-side // self.stride) for side in views.size)
         inside = logits[..., :rows, :columns]
         classes = inside.to(torch.promote_types(inside.dtype, torch.float32)).softmax(1)
@@ -181,7 +183,8 @@ class SemGS(nn.Module):
         """
         scene, conventions = self._padded(views), self.settings.conventions
         features = self.colour.transformer(self.cnn(scene.pictures), scene)
-        depth = self.colour.depth(self.colour.depth.cost(features, scene, None), features, scene)
+        cost = self.colour.depth.cost(features, scene, None)
+        depth = self.colour.depth(cost, features, scene, self._cues(scene))
         leading, (height, width) = views.images.shape[:-3], views.size
         depths = 1 / coarse_disparities(depth, SHRINK, conventions)[:, :height, :width]
         # The centre of texel i lies on the border of pixels 4 i + 1 and 4 i + 2.
@@ -197,14 +200,16 @@ class SemGS(nn.Module):
     def parts(self) -> dict[str, frozenset[str]]:
         """Names of the tensors (parameters and buffers) of each of `PARTS`; each tensor is in exactly one.
 
-        "shared" is what both branches use, "depth" what depth depends on beside that, "colour" the rest of the colour branch,
+        "shared" is what both branches use: the shallow CNN, and layers of the class branch where depth takes its cues from them; "depth" what depth depends on beside that, "colour" the rest of the colour branch,
         "semantic" the semantic branch without "classes", the layers that predict its classes.
         """
         shares = self.semantic is not None and self.semantic.shares_cnn
+        cues = tuple(f"semantic.refinement.{one}." for one in self._cue_layers())
         heads = (f"colour.heads.{one}." for one in self.colour.heads.depth_layers)
         classes = () if self.semantic is None else tuple(f"semantic.{one}." for one in self.semantic.class_layers())
         beginnings = (
             ("classes", classes),
+            ("shared", cues),
             ("semantic", ("semantic.",)),
             ("shared" if shares else "depth", ("cnn.",)),
             ("depth", ("colour.transformer.", "colour.depth.", *heads)),
@@ -220,12 +225,16 @@ class SemGS(nn.Module):
         if self.semantic is None:
             return set()
         used = tuple(f"semantic.{one}." for one in self.semantic.layers(alone))
-        if shared and self.semantic.shares_cnn:
+        if self.semantic.shares_cnn:
             used += ("cnn.",)
-        return {name for name, _ in self.named_parameters() if name.startswith(used)}
+        held = frozenset() if shared else self.parts()["shared"]
+        return {name for name, _ in self.named_parameters() if name.startswith(used) and name not in held}
 
     def depth_parameters(self, shared: bool = True) -> set[str]:
-        """Names of the parameters that `sweep` depends on; without `shared`, those of them that the semantic branch does not use."""
+        """Names of the parameters that `sweep` teaches; without `shared`, those of them that the semantic branch does not use.
+
+        Layers of the class branch that give depth its cues are not among them: depth reads them and never teaches them.
+        """
         used: tuple[str, ...] = ("colour.transformer.", "colour.depth.")
         if shared or self.semantic is None or not self.semantic.shares_cnn:
             used += ("cnn.",)
@@ -234,6 +243,18 @@ class SemGS(nn.Module):
     def pretrained_parameters(self) -> set[str]:
         """Names of the parameters that can start from published weights, and then should learn at a lower rate than the others."""
         return {name for name, _ in self.named_parameters() if name.startswith("semantic.refinement.backbone.")}
+
+    def _cues(self, scene: Padded) -> Cues:
+        """What the class branch shows to depth, if depth looks."""
+        if self.semantic is None or not self.colour.depth.reads_cues:
+            return ()
+        return self.semantic.refinement.cues(scene.pictures)
+
+    def _cue_layers(self) -> tuple[str, ...]:
+        """Names of the layers of the class refinement that depth depends on."""
+        if self.semantic is None or not self.colour.depth.reads_cues:
+            return ()
+        return self.semantic.refinement.cue_layers
 
     def _planned(self, views: Views) -> Chunks:
         """How much to do at a time.

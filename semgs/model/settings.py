@@ -52,6 +52,8 @@ class DepthSettings:
         cost_prior: depth's logits are a correction of the cost itself, from normalised features; else they are free, and at a
             high learning rate they saturate into one candidate before the features have learned to match.
         initial_scale: factor on the random weights of depth's last layers; below 1 all candidates start alike.
+        cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.cost_filter`); 0 for none.
+        cue: the U-Net also sees coarse maps of what each view shows by itself, from the class branch, where that is a `MobileNet`.
     """
 
     candidates: int = 128
@@ -62,6 +64,8 @@ class DepthSettings:
     cosine_cost: bool = False
     cost_prior: bool = False
     initial_scale: float = 1.0
+    cost_filter: int = 0
+    cue: bool = False
 
 
 @dataclass(frozen=True)
@@ -182,6 +186,9 @@ class NetworkSettings:
         colour: the colour branch and depth.
         semantic: the semantic branch; None for a colour-only network.
         conventions: of geometry.
+
+    Raises:
+        ValueError: depth has a cue, and the class branch none to give.
     """
 
     name: str = "base"
@@ -193,6 +200,11 @@ class NetworkSettings:
     colour: ColourSettings = field(default_factory=ColourSettings)
     semantic: SemanticSettings | None = field(default_factory=SemanticSettings)
     conventions: Conventions = OURS
+
+    def __post_init__(self) -> None:
+        giver = None if self.semantic is None else self.semantic.refinement
+        if self.colour.depth.cue and not isinstance(giver, MobileNet):
+            raise ValueError("depth_cue needs the class backbone; give class_backbone as well")
 
     def as_json(self) -> dict[str, Any]:
         """The settings as plain JSON."""

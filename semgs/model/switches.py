@@ -31,6 +31,12 @@ class Switches:
     class_backbone: bool = False
     """Classify each view by a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
     two residual blocks. Train it with supervision by pictures first, as a pyramid."""
+    cost_filter: int = 0
+    """Channels of a 3D CNN that filters the cost volume, such as 16; 0 for none (not in the paper). It starts as nothing, so weights without
+    one lend all else."""
+    depth_cue: bool = False
+    """Depth also sees coarse maps of what each view shows by itself, from the class backbone (not in the paper). They start without a say,
+    so weights without them lend all else. Depth never teaches the backbone."""
 
     def __post_init__(self) -> None:
         if self.semantic_pyramid and self.class_backbone:
@@ -47,6 +53,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
         camera_aware_colour=colour.transformer.camera_aware,
         output_transform=colour.transformer.output_transform,
         paper_heads=isinstance(colour.heads, PaperHeads),
+        cost_filter=colour.depth.cost_filter,
     )
     if semantic is None:
         return found
@@ -56,6 +63,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
         camera_aware_semantic=semantic.transformer.camera_aware,
         semantic_pyramid=semantic.refinement.widths if isinstance(semantic.refinement, Pyramid) else (),
         class_backbone=isinstance(semantic.refinement, MobileNet),
+        depth_cue=colour.depth.cue,
     )
 
 
@@ -68,10 +76,11 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
 
     Raises:
         TypeError: there is no switch of a name.
+        ValueError: depth_cue is set without a class backbone to take it from.
     """
     before = switches_of(settings)
     if changes.get("semantic_pyramid"):
-        before_refinement: dict[str, Any] = {"class_backbone": False}
+        before_refinement: dict[str, Any] = {"class_backbone": False, "depth_cue": False}
     elif changes.get("class_backbone"):
         before_refinement = {"semantic_pyramid": ()}
     else:
@@ -81,6 +90,7 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
     colour = replace(
         settings.colour,
         transformer=replace(settings.colour.transformer, camera_aware=now.camera_aware_colour, **both),
+        depth=replace(settings.colour.depth, cost_filter=now.cost_filter, cue=now.depth_cue),
     )
     if now.paper_heads != before.paper_heads:
         colour = replace(colour, heads=PaperHeads() if now.paper_heads else MVSplatHeads())

@@ -5,6 +5,8 @@ Layer shapes and names are MVSplat's (the latent-diffusion U-Net without time), 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -122,17 +124,21 @@ class UNet(nn.Module):
         self.output_blocks = nn.ModuleList(decoder)
         self.out = nn.Sequential(nn.Conv2d(channels, channels, 3, padding=1), nn.GroupNorm(GROUPS, channels), nn.SiLU())
 
-    def forward(self, x: Float[Tensor, "n c h w"], views: int) -> Float[Tensor, "n c h w"]:
+    def forward(self, x: Float[Tensor, "n c h w"], views: int, seen: Sequence[Tensor] = ()) -> Float[Tensor, "n c h w"]:
         """Features of the same size.
 
         Args:
             x: [(scene, view) channels height width], both sides multiples of 2^(levels - 1).
             views: how many belong to a scene.
+            seen: maps [n c hk wk] that are added at the sizes below the first, from fine to coarse; none beyond those given.
         """
-        skips = []
+        skips, more = [], iter(seen)
         for blocks in self.input_blocks:
             for block in blocks:  # type: ignore[attr-defined]
                 x = block(x, views)
+                if isinstance(block, Downsample):
+                    added = next(more, None)
+                    x = x if added is None else x + added
             skips.append(x)
         x = self.middle_block[2](self.middle_block[0](x, views), views)
         for index, blocks in enumerate(self.output_blocks):

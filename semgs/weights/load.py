@@ -243,8 +243,7 @@ def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
 
 def semantic_tensors(model: SemGS) -> frozenset[str]:
     """Names of the tensors of a network's semantic branch."""
-    parts = model.parts()
-    return parts["semantic"] | parts["classes"]
+    return frozenset(name for name in model.state_dict() if name.startswith("semantic."))
 
 
 def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:

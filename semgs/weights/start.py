@@ -19,6 +19,12 @@ from semgs.weights.published import is_published, with_backbone
 SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
 """Switches that shape the semantic branch alone: weights that have others lend a network all else."""
 
+MORE_DEPTH = ("cost_filter", "depth_cue")
+"""Switches that add layers to depth: weights without them lend a network all else."""
+
+ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.")
+"""How the names of the tensors of those layers begin."""
+
 
 def start(
     name: str,
@@ -40,7 +46,8 @@ def start(
         classes: the table to train on.
         own_classes: weights of another table are taken without their class head, which is drawn; else they are refused.
         switches: of `semgs.model.switches.Switches`, by name, that differ from the network of that name; they must be those that
-            the weights have, but for the shape of the semantic branch: where that differs the branch is drawn, and all else is kept.
+            the weights have, but for the shape of the semantic branch and for layers added to depth: what differs is drawn, and all
+            else is kept.
         fresh_semantics: draw it in any case.
         backbone: a file of published MobileNetV2 weights, for a network with `class_backbone`; "" keeps what `init` gives. As `init`
             itself such a file fills the backbone of a network that is random otherwise.
@@ -55,71 +62,90 @@ def start(
         )  # fmt: skip
         return with_backbone(begun, backbone)
     if init == "random":
-        return drawn(switched(PRESETS[name](), asked), seed, classes).eval()
+        return drawn(_switched(PRESETS[name](), asked), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
         raise InputError(
             init, "random, a file of weights, or a name under which some ship", "a name under which none do"
         )
     _, path = find(init)
     if is_published(path):
-        return with_backbone(drawn(switched(PRESETS[name](), {"class_backbone": True, **asked}), seed, classes), path)
+        return with_backbone(drawn(_switched(PRESETS[name](), {"class_backbone": True, **asked}), seed, classes), path)
     if not is_ours(path):
         if not asked or name == "small":
             return load(name, path, seed=seed, classes=classes)
-        return from_mvsplat(drawn(switched(PRESETS[name](), asked), seed, classes), path, seed)
+        return from_mvsplat(drawn(_switched(PRESETS[name](), asked), seed, classes), path, seed)
     header = read_header(path)
     there = switches_of(header.settings)
     for key, value in asked.items():
-        if getattr(there, key) != value and key not in SEMANTIC_SHAPE:
+        fits = key in SEMANTIC_SHAPE or (key in MORE_DEPTH and not getattr(there, key))
+        if getattr(there, key) != value and not fits:
             raise InputError(
                 path, f"weights of a network with {key} = {value}", f"{getattr(there, key)}", key="settings"
             )
-    wanted = switched(header.settings, {key: asked[key] for key in SEMANTIC_SHAPE if asked.get(key)})
-    if (fresh_semantics or wanted != header.settings) and header.settings.name == name:
-        return _with_another_branch(path, wanted, classes, seed)
-    if header.classes not in (None, classes) and not own_classes:
+    wanted = _switched(header.settings, {key: asked[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if asked.get(key)})
+    if header.settings.name != name:
+        return load(name, path, classes=classes)  # which refuses it
+    fresh_semantics |= wanted.semantic != header.settings.semantic
+    if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
         raise InputError(
             path, f"class table {classes.name} ({len(classes)} classes)", f"{header.classes.name} ({len(header.classes)} classes)",
             key="classes", advice="name the table to train on with --classes FILE",
         )  # fmt: skip
-    if header.classes == classes or header.settings.name != name:
-        model = load(name, path, classes=classes)
-        model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
-        return model
-    return _with_other_classes(path, header.settings, classes, seed)
-
-
-def _with_another_branch(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int) -> SemGS:
-    """The network of a file but for the semantic branch, which these settings shape."""
-    with as_large_as(path):
-        model = drawn(settings, seed, classes)
-    own, theirs = model.state_dict(), read_tensors(path)
-    fresh = {name: own[name] for name in own if name in semantic_tensors(model)}
-    kept = {name: tensor for name, tensor in theirs.items() if not name.startswith("semantic.")}
-    fill(model, kept | fresh, path)
-    model.origin = (
-        f"{path.name}: {len(kept)} of {len(own)} tensors kept; the semantic branch drawn anew with seed {seed}"
-    )
+    if fresh_semantics or header.classes != classes or wanted != header.settings:
+        return _lent(path, wanted, classes, seed, fresh_semantics)
+    model = load(name, path, classes=classes)
+    model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
     return model
 
 
-def _with_other_classes(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int) -> SemGS:
-    """The network of a file for another table: everything but the rows of the classes."""
+def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
+    """`switched`, where what does not fit together is the user's.
+
+    Raises:
+        InputError: it does not; the switch is named.
+    """
+    try:
+        return switched(settings, changes)
+    except ValueError as error:
+        raise InputError("--network", "switches that fit together", "some that do not", advice=f"{error}") from None
+
+
+def _lent(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int, fresh_semantics: bool) -> SemGS:
+    """A network of these settings with all of a file's tensors that have a place in it; the others are drawn.
+
+    Args:
+        path: of the weights.
+        settings: which may have another semantic branch than the weights, and more layers in depth.
+        classes: the table; rows of other classes are drawn, beside those that are not of classes.
+        seed: of what is drawn.
+        fresh_semantics: draw the whole semantic branch.
+    """
     with as_large_as(path):
         model = drawn(settings, seed, classes)
-    own, theirs = model.state_dict(), read_tensors(path)
-    predict = model.parts()["classes"]
-    fresh = [name for name in own if name in predict]
-    kept = dict(theirs)
-    for name in fresh:
-        rows = own[name].clone()
-        shared = len(rows) - len(classes)
-        if name in theirs and theirs[name].shape[1:] == rows.shape[1:] and len(theirs[name]) >= shared:
-            rows[:shared] = theirs[name][:shared]
-        kept[name] = rows
+    own, theirs = model.state_dict(), dict(read_tensors(path))
+    added = [name for name in own if name.startswith(ADDED) and name not in theirs]
+    kept = theirs | {name: own[name] for name in added}
+    notes = [f"the layers added to depth drawn with seed {seed}"] if added else []
+    fresh = list(added)
+    if fresh_semantics:
+        semantic = semantic_tensors(model)
+        kept = {name: tensor for name, tensor in kept.items() if not name.startswith("semantic.")}
+        kept |= {name: own[name] for name in semantic}
+        fresh += semantic
+        notes.append(f"the semantic branch drawn anew with seed {seed}")
+    elif read_header(path).classes != classes:
+        predict = model.parts()["classes"]
+        names = [name for name in own if name in predict]
+        for name in names:
+            rows = own[name].clone()
+            shared = len(rows) - len(classes)
+            if name in theirs and theirs[name].shape[1:] == rows.shape[1:] and len(theirs[name]) >= shared:
+                rows[:shared] = theirs[name][:shared]
+            kept[name] = rows
+        fresh += names
+        notes.append(
+            f"drawn anew for the {len(classes)} classes of {classes.name} with seed {seed}: {', '.join(names)}"
+        )
     fill(model, kept, path)
-    model.origin = (
-        f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; drawn anew for the {len(classes)} classes of "
-        f"{classes.name} with seed {seed}: {', '.join(fresh)}"
-    )
+    model.origin = f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; {'; '.join(notes)}"
     return model

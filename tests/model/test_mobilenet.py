@@ -157,7 +157,7 @@ def test_a_coarse_texel_sees_491_pixels_that_lie_further_to_the_right_and_below(
 
 def test_a_picture_is_seen_by_itself():
     pictures = torch.rand(2, 3, 48, 80, dtype=torch.float64, requires_grad=True)
-    refinement().decoded(pictures)[0].sum().backward()
+    refinement()(pictures, not_asked).evidence[0].sum().backward()
     assert pictures.grad[0].any()
     assert not pictures.grad[1].any()
 
@@ -166,7 +166,7 @@ def test_shallow_features_are_not_read_and_features_are_linear_in_the_decoders_m
     torch.manual_seed(0)
     model, pictures = refinement(), torch.rand(1, 3, 48, 80, dtype=torch.float64)
     with torch.no_grad():
-        refined, decoded = model(pictures, not_asked), model.decoded(pictures)
+        refined, decoded = model(pictures, not_asked), model.decoded(model.backbone(pictures))
     torch.testing.assert_close(refined.evidence, decoded)
     by_hand = torch.einsum("kc,nchw->nkhw", model.features.weight[..., 0, 0], decoded)
     torch.testing.assert_close(refined.features, by_hand + model.features.bias[:, None, None])

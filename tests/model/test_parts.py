@@ -15,6 +15,7 @@ NETWORKS = {
     "the paper's heads": lambda: preset("small", paper_heads=True),
     "a CNN of its own": lambda: preset("small", shared_layers=False),
     "the backbone": lambda: preset("small", class_backbone=True),
+    "the cue": lambda: preset("small", class_backbone=True, depth_cue=True, cost_filter=8),
     "the pyramid": lambda: preset("small", semantic_pyramid=(16, 24)),
     "colour only": lambda: build(presets.small(), None),
 }

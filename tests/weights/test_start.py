@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from posed import posed_views
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
@@ -82,6 +83,40 @@ def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path
     for switches in ({}, {"semantic_pyramid": (16, 24)}, {"semantic_pyramid": ()}):
         again = start("small", str(tmp_path / "pyramid.safetensors"), seed=4, switches=switches)
         assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
+
+
+def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp_path: Path):
+    more = {"cost_filter": 4, "depth_cue": True}
+    model = start("small", "small", seed=3, switches=more)
+    there, here = load("small").state_dict(), model.state_dict()
+    assert all(torch.equal(here[name], tensor) for name, tensor in there.items())
+    # Five 3D convolutions; two cues of a norm and two convolutions; weight and bias each.
+    assert len(here) - len(there) == 2 * (5 + 2 * 3)
+    assert (
+        f"small.safetensors: {len(there)} of {len(here)} tensors kept; the layers added to depth drawn" in model.origin
+    )
+    views = posed_views(2, (32, 48))
+    with torch.inference_mode():
+        torch.testing.assert_close(model.eval().sweep(views).depths, load("small").sweep(views).depths)
+    save(tmp_path / "more.safetensors", model, {})
+    there = load("small", tmp_path / "more.safetensors").state_dict()
+    for switches in ({}, more):
+        again = start("small", str(tmp_path / "more.safetensors"), seed=4, switches=switches).state_dict()
+        assert all(torch.equal(tensor, again[name]) for name, tensor in there.items())
+    with pytest.raises(InputError, match="cost_filter = 8, found 4"):
+        start("small", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
+
+
+def test_more_layers_in_depth_and_other_classes_are_one_start():
+    model = start("small", "small", seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
+    assert "the layers added to depth drawn with seed 3; drawn anew for the 5 classes of five" in model.origin
+    with pytest.raises(InputError, match="class table five"):
+        start("small", "small", seed=3, classes=FIVE, switches={"cost_filter": 4})
+
+
+def test_a_cue_without_a_backbone_is_refused_in_one_line():
+    with pytest.raises(InputError, match="depth_cue needs the class backbone"):
+        start("small", "random", switches={"depth_cue": True})
 
 
 def test_weights_of_another_network_are_refused():
