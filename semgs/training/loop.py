@@ -44,7 +44,7 @@ from semgs.training.settings import TrainingSettings
 from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import supervision_of
+from semgs.training.supervision import rate_shares, supervision_of
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def train(
         supervision = supervision_of(replace(settings, class_weights=data.class_weights))
         state = TrainingState.begin(
             model.to(fabric.device), supervision, settings.learning_rate, settings.average_decay, fabric,
-            slow=model.pretrained_parameters(), slow_share=settings.backbone_rate,
+            shares=rate_shares(model, settings),
         )  # fmt: skip
         resume(state, out, console)
         share = Share(fabric.global_rank, fabric.world_size, accumulate)

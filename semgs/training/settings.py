@@ -154,7 +154,12 @@ class TrainingSettings:
     """Published MobileNetV2 weights that the class backbone starts from (with --network.class-backbone): an ImageNet classifier or a
     segmentation network as safetensors (docs/train.md)."""
     backbone_rate: float = 0.1
-    """Learning rate of the class backbone, as a share of that of the other layers."""
+    """Learning rate of the class backbone, as a share of that of the other layers; 0 holds it as it is."""
+    class_rate: float = 1.0
+    """Learning rate of all that classifies each view by itself, the backbone included, as a share of that of the other layers; 0 holds it."""
+    sweep_rate: float = 1.0
+    """Learning rate of all that depth by plane sweep depends on, as a share of that of the other layers; 0 holds it. In a rendered stage
+    that follows --supervision depth, 0.1 lets colours and opacities learn the new depth without losing it."""
     teacher: str = ""
     """Folder of another network's class probabilities for the training pictures, as scripts/teach.py writes it: they are learned as well,
     by a head that is dropped afterwards, so that the backbone does not forget what it knew. Needs single pictures."""
@@ -206,7 +211,7 @@ class TrainingSettings:
             "targets": (self.targets >= (0 if alone else 1), "at least 1 (0 with supervision by pictures)"),
             "learning_rate": (self.learning_rate > 0, "a positive number"),
             "warmup": (0 < self.warmup < 1, "a share between 0 and 1"),
-            "backbone_rate": (0 < self.backbone_rate <= 1, "above 0, at most 1"),
+            "backbone_rate": (0 <= self.backbone_rate <= 1, "a share in 0..1"),
             "clip": (self.clip > 0, "a positive number"),
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "class_weights": (
@@ -226,6 +231,14 @@ class TrainingSettings:
             "augmentation": (
                 alone or not self.augmentation.roll,
                 "no roll, but with supervision by pictures: the corners of a turned image show nothing true",
+            ),
+            "sweep_rate": (
+                0 <= self.sweep_rate <= 1 and (self.sweep_rate > 0 or self.supervision != "depth"),
+                "a share in 0..1, and above 0 with supervision by depth, which teaches nothing else",
+            ),
+            "class_rate": (
+                0 <= self.class_rate <= 1 and (self.class_rate > 0 or self.supervision in ("rendered", "depth")),
+                "a share in 0..1, and above 0 with supervision by labels or pictures",
             ),
             "sampling": (
                 not self.single_pictures or self.sampling == "even",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,8 +62,7 @@ class TrainingState:
         learning_rate: float,
         average_decay: float,
         fabric: Any = None,
-        slow: Collection[str] = (),
-        slow_share: float = 1.0,
+        shares: Mapping[str, float] | None = None,
     ) -> TrainingState:
         """The state before the first step; parameters that do not learn are frozen, and batch norms that do not measure too.
 
@@ -73,10 +72,10 @@ class TrainingState:
             learning_rate: of Adam, until a step sets it.
             average_decay: of the moving average.
             fabric: the engine, launched; None is one for this process alone.
-            slow: names of parameters that learn more slowly than the others.
-            slow_share: their learning rate as a share of that of the others.
+            shares: the learning rate of parameters, by name, as a share of that of the others; 0 freezes one.
         """
-        learning = supervision.learning(model)
+        shares = shares or {}
+        learning = {name for name in supervision.learning(model) if shares.get(name, 1.0) > 0}
         for name, parameter in model.named_parameters():
             parameter.requires_grad_(name in learning)
         model.train()
@@ -85,7 +84,7 @@ class TrainingState:
         average.eval()
         objective = Objective(model, supervision)
         head = objective.head
-        optimizer = torch.optim.Adam(_groups(_learners(model, head), slow, slow_share), lr=learning_rate)
+        optimizer = torch.optim.Adam(_groups(_learners(model, head), shares), lr=learning_rate)
         objective = fabric.setup_module(objective)
         if not supervision.measures:
             hold_statistics(model)
@@ -160,13 +159,12 @@ def _learners(model: nn.Module, head: nn.Module | None) -> dict[str, nn.Paramete
     return dict(model.named_parameters()) | beside
 
 
-def _groups(named: Mapping[str, nn.Parameter], slow: Collection[str], share: float) -> list[dict[str, Any]]:
-    """The parameters as Adam takes them, by the share of the learning rate that they have."""
-    groups = [
-        {"params": [one for name, one in named.items() if name not in slow], SHARE: 1.0},
-        {"params": [one for name, one in named.items() if name in slow], SHARE: share},
-    ]
-    return [group for group in groups if group["params"]]
+def _groups(named: Mapping[str, nn.Parameter], shares: Mapping[str, float]) -> list[dict[str, Any]]:
+    """The parameters as Adam takes them, by the share of the learning rate that they have; the fastest first."""
+    groups: dict[float, list[nn.Parameter]] = {}
+    for name, parameter in named.items():
+        groups.setdefault(shares.get(name, 1.0), []).append(parameter)
+    return [{"params": groups[share], SHARE: share} for share in sorted(groups, reverse=True)]
 
 
 def hold_statistics(model: nn.Module) -> None:

@@ -46,6 +46,19 @@ def supervision_of(settings: TrainingSettings) -> Supervision:
     return Rendered(settings.losses, weights, settings.depth_weight, settings.context_targets)
 
 
+def rate_shares(network: Any, settings: TrainingSettings) -> dict[str, float]:
+    """The learning rates of parameters, by name, as shares of the setting, where they are not 1."""
+    groups = (
+        (network.depth_parameters(), settings.sweep_rate),
+        (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), settings.class_rate),
+        (network.pretrained_parameters(), settings.backbone_rate),
+    )
+    shares: dict[str, float] = {}
+    for names, rate in groups:
+        shares |= {name: rate * shares.get(name, 1.0) for name in names}
+    return {name: share for name, share in shares.items() if share != 1}
+
+
 @dataclass(frozen=True)
 class Rendered(Supervision):
     """Rendered views, as in the paper: every parameter learns.

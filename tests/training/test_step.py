@@ -126,7 +126,7 @@ def test_slow_parameters_move_by_their_share_of_the_rate_and_keep_their_moments_
     def begun() -> TrainingState:
         torch.manual_seed(0)
         model = torch.nn.ModuleDict({name: torch.nn.Linear(1, 1, bias=False) for name in ("fast", "slow", "last")})
-        return TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, slow={"slow.weight"}, slow_share=0.1)
+        return TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, shares={"slow.weight": 0.1})
 
     state = begun()
     before = {name: one.item() for name, one in state.model.named_parameters()}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from networks import network as network_of
+from networks import preset
 from posed import posed_views
 from torch import nn
 
@@ -26,7 +27,7 @@ from semgs.training.objective import TERMS, Objective, Supervision, render_targe
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import Depth, Labels, Pictures, Rendered, supervision_of
+from semgs.training.supervision import Depth, Labels, Pictures, Rendered, rate_shares, supervision_of
 from semgs.training.validation import DepthValidation, Validation
 from semgs.weights.start import start
 
@@ -253,3 +254,38 @@ def test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is(network, batc
     step = replace(step, target=step.target.changed(images=torch.zeros_like(step.target.images)))
     rendering, target = render_targets(encoding, step)
     assert losses(rendering, target, LossWeights()).colour.item() == pytest.approx(2.25)
+
+
+def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
+    model = preset("small", class_backbone=True)
+    settings = TrainingSettings(model="small", steps=1, class_rate=0.5, sweep_rate=0.25, backbone_rate=0.1)
+    shares = rate_shares(model, settings)
+    assert {shares[name] for name in model.pretrained_parameters()} == {0.05}
+    assert {shares[name] for name in model.depth_parameters()} == {0.25}
+    for name, expected in {
+        "semantic.refinement.classifier.weight": 0.5, "semantic.head.2.weight": 1.0, "colour.heads.colour.2.weight": 1.0,
+        "colour.heads.refinement.to_disparity.2.weight": 1.0, "cnn.conv1.weight": 0.25,
+    }.items():  # fmt: skip
+        assert shares.get(name, 1.0) == expected
+        assert name in dict(model.named_parameters())
+    plain = TrainingSettings(model="small", steps=1)
+    assert rate_shares(preset("small"), plain) == {}, "the paper's network learns at one rate"
+
+
+def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
+    model = preset("small", class_backbone=True)
+    settings = TrainingSettings(model="small", steps=10, class_rate=0.0, sweep_rate=0.5)
+    state = TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, shares=rate_shares(model, settings))
+    frozen = {name for name, one in model.named_parameters() if not one.requires_grad}
+    refinement = {name for name in frozen if name.startswith("semantic.refinement.")}
+    assert frozen == refinement
+    assert {name.split(".")[2] for name in frozen} == {"backbone", "lateral", "merged", "last", "classifier"}
+    assert sorted(group["share"] for group in state.optimizer.param_groups) == [0, 0.5, 1]
+
+
+@pytest.mark.parametrize(
+    ("name", "supervision"), [("sweep_rate", "depth"), ("class_rate", "pictures"), ("class_rate", "labels")]
+)
+def test_a_rate_of_zero_that_would_leave_nothing_to_learn_is_refused(name: str, supervision: str):
+    with pytest.raises(ValueError, match=f"{name} is 0.*above 0 with supervision by"):
+        TrainingSettings(model="small", steps=1, supervision=supervision, **{name: 0.0})
