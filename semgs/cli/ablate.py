@@ -134,7 +134,7 @@ class Ablate:
         """
         from semgs.data.scene_lists import calls, check_unseen, read_list
         from semgs.data.scenes import scene_paths
-        from semgs.training.survey import training_paths
+        from semgs.training.survey.opened import training_paths
 
         if self.test is None:
             return

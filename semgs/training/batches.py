@@ -19,7 +19,7 @@ from semgs.rooms.pool import PooledSamples
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, Sample, Samples
 from semgs.training.settings import VALIDATION_SEED, Augmentation, Source, TrainingSettings
-from semgs.training.survey import Survey, survey
+from semgs.training.survey.survey import Survey, survey
 from semgs.training.teacher import teacher_of
 from semgs.training.turns import Turns
 
@@ -156,7 +156,7 @@ def training_batches(
 
 
 def surveyed(settings: TrainingSettings, out: Path) -> Survey:
-    """What the data of a run are; see `semgs.training.survey.survey`."""
+    """What the data of a run are; see `semgs.training.survey.survey.survey`."""
 
     def rooms() -> RoomSamples:
         library = _library(settings, "training")

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from semgs.files.atomic import write_bytes
 from semgs.training.batches import Portion
-from semgs.training.survey import check_bad
+from semgs.training.survey.opened import check_bad
 
 TOLERATED_IN_A_ROW = 10
 """Steps without a finite gradient, one after the other, that end a run."""

@@ -22,7 +22,7 @@ from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
 from semgs.training.settings import TrainingSettings, changed, told
 from semgs.training.state import averaged_weights
-from semgs.training.survey import RECORD, data_terms_of, scenes_of
+from semgs.training.survey.record import RECORD, data_terms_of, scenes_of
 from semgs.weights.file import save
 from semgs.weights.load import DATA_TERMS, SCENES, drawn
 from semgs.weights.start import start

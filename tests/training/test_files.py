@@ -26,7 +26,8 @@ from semgs.training.faults import BadScenes
 from semgs.training.loop import fit
 from semgs.training.samples import Folder, Samples, completed, relabelled
 from semgs.training.settings import Augmentation, Source, TrainingSettings
-from semgs.training.survey import check_bad, inverse_frequency
+from semgs.training.survey.counts import inverse_frequency
+from semgs.training.survey.opened import check_bad
 
 SETTINGS = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)
 

@@ -16,7 +16,7 @@ from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.settings import Augmentation, TrainingSettings
-from semgs.training.survey import RECORD, scenes_of
+from semgs.training.survey.record import RECORD, scenes_of
 from semgs.weights.file import read_header, save
 from semgs.weights.load import load, trained_scenes
 

@@ -14,7 +14,7 @@ from semgs.data.scenes import open_scene
 from semgs.data.terms import REPLICA, ROOMS, SCANNET, Terms, terms_text
 from semgs.training.batches import surveyed
 from semgs.training.settings import TrainingSettings
-from semgs.training.survey import RECORD, UNSTATED, data_terms_of
+from semgs.training.survey.record import RECORD, UNSTATED, data_terms_of
 from semgs.weights.file import save
 from semgs.weights.load import DATA_TERMS, load
 

@@ -1,0 +1,103 @@
+"""Count how often each class occurs, for class weights and balanced sampling."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from semgs.data.classes import IGNORE, ClassTable
+from semgs.data.scene import Scene
+from semgs.data.views import Views
+from semgs.files.errors import InputError
+from semgs.rooms.stream import RoomSamples
+from semgs.training.samples import Folder, relabelled
+from semgs.training.settings import TrainingSettings
+from semgs.training.survey.opened import Opened
+
+FRAMES_COUNTED = 4
+"""Frames of each scene in which classes are counted."""
+
+BALANCE = 0.5
+"""Balanced sampling goes by the mean factor of a scene's pixels, of `inverse_frequency` with this power."""
+
+Pixels = np.ndarray
+"""Pixels of each class [class], float64."""
+
+
+def inverse_frequency(shares: Pixels, power: float) -> tuple[float, ...]:
+    """Factors 1 / share**power of each class, scaled so that a mean labelled pixel has 1; one that never occurs has that of the rarest.
+
+    Raises:
+        ValueError: no class occurs.
+    """
+    if not shares.sum() > 0:
+        raise ValueError("no class of the table occurs in the data, so they cannot be weighed by how often they do")
+    shares = shares / shares.sum()
+    weights = np.where(shares > 0, shares, shares[shares > 0].min()) ** -power
+    return tuple(float(weight) for weight in np.round(weights / (weights * shares).sum(), 4))
+
+
+def count_pixels(
+    settings: TrainingSettings, scenes: Sequence[Scene], rooms: Callable[[], RoomSamples], classes: ClassTable
+) -> list[Pixels | None]:
+    """Pixels of each class in each scene and, last, in some rooms; None where the settings need not know."""
+    if not isinstance(settings.class_weights, str) and settings.sampling == "even":
+        return [None] * (len(scenes) + 1)
+    pixels: list[Pixels | None] = [_counted(_some(scene), classes) if scene.classes else None for scene in scenes]
+    if any(source.is_rooms for source in settings.sources):
+        drawn = rooms()
+        return [*pixels, _counted([drawn[k][0] for k in range(len(drawn))], classes)]
+    return [*pixels, None]
+
+
+def _some(scene: Scene) -> list[Views]:
+    """A few frames spread over a scene; those that cannot be read are left to the training to tell of."""
+    views = []
+    for index in np.unique(np.linspace(0, len(scene) - 1, FRAMES_COUNTED).round().astype(int)):
+        with contextlib.suppress(InputError):
+            views.append(scene.read([int(index)], "native"))
+    return views
+
+
+def _counted(views: Sequence[Views], classes: ClassTable) -> Pixels:
+    """Pixels of each class of the table in some views."""
+    total = np.zeros(len(classes))
+    for one in views:
+        labels = relabelled(one, classes).labels
+        if labels is not None:
+            total += np.bincount(labels[labels != IGNORE].numpy(), minlength=len(classes))
+    return total
+
+
+def class_shares(
+    settings: TrainingSettings, opened: Sequence[Opened], pixels: Sequence[Pixels | None], classes: ClassTable
+) -> Pixels:
+    """The share of each class in what the run sees: of each source by its weight, every scene of it alike."""
+    total = np.zeros(len(classes))
+    folders, counts = iter(opened), iter(pixels)
+    for source in settings.sources:
+        held = pixels[-1:] if source.is_rooms else [next(counts) for _ in next(folders).scenes]
+        shares = [one / one.sum() for one in held if one is not None and one.sum() > 0]
+        if shares:
+            total += float(source.weight) * np.mean(shares, axis=0)
+    return total
+
+
+def with_chances(
+    settings: TrainingSettings, opened: Sequence[Opened], pixels: Sequence[Pixels | None], shares: Pixels
+) -> tuple[Folder, ...]:
+    """The scenes of each folder with their chances: equal, or the mean factor of their pixels when rare classes have larger ones."""
+    factors = np.array(inverse_frequency(shares, BALANCE)) if settings.sampling == "balanced" else None
+    counts = iter(pixels)
+    folders = []
+    for folder in opened:
+        chances = np.ones(len(folder.scenes))
+        for index in range(len(folder.scenes)):
+            held = next(counts)
+            if factors is not None and held is not None and held.sum() > 0:
+                chances[index] = (held * factors).sum() / held.sum()
+        paths = tuple(scene.path.absolute() for scene in folder.scenes)
+        folders.append(Folder(paths, tuple(float(one) for one in chances / chances.sum())))
+    return tuple(folders)

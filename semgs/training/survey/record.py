@@ -1,0 +1,116 @@
+"""RUN/data.json: the scenes that a run began with, their counts, and the terms of its data.
+
+Sample k is drawn from the scenes by number, so a run resumes with the scenes that it began with or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.scene import Scene
+from semgs.data.terms import FURNISHED, Terms, terms_from, terms_of, terms_text
+from semgs.data.terms import ROOMS as ROOMS_TERMS
+from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
+from semgs.training.settings import TrainingSettings
+from semgs.training.survey.counts import Pixels
+from semgs.weights.load import data_terms, trained_scenes
+
+RECORD = "data.json"
+
+UNSTATED = Terms("data of a run that an older version of semgs began: terms not stated")
+
+
+def scenes_of(record: Path) -> tuple[str, ...]:
+    """The names of all scenes that a run has seen, those of the weights that it began with included; none where there is no record.
+
+    Rooms that semgs drew are left out: those of every seed have the same names.
+
+    Raises:
+        InputError: the record is damaged.
+    """
+    if not record.is_file():
+        return ()
+    try:
+        content = parse_json(record.read_bytes())
+        return tuple(
+            dict.fromkeys(
+                [*content.get("before", ()), *(one["name"] for one in content["scenes"] if not one.get("drawn"))]
+            )
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(record, "what the data of the run are", str(error)) from error
+
+
+def data_terms_of(record: Path) -> tuple[Terms, ...]:
+    """The terms of all data that a run has seen, those of the weights that it began with included.
+
+    Raises:
+        InputError: the record is damaged.
+    """
+    try:
+        content = parse_json(record.read_bytes())
+        return terms_from(content["terms"]) if "terms" in content else (UNSTATED,)
+    except FileNotFoundError:
+        return (UNSTATED,)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(record, "what the data of the run are", str(error)) from error
+
+
+def remember(
+    record: Path,
+    scenes: Sequence[Scene],
+    pixels: Sequence[Pixels | None],
+    before: Sequence[str],
+    terms: Sequence[Terms],
+) -> None:
+    """Write what the data are, which scenes the weights to start from have seen, and the terms of both."""
+    counts = [None if one is None else one.tolist() for one in pixels]
+    listed = [
+        {"name": scene.name, "frames": len(scene), "pixels": held, "drawn": terms_of(scene) in (ROOMS_TERMS, FURNISHED)}
+        for scene, held in zip(scenes, counts[:-1], strict=True)
+    ]
+    write_json(
+        record, {"scenes": listed, "rooms": {"pixels": counts[-1]}, "before": list(before), "terms": terms_text(terms)}
+    )
+
+
+def remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | None:
+    """The pixels that were counted when the run began, None where it begins.
+
+    Raises:
+        InputError: the record is damaged, or of other scenes.
+    """
+    if not record.is_file():
+        return None
+    try:
+        before = parse_json(record.read_bytes())
+        there = [(str(one["name"]), int(one["frames"])) for one in before["scenes"]]
+        pixels = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
+        counts = [None if one is None else np.array(one, dtype=np.float64) for one in pixels]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(record, "what the data of the run are", str(error)) from error
+    here = [(scene.name, len(scene)) for scene in scenes]
+    if there != here:
+        other = sorted({name for name, _ in set(there) ^ set(here)})
+        raise InputError(
+            record, f"the {len(there)} scenes that the run began with", f"{len(here)}, of which {other[0]} differs",
+            advice="bring those back, or train in a new folder",
+        )  # fmt: skip
+    return counts
+
+
+def started_on(settings: TrainingSettings) -> tuple[str, ...]:
+    """The scenes that the weights to start from have seen, as far as they say."""
+    return () if settings.init == "random" else trained_scenes(settings.init)
+
+
+def terms_of_run(settings: TrainingSettings, scenes: Sequence[Scene]) -> tuple[Terms, ...]:
+    """The terms of rooms and scenes, and of what the weights to start from were trained on."""
+    drawn = [FURNISHED if settings.assets else ROOMS_TERMS] if any(one.is_rooms for one in settings.sources) else []
+    before = () if settings.init == "random" else data_terms(settings.init)
+    return tuple(dict.fromkeys([*drawn, *(terms_of(scene) for scene in scenes), *before]))

@@ -1,0 +1,88 @@
+"""Survey: what the data of a run are, found out once before it starts and recorded in RUN/data.json."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.files.errors import InputError
+from semgs.rooms.stream import RoomSamples
+from semgs.training.samples import Folder
+from semgs.training.settings import CLASS_WEIGHTINGS, ROOMS, TrainingSettings
+from semgs.training.survey.checks import check_depth, check_labels, check_validation, notes_on
+from semgs.training.survey.counts import class_shares, count_pixels, inverse_frequency, with_chances
+from semgs.training.survey.opened import check_bad, open_source, training_paths
+from semgs.training.survey.record import RECORD, remember, remembered, started_on, terms_of_run
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the data are.
+
+    Attributes:
+        classes: the table of the run.
+        folders: the scenes of each source that is not the rooms.
+        scenes: how many scenes they have, bad ones included.
+        bad: scenes that cannot be used: path and why.
+        class_weights: what the settings ask for, as numbers.
+        notes: what the user should be told, a sentence each.
+    """
+
+    classes: ClassTable
+    folders: tuple[Folder, ...]
+    scenes: int
+    bad: tuple[tuple[str, str], ...]
+    class_weights: tuple[float, ...] | None
+    notes: tuple[str, ...] = ()
+
+
+def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSamples]) -> Survey:
+    """Look at the data, or read what was found when the run began.
+
+    Args:
+        settings: of the run.
+        out: its folder, for the record.
+        rooms: gives small rooms to count classes in, if they are asked for.
+
+    Raises:
+        InputError: there are no scenes, too many bad ones, none with labels, one without depth that is to be learned from, labels of
+            other classes, rooms of the validation among them, or other scenes than those that the run began with.
+    """
+    classes = settings.classes or SCANNET20
+    if settings.sampling == "balanced" and all(source.is_rooms for source in settings.sources):
+        raise InputError(
+            ROOMS, "scenes in folders, to balance the sampling of", "rooms alone, which are drawn as they come"
+        )
+    opened = [open_source(source, paths, settings.contexts[1], settings) for source, paths in training_paths(settings)]
+    good = [scene for folder in opened for scene in folder.scenes]
+    bad = tuple(one for folder in opened for one in folder.bad)
+    check_bad(bad, len(good) + len(bad))
+    for folder in opened:
+        if not folder.scenes:
+            path, why = folder.bad[0]
+            raise InputError(folder.source.path, "scenes that can be used", f"none; of {path}: {why}")
+    check_labels(settings, good, classes)
+    check_depth(settings, good)
+    pixels = remembered(out / RECORD, good)
+    before = started_on(settings) if pixels is None else ()
+    terms = terms_of_run(settings, good) if pixels is None else ()
+    check_validation(settings, classes, [*before, *(scene.name for scene in good)])
+    if pixels is None:
+        pixels = count_pixels(settings, good, rooms, classes)
+        remember(out / RECORD, good, pixels, before, terms)
+    shares = class_shares(settings, opened, pixels, classes)
+    weights = settings.class_weights
+    if (isinstance(weights, str) or settings.sampling == "balanced") and not shares.any():
+        raise InputError(
+            ", ".join(settings.data), f"pixels of the classes of {classes.name}, to find how often each occurs", "none"
+        )
+    return Survey(
+        classes=classes,
+        folders=with_chances(settings, opened, pixels, shares),
+        scenes=len(good) + len(bad),
+        bad=bad,
+        class_weights=inverse_frequency(shares, CLASS_WEIGHTINGS[weights]) if isinstance(weights, str) else weights,
+        notes=tuple(notes_on(settings, good, classes)),
+    )
