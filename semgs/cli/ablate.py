@@ -147,8 +147,8 @@ class Ablate:
         """Refuse a run of the full method that is none of these settings, or is not finished."""
         if self.full is None:
             return
+        from semgs.training.differences import changed, told
         from semgs.training.run import finished, read_settings
-        from semgs.training.settings import changed, told
 
         if other := changed(settings, read_settings(self.full)):
             listed = ", ".join(

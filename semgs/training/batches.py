@@ -18,7 +18,8 @@ from semgs.rooms.assets.splits import Split
 from semgs.rooms.pool import PooledSamples
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder, Sample, Samples
-from semgs.training.settings import VALIDATION_SEED, Augmentation, Source, TrainingSettings
+from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
+from semgs.training.source import Source
 from semgs.training.survey.survey import Survey, survey
 from semgs.training.teacher import teacher_of
 from semgs.training.turns import Turns

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from semgs.objectives.weights import LossWeights
-from semgs.training.settings import TrainingSettings, differences, told
+from semgs.training.differences import differences, told
+from semgs.training.settings import TrainingSettings
 
 
 def small() -> TrainingSettings:

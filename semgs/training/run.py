@@ -20,7 +20,8 @@ from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches
 from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
-from semgs.training.settings import TrainingSettings, changed, told
+from semgs.training.differences import changed, told
+from semgs.training.settings import TrainingSettings
 from semgs.training.state import averaged_weights
 from semgs.training.survey.record import RECORD, data_terms_of, scenes_of
 from semgs.weights.file import save

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from fractions import Fraction
 from pathlib import PurePath
 from typing import Any, Literal
 
@@ -14,52 +12,16 @@ from semgs.model.switches import Switches
 from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.rooms import demo
 from semgs.rooms.style import Style
+from semgs.training.source import ROOMS, Source
 
 VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; no training may use it."""
-
-ROOMS = "rooms"
-"""The name of data that are drawn live."""
 
 CLASS_WEIGHTINGS = {"inverse_root_frequency": 0.5, "inverse_fourth_root_frequency": 0.25}
 """Rules by which classes weigh more the rarer they are: the power of one over a class's share of the pixels."""
 
 PLACES = ("data", "scenes", "validation", "init", "backbone", "teacher", "assets")
 """Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """One of the things that a training takes its scenes from.
-
-    Attributes:
-        path: a scene or a folder of scenes; "rooms" for rooms drawn live.
-        weight: its share of the samples, in relation to those of the others.
-    """
-
-    path: str
-    weight: Fraction
-
-    @classmethod
-    def parsed(cls, text: str) -> Source:
-        """Of "PATH=WEIGHT", or "PATH" for weight 1.
-
-        Raises:
-            ValueError: the weight is no positive number, or there is no path.
-        """
-        match = re.fullmatch(r"([^=].*?)(?:=([^=/]*))?", text)
-        try:
-            weight = Fraction(match[2] or "1" if match else "")
-        except (ValueError, ZeroDivisionError):
-            weight = Fraction(0)
-        if match is None or weight <= 0:
-            raise ValueError(f"data is {text!r}; expected {ROOMS}, DIR, or either with =WEIGHT, a positive number")
-        return cls(match[1], weight)
-
-    @property
-    def is_rooms(self) -> bool:
-        """Whether its scenes are rooms drawn live."""
-        return self.path == ROOMS
 
 
 @dataclass(frozen=True)
@@ -325,33 +287,3 @@ class TrainingSettings:
 def _with_tuples(saved: Mapping[str, Any]) -> dict[str, Any]:
     """What JSON kept, its lists as the tuples that they were."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
-
-
-def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
-    """The fields that differ: name to (value, value in the reference)."""
-    pairs = {
-        one.name: (getattr(settings, one.name), getattr(reference, one.name)) for one in fields(settings) if one.compare
-    }
-    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
-    """As `differences`, but what only lies elsewhere is the same."""
-
-    def last(value: object) -> object:
-        if isinstance(value, tuple):
-            return tuple(last(one) for one in value)
-        return PurePath(str(value)).name
-
-    return {
-        name: pair
-        for name, pair in differences(settings, reference).items()
-        if name not in PLACES or last(pair[0]) != last(pair[1])
-    }
-
-
-def told(value: object) -> str:
-    """A setting's value as a person reads it."""
-    if isinstance(value, ClassTable):
-        return f"{value.name} ({', '.join(value.names)})"
-    return str(value)

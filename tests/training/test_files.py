@@ -25,7 +25,8 @@ from semgs.training.batches import Portion, surveyed, training_batches, validati
 from semgs.training.faults import BadScenes
 from semgs.training.loop import fit
 from semgs.training.samples import Folder, Samples, completed, relabelled
-from semgs.training.settings import Augmentation, Source, TrainingSettings
+from semgs.training.settings import Augmentation, TrainingSettings
+from semgs.training.source import Source
 from semgs.training.survey.counts import inverse_frequency
 from semgs.training.survey.opened import check_bad
 

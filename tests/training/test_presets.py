@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from semgs.objectives.weights import LossWeights
+from semgs.training.differences import differences
 from semgs.training.presets import PRESETS, base, base_text, paper, small
-from semgs.training.settings import Augmentation, Switches, differences
+from semgs.training.settings import Augmentation, Switches
 from semgs.training.state import TrainingState
 from semgs.training.supervision import supervision_of
 

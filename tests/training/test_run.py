@@ -15,10 +15,11 @@ from semgs.files.errors import InputError
 from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.rooms import demo
 from semgs.training.checkpoints import save_checkpoint
+from semgs.training.differences import differences
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
 from semgs.training.run import NETWORK, alone, claim, export_weights, network, prolong, read_settings
-from semgs.training.settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings, differences
+from semgs.training.settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.supervision import supervision_of
 from semgs.weights.load import load

@@ -10,7 +10,8 @@ from semgs.data.scene import Scene
 from semgs.data.scene_lists import check_unseen
 from semgs.data.scenes import scene_paths
 from semgs.files.errors import InputError
-from semgs.training.settings import Source, TrainingSettings
+from semgs.training.settings import TrainingSettings
+from semgs.training.source import Source
 from semgs.training.supervision import supervision_of
 from semgs.training.survey.opened import check_bad, open_source
 

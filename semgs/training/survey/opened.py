@@ -10,7 +10,8 @@ from semgs.data.scene import Scene
 from semgs.data.scene_lists import calls, read_list
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.files.errors import InputError
-from semgs.training.settings import Source, TrainingSettings
+from semgs.training.settings import TrainingSettings
+from semgs.training.source import Source
 
 TOLERATED = 0.05
 """Share of all scenes that may be bad."""

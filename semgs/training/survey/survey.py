@@ -10,7 +10,8 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.rooms.stream import RoomSamples
 from semgs.training.samples import Folder
-from semgs.training.settings import CLASS_WEIGHTINGS, ROOMS, TrainingSettings
+from semgs.training.settings import CLASS_WEIGHTINGS, TrainingSettings
+from semgs.training.source import ROOMS
 from semgs.training.survey.checks import check_depth, check_labels, check_validation, notes_on
 from semgs.training.survey.counts import class_shares, count_pixels, inverse_frequency, with_chances
 from semgs.training.survey.opened import check_bad, open_source, training_paths

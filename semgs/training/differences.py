@@ -1,0 +1,39 @@
+"""Differences between the settings of two runs, as a person reads them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import PurePath
+
+from semgs.data.classes import ClassTable
+from semgs.training.settings import PLACES, TrainingSettings
+
+
+def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
+    """The fields that differ: name to (value, value in the reference)."""
+    pairs = {
+        one.name: (getattr(settings, one.name), getattr(reference, one.name)) for one in fields(settings) if one.compare
+    }
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
+    """As `differences`, but what only lies elsewhere is the same."""
+
+    def last(value: object) -> object:
+        if isinstance(value, tuple):
+            return tuple(last(one) for one in value)
+        return PurePath(str(value)).name
+
+    return {
+        name: pair
+        for name, pair in differences(settings, reference).items()
+        if name not in PLACES or last(pair[0]) != last(pair[1])
+    }
+
+
+def told(value: object) -> str:
+    """A setting's value as a person reads it."""
+    if isinstance(value, ClassTable):
+        return f"{value.name} ({', '.join(value.names)})"
+    return str(value)
