@@ -44,28 +44,26 @@ class Command:
 
 
 COMMANDS = {
-    "demo": Command("semgs.cli.demo", "Demo", "Reconstruct the embedded room, to see what comes out."),
+    "demo": Command("semgs.cli.demo", "Demo", "Reconstruct the included sample room."),
     "reconstruct": Command(
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
-    "prepare": Command(
-        "semgs.cli.prepare", "Prepare", "Turn scenes of any known layout into small ones, one file each."
-    ),
-    "rooms": Command("semgs.cli.rooms", "Rooms", "Draw a labelled data set of synthetic rooms from a seed."),
+    "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
+    "rooms": Command("semgs.cli.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."),
     "rooms bake": Command("semgs.cli.bake", "Bake", "Make furniture for rooms from a seed, with Infinigen."),
-    "train": Command(
-        "semgs.cli.train", "Train", "Train a network on rooms or scenes of your own; goes on where it was left."
+    "train": Command("semgs.cli.train", "Train", "Train, or resume training."),
+    "evaluate": Command(
+        "semgs.cli.evaluate", "Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
     ),
-    "evaluate": Command("semgs.cli.evaluate", "Evaluate", "Score weights, or anybody's predictions, on named frames."),
-    "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the rows of the paper's ablation."),
-    "compare": Command("semgs.cli.compare", "Compare", "Print a table of reports that evaluate or bench wrote."),
-    "weights": Command("semgs.cli.weights", "Weights", "List weights: what ships, or files; scores, licence, terms."),
-    "weights verify": Command("semgs.cli.weights", "Verify", "Compare weights with the hashes of those that ship."),
-    "weights calibrate": Command(
-        "semgs.cli.calibrate", "Calibrate", "Fit how sure weights may be, on labelled scenes."
+    "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the variants of the paper's ablation."),
+    "compare": Command("semgs.cli.compare", "Compare", "Compare reports of evaluate or bench in one table."),
+    "weights": Command(
+        "semgs.cli.weights", "Weights", "List the included weights, or describe files: scores, licence, terms."
     ),
-    "figure": Command("semgs.cli.figure", "Figure", "Draw the paper's comparison figures of your weights and scenes."),
-    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
+    "weights verify": Command("semgs.cli.weights", "Verify", "Check weights against the published hashes."),
+    "weights calibrate": Command("semgs.cli.calibrate", "Calibrate", "Calibrate confidence on labelled scenes."),
+    "figure": Command("semgs.cli.figure", "Figure", "Plot the paper's comparison figures for your weights and scenes."),
+    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine."),
 }
 
 

@@ -18,16 +18,16 @@ from semgs.files.paths import existing_folder
 
 @dataclass(frozen=True)
 class Prepare:
-    """Turn scenes of any known layout into small ones, each in one file.
+    """Convert scenes to compact zip files for training.
 
     SRC is a scene, a folder of scenes, or a folder of such folders (7-Scenes, Replica): ScanNet, ScanNet++, Replica, TUM RGB-D,
-    7-Scenes, RGB-D folders, ROS bags, COLMAP models, transforms.json. OUT becomes a folder with
-    - NAME.zip: a scene with transforms.json, JPEG pictures, depth in millimetres, class maps; semgs reads it as it is
-    - index.json: what is in each: frames, notes, pixels of each class, hash; and what could not be prepared, and why
-    - SHA256SUMS: the hashes, for sha256sum -c; settings.json: what was asked for
+    7-Scenes, RGB-D folders, ROS bags, COLMAP models, transforms.json. OUT will contain
+    - NAME.zip: a scene with transforms.json, JPEG images, depth in millimetres and class maps; every semgs command reads it
+    - index.json: for each scene its frames, notes, pixels of each class and hash; and which scenes failed, and why
+    - SHA256SUMS: the hashes, for sha256sum -c; settings.json: the options
 
-    The same command goes on where an interrupted one stopped, and makes anew what has changed. How much space all will take is found
-    beforehand from some frames of some scenes. The bytes depend on the source and the options, not on --workers.
+    To resume, or to update scenes that have changed, repeat the command. Disk space is estimated before work starts. The files depend on
+    the source and the options, not on --workers.
 
     Examples
     - semgs prepare scannet/scans data/scannet --scenes scannet-1000-without-sray --every 2 --workers 8
@@ -38,15 +38,15 @@ class Prepare:
     src: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SRC")]
     """A scene, or a folder of scenes."""
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
-    """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
+    """Output folder: new, empty, or one with the same settings to resume."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
-    """Height x width of the pictures [px]; turned for pictures that are higher than wide. Other aspects lose their margins."""
+    """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
     every: int = 1
     """Keep each n-th frame."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", aliases=["--list"], help_behavior_hint="")] = ""
-    """Take the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file with a name a line; docs/data.md."""
-    workers: int | None = None
-    """Processes that prepare; by default as many as there are cores, 0 prepares in this one."""
+    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
+    workers: Annotated[int | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """Worker processes; by default one per core, 0 for none."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:

@@ -34,18 +34,18 @@ class Reconstruct:
     """Turn posed photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
 
     SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a ROS bag, a scene of ScanNet, ScanNet++,
-    Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or what semgs prepare wrote; which it is is found out. Frames are
-    counted by their position among the usable ones in file order, from 0; names work too.
+    Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or an archive from semgs prepare. The layout is detected
+    automatically. Name frames by file name, or by position among the usable frames in file order, from 0.
 
-    The output folder holds
-    - report.html: one page to look at: photos, renders, class maps, depth, scores, what was chosen and why
-    - report.json: all its numbers
+    The output folder contains
+    - report.html: start here: photos, renders, class maps, depth, scores, and which frames were used and why
+    - report.json: all numbers of the report
     - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class
     - scene.safetensors: everything, for semgs.load_scene in Python
     - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen), depth
     (16-bit millimetres, or float TIFF where the scene's unit is unknown), alpha, and the photo beside them
 
-    It appears only when it is complete. Exit code 2 and one line tell of input that cannot be used.
+    The folder appears only once it is complete. Bad input ends with a one-line error and exit code 2.
 
     Examples
     - semgs reconstruct scans/office --out out/office
@@ -56,27 +56,26 @@ class Reconstruct:
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """Folder of the scene, or the one file that holds it."""
+    """The scene: a folder, or a single file."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     views: int = 2
-    """How many frames go in, from 2 to all usable ones. They are chosen by overlap and baseline, and frames that they cover are
-    held out to compare with. Fewer go in if no other frame shares 30 % of what it sees. More than 4 is more than the model was
-    made for."""
-    context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]")] = ()
-    """Take these frames, by position or name, instead of choosing."""
+    """Number of input views, 2 or more. They are chosen by overlap and baseline; other frames that they cover are held out for
+    comparison. Fewer are used if no other frame shares 30 % of what it sees. Trained with 2 to 4; more is allowed but may blur."""
+    context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]", help_behavior_hint="")] = ()
+    """Use these frames as input views, by position or name, instead of choosing them automatically."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
-    """Height x width to read the images at, such as 240x320. Images of another aspect are cropped about the middle.
-    By default they are reduced, aspect kept, sides rounded to multiples of 16, to at most 76,800 pixels."""
+    """Resize the images to height x width, such as 240x320; other aspect ratios are centre-cropped. By default, images are reduced
+    to at most 76,800 pixels, with the same aspect ratio and sides that are multiples of 16."""
     model: Literal["small", "base", "base_text", "mvsplat"] = "small"
-    """small runs on a laptop; base has the paper's sizes; mvsplat knows colour only."""
+    """small runs on a laptop, base has the paper's sizes, mvsplat has colour and depth only."""
     weights: Annotated[str, tyro.conf.arg(metavar="PATH")] = "shipped"
-    """A file of weights, "shipped" for those inside the package, "random", or hf://OWNER/NAME[@REVISION] to fetch some from the
-    Hugging Face hub."""
+    """A weights file, "shipped" for the included weights, "random", or hf://OWNER/NAME[@REVISION] to download from the Hugging Face
+    hub."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
-    """Where the network computes; auto takes a CUDA GPU where there is one."""
+    """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
-    """Replace DIR if an earlier run wrote it, once the new one is complete."""
+    """Replace a DIR from an earlier run, once the new result is complete."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
@@ -127,9 +126,9 @@ class Reconstruct:
         """What the user should know of the result because of the options."""
         notes = []
         if self.weights == "random":
-            notes.append("The weights are random: the network is untrained, and what comes out is noise.")
+            notes.append("The weights are random: the network is untrained, so its output is noise.")
         if max(self.views, len(self.context)) > MOST_VIEWS:
-            notes.append(f"The model was made for 2 to {MOST_VIEWS} views; more may blur what they see together.")
+            notes.append(f"The model was trained with 2 to {MOST_VIEWS} views; more may blur what several views see.")
         return notes
 
     def _choice(self, scene: Scene) -> Choice:

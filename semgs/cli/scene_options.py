@@ -15,24 +15,23 @@ from semgs.data.peers import check_readings
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """What the files of a scene leave open. Most leave nothing open."""
+    """Details that the files may not state. You rarely need these."""
 
     camera: Annotated[str | None, tyro.conf.arg(metavar="TOPIC", help_behavior_hint="")] = None
-    """Of a ROS bag with several cameras, the beginning of the topics of one: /camera/color."""
+    """ROS bags: topic prefix of the camera to use, such as /camera/color."""
     world: Annotated[str | None, tyro.conf.arg(metavar="FRAME", help_behavior_hint="")] = None
-    """Of a ROS bag, the frame that poses are wanted in (map, odom), or the topic that they come from."""
+    """ROS bags: frame for the poses (map, odom), or the topic to read them from."""
     body: Annotated[str | None, tyro.conf.arg(metavar="FRAME", help_behavior_hint="")] = None
-    """Of a ROS bag, the frame that the poses of a PoseStamped topic are of; by default the camera's own."""
+    """ROS bags: the frame that a PoseStamped topic describes; by default the camera's."""
     intrinsics: Annotated[
         tuple[float, float, float, float] | None, tyro.conf.arg(metavar="FX FY CX CY", help_behavior_hint="")
     ] = None
-    """Focal lengths and principal point of the pictures at their own size in pixels, the middle of WxH being W/2 H/2;
-    where no file says them, or to take others."""
+    """fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2). Overrides any file."""
     depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
-    """Metres of one count of the depth maps, such as 0.001, where no file says so."""
+    """Metres per unit of the depth maps, such as 0.001, if no file says so."""
     as_peers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
-    """Read files as peers do where ours differs: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
-    row-229.5 (Replica); docs/data.md tells what each does."""
+    """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
+    row-229.5 (Replica); see docs/data.md."""
 
     def check(self) -> None:
         """Refuse what can be refused before a scene is opened.

@@ -16,13 +16,13 @@ from semgs.cli.training_options import PresetSettings
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
 class Train:
-    """Train a network: on rooms that are drawn live from a seed, on scenes of your own, or both.
+    """Train a network on generated rooms, on your own scenes, or on both.
 
-    Type a preset, then what shall differ from it: semgs train small --help lists every setting. The same command goes on
-    with a run that was interrupted, killed or ended by --minutes; on a CPU the bits are those of a run that never was.
+    Name a preset, then the settings to change; semgs train small --help lists them all. To resume a run that was interrupted, killed
+    or stopped by --minutes, repeat the command. On a CPU a resumed run gives exactly the same result as an uninterrupted one.
 
-    RUN holds settings.json, log.jsonl and tensorboard/ (losses, speed, validation), validation/ (pictures), checkpoints/, and after
-    every sitting weights.safetensors, which semgs reconstruct takes as --weights, and best.safetensors.
+    RUN contains settings.json, log.jsonl and tensorboard/ (losses, speed, validation), validation/ (images) and checkpoints/. When
+    training stops it also gets weights.safetensors, for semgs reconstruct --weights, and best.safetensors.
 
     Examples
     - semgs train small --out runs/small
@@ -34,22 +34,22 @@ class Train:
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
-    """Run folder: a new or empty one, or a run of the same settings to resume; its --steps may be raised."""
+    """Run folder: new, empty, or a run with the same settings to resume. Only --steps may change, and only grow."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
-    """Where to compute; auto takes a CUDA GPU where there is one. Only the CPU gives the same bits in every run."""
+    """Where to compute; auto uses a CUDA GPU if there is one. Only the CPU gives exactly the same numbers every time."""
     devices: int = 1
-    """GPUs, or processes on the CPU, of this machine; they share the scenes of each step."""
+    """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
     nodes: int = 1
-    """Machines, each with so many devices, started by torchrun or SLURM."""
+    """Machines, each with that many devices, started by torchrun or SLURM."""
     precision: Literal["auto", "32", "bf16"] = "32"
-    """Of the layers: 32, bf16, or auto for bf16 on GPUs that have it. The paper does not state one. Cameras, depth, opacity, Gaussians and
-    losses are float32 or better in any case."""
+    """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
+    Gaussians and losses always use float32 or better."""
     accumulate: int = 1
-    """Pieces in which each process computes its scenes of a step, one after the other, to save memory."""
-    minutes: float | None = None
-    """End within this time, with a checkpoint; none ends at the last step."""
+    """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
+    minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """Stop after this time, with a checkpoint. The schedule is unchanged. By default training runs to its last step."""
     workers: int = 1
-    """Processes that prepare scenes ahead, for each device; 0 prepares them between the steps."""
+    """Processes that load scenes ahead, for each device; 0 loads them between steps."""
     save_minutes: float = 5.0
     """Minutes between checkpoints."""
 

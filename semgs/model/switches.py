@@ -11,7 +11,7 @@ from semgs.model.settings import MobileNet, MVSplatHeads, NetworkSettings, Paper
 
 @dataclass(frozen=True)
 class Switches:
-    """Parts of the network that the paper's ablation takes away, and readings of its text; of a network that is drawn at random."""
+    """Parts that the paper's ablation removes, readings of its text, and additions of our own."""
 
     shared_layers: bool = True
     """One shallow CNN for both branches (ablation Sh-Layer)."""
@@ -26,17 +26,17 @@ class Switches:
     paper_heads: bool = False
     """The paper's text for the heads instead of MVSplat's."""
     semantic_pyramid: tuple[int, ...] = ()
-    """Refine the semantic features by a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
-    supervision by pictures first: its batch norms measure there alone. Weights of another semantic branch lend all else."""
+    """Refine the semantic features with a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
+    --supervision pictures first, the only stage in which its batch norms measure. With --init, all other layers are kept."""
     class_backbone: bool = False
-    """Classify each view by a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
-    two residual blocks. Train it with supervision by pictures first, as a pyramid."""
+    """Classify each view with a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
+    two residual blocks. Train it with --supervision pictures first."""
     cost_filter: int = 0
-    """Channels of a 3D CNN that filters the cost volume, such as 16; 0 for none (not in the paper). It starts as nothing, so weights without
-    one lend all else."""
+    """Channels of a 3D CNN that filters the cost volume, such as 16; 0 for none (not in the paper). It starts without effect, so --init
+    works with weights that lack it."""
     depth_cue: bool = False
-    """Depth also sees coarse maps of what each view shows by itself, from the class backbone (not in the paper). They start without a say,
-    so weights without them lend all else. Depth never teaches the backbone."""
+    """Let depth also see coarse maps of each view by itself, from the class backbone (not in the paper). They start without effect, so --init
+    works with weights that lack them. Depth never trains the backbone."""
 
     def __post_init__(self) -> None:
         if self.semantic_pyramid and self.class_backbone:

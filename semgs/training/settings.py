@@ -26,20 +26,20 @@ PLACES = ("data", "scenes", "validation", "init", "backbone", "teacher", "assets
 
 @dataclass(frozen=True)
 class Augmentation:
-    """What is done to a sample so that it is seen in more ways than one; all of its views alike, their cameras with them."""
+    """Random changes to a sample, the same for all of its views and their cameras."""
 
     colour: float = 0.0
-    """Exposure, white balance and saturation vary by factors of up to exp(this); 0.2 is a lot, 0 is none."""
+    """Change exposure, white balance and saturation by factors of up to exp(this). 0.2 is strong."""
     crop: float = 1.0
-    """Smallest side of the window that is cut out, as a share of the picture's; the camera's focal length and centre move along. 1 cuts none."""
+    """Random crop: shortest side of the window, relative to the image. The camera follows. 1 does not crop."""
     flip: bool = False
-    """Mirror every second sample, poses included (MVSplat's)."""
+    """Mirror every second sample, with its cameras (MVSplat's)."""
     roll: float = 0.0
-    """Turn every second sample about the camera's axis, by up to so many degrees either way; needs supervision by pictures, because
-    the corners are filled with the mirrored image (and the label 255)."""
+    """Rotate every second sample about the optical axis, by up to this many degrees either way. Needs --supervision pictures, because the
+    corners are filled with the mirrored image (label 255)."""
     camera: float = 0.0
-    """Vary what a photo camera does to an image: blur, vignetting, white balance, noise, gamma, JPEG and, in one sample of ten, grey. 1 is
-    as far as phones go, 0 is none."""
+    """Imitate a photo camera: blur, vignetting, white balance, noise, gamma, JPEG and, in one sample of ten, grey. 1 is as strong as on
+    phones."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.colour <= 1 or not 0.2 <= self.crop <= 1:
@@ -50,106 +50,103 @@ class Augmentation:
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """What a training computes. Two runs of equal settings give the same bits on one process of one CPU.
+    """What a training computes. Two runs with equal settings give exactly the same result in one process on one CPU.
 
-    How it is run (device, processes, precision, minutes, data workers, how often it saves) is not in here: it changes numbers by
-    rounding at most, and a run may go on otherwise.
+    How it runs (device, processes, precision, minutes, workers, how often it saves) is not included: it changes numbers by rounding at
+    most, and may change when a run resumes.
     """
 
     model: str
     """The network: small or base."""
     steps: int
-    """Length of the run in optimiser steps; the learning rate falls to zero at its end."""
+    """Optimiser steps in the run. The learning rate reaches zero at the last one."""
     data: tuple[str, ...] = (ROOMS,)
-    """Where scenes come from: rooms, drawn live from the seed, and folders (a scene, or a folder of scenes); each with =WEIGHT to
-    say how many of the samples, as in: rooms=2 scans=1."""
+    """Where scenes come from: rooms (generated from the seed) and folders (a scene, or a folder of scenes). Add =WEIGHT to set the share of
+    samples from each, as in: rooms=2 scans=1."""
     scenes: str = ""
-    """Of the folders, take the scenes of a list: one that comes with semgs (scannet-1000-without-sray), or a text file with a name a line."""
+    """Only use the scenes of a list: an included one (scannet-1000-without-sray), or a text file with one name per line."""
     batch: int = 2
     """Scenes per step, over all processes."""
     size: tuple[int, int] = (240, 320)
-    """Height and width of the pictures [px]."""
+    """Height and width of the images, in pixels."""
     half_size: float = 0.0
-    """Share of the steps, the first ones, whose pictures are half as high and wide: they cost a quarter. Validation is at the full size."""
+    """Share of the steps, from the start, that use images of half the height and width, at a quarter of the cost. Validation uses the full size."""
     contexts: tuple[int, int] = (2, 4)
-    """Fewest and most input views; each step draws its own number, equal for all scenes of its batch. With supervision by pictures, 1 1
-    and no targets make a batch of single pictures, each of another scene."""
+    """Fewest and most input views. Each step picks a number for all scenes of its batch. With --supervision pictures, 1 1 and no targets
+    make each sample a single image of another scene."""
     targets: int = 2
-    """Views rendered and compared per scene, other than the inputs."""
+    """Target views per scene, rendered and compared, besides the input views."""
     context_targets: bool = False
-    """Render and compare the input views as well (not in the paper): a frame of its own is where depth is easiest to learn."""
+    """Also render and compare the input views (not in the paper). Depth is easiest to learn there."""
     learning_rate: float = 2e-4
-    """Peak of the schedule, for Adam (the paper's)."""
+    """Peak learning rate of Adam (the paper's)."""
     warmup: float = 0.01
     """Share of the steps in which the learning rate rises (MVSplat's OneCycle)."""
     clip: float = 0.5
-    """Largest norm of the gradient; longer ones are shortened to it (MVSplat's)."""
+    """Clip the gradient to this norm (MVSplat's)."""
     average_decay: float = 0.999
-    """Decay of the moving average of the weights, which is what is validated and exported; it starts lower."""
+    """Decay of the moving average of the weights, which is what is validated and exported. It starts lower."""
     losses: LossWeights = field(default_factory=LossWeights)
-    """Weights of the paper's three terms."""
+    """Weights of the paper's three loss terms."""
     class_weights: tuple[float, ...] | Literal["inverse_root_frequency", "inverse_fourth_root_frequency"] | None = None
-    """Factor of each class in the cross-entropy; None is 1 for all, the paper's. inverse_root_frequency measures how often each class occurs in
-    the data and favours the rare, such that a mean pixel has factor 1; inverse_fourth_root_frequency favours them less."""
+    """Weight of each class in the cross-entropy; None weighs all alike, as the paper does. inverse_root_frequency counts how often each class
+    occurs in the data and favours rare ones; inverse_fourth_root_frequency favours them less."""
     depth_weight: float = 0.0
-    """Weight of the error of log depth of the input views where their true depth is known (not in the paper)."""
+    """Weight of the error in log depth of the input views, if their true depth is known (not in the paper)."""
     supervision: Literal["rendered", "labels", "pictures", "depth"] = "rendered"
-    """What the loss looks at: rendered views, as in the paper; or labels, the classes of the input views' own pixels before anything is
-    splatted, which trains the semantic branch and the layers it shares alone, in a fifth of the time; or pictures, the same of all views of a
-    sample, each by itself, without the transformer between views: a first stage that learns what things look like; or depth, which compares the
-    depth of the input views, as the plane sweep finds it before refinement, with true depth. It needs scenes with depth, but no labels."""
+    """What the loss compares. rendered: rendered views, as in the paper. labels: classes of the input views' own pixels, before splatting; trains
+    only the semantic branch and shared layers, five times faster. pictures: the same for each view by itself, without the transformer between
+    views; a first stage that learns what things look like. depth: depth of the plane sweep against true depth; needs depth, but no labels."""
     depth_losses: DepthLossWeights = field(default_factory=DepthLossWeights)
-    """Weights of the terms with --supervision depth."""
+    """Weights of the loss terms for --supervision depth."""
     hold_shared: bool = False
-    """With supervision by labels or pictures: keep the layers that both branches share as they are, so that depth and colour of the weights to
-    start from stay to the bit. Without, they move, and a second, rendered stage has to bring depth and colour back. With supervision by
-    depth, classes stay as they are instead."""
+    """Freeze the layers that both branches share. With supervision by labels or pictures, depth and colour do not change; without it, a
+    rendered stage has to restore them. With supervision by depth, classes do not change."""
     sampling: Literal["even", "balanced"] = "even"
-    """Scenes of a folder are drawn with equal chances, or balanced: more often those that hold classes which are rare. Single pictures
-    do not draw: all scenes of a folder take turns."""
+    """even: every scene of a folder is equally likely. balanced: scenes with rare classes are more likely. Single images always take turns."""
     augmentation: Augmentation = field(default_factory=Augmentation)
-    """Variations of the samples; all off unless asked for."""
+    """Random changes to the samples; all off by default."""
     init: str = "random"
-    """Where to start: random, the name of weights that ship (small), a file of weights, or hf://OWNER/NAME on the hub; MVSplat's
-    checkpoint does for base."""
+    """Where to start: random, the name of included weights (small), a weights file, or hf://OWNER/NAME on the hub. base also takes MVSplat's
+    checkpoint."""
     backbone: str = ""
-    """Published MobileNetV2 weights that the class backbone starts from (with --network.class-backbone): an ImageNet classifier or a
-    segmentation network as safetensors (docs/train.md)."""
+    """Published MobileNetV2 weights to start the class backbone from (with --network.class-backbone): an ImageNet classifier or a
+    segmentation network, as safetensors; see docs/train.md."""
     backbone_rate: float = 0.1
-    """Learning rate of the class backbone, as a share of that of the other layers; 0 holds it as it is."""
+    """Learning rate of the class backbone, relative to the other layers; 0 freezes it."""
     class_rate: float = 1.0
-    """Learning rate of all that classifies each view by itself, the backbone included, as a share of that of the other layers; 0 holds it."""
+    """Learning rate of all layers that classify each view by itself, backbone included, relative to the other layers; 0 freezes them."""
     sweep_rate: float = 1.0
-    """Learning rate of all that depth by plane sweep depends on, as a share of that of the other layers; 0 holds it. In a rendered stage
-    that follows --supervision depth, 0.1 lets colours and opacities learn the new depth without losing it."""
+    """Learning rate of all layers that depth by plane sweep depends on, relative to the other layers; 0 freezes them. Use 0.1 in a rendered
+    stage after --supervision depth, so that colours and opacities adapt and depth stays good."""
     teacher: str = ""
-    """Folder of another network's class probabilities for the training pictures, as scripts/teach.py writes it: they are learned as well,
-    by a head that is dropped afterwards, so that the backbone does not forget what it knew. Needs single pictures."""
+    """Folder with another network's class probabilities for the training images, from scripts/teach.py. The network also learns these, so the
+    backbone does not forget real photos. Needs single images."""
     teacher_weight: float = 1.0
     """Weight of that second loss, a Kullback-Leibler divergence."""
     semantic_branch: Literal["kept", "drawn"] = "kept"
-    """Of the weights to start from: keep all, or draw the semantic branch anew and keep depth and colour."""
+    """Keep the semantic branch of the initial weights, or reinitialise it and keep depth and colour."""
     classes: ClassTable | None = None
-    """One's own table of classes (JSON); scenes of other tables are read by the names of their classes. Weights of another table
-    keep all but their class head."""
+    """Your own class table (JSON). Scenes with other tables are matched by class name. Weights with another table lose only their class
+    head."""
     network: Switches = field(default_factory=Switches)
     """Switches of the network."""
     seed: int = 0
-    """Of the weights and of every sample."""
+    """Random seed of the weights and of every sample."""
     scene_reuse: int = 1
-    """Samples that a scene serves on average: 1 draws a room for each; more takes them from scenes of twelve frames that are kept
-    in RUN/rooms, which costs less and shows fewer rooms."""
+    """Samples taken from each generated room, on average. 1 generates a new room for every sample; more is cheaper and shows fewer rooms
+    (they are cached in RUN/rooms)."""
     style: Style = "home"
-    """The world that the rooms of the training are of: home or plain; other is held out. Validation rooms are always homes."""
+    """Style of the generated training rooms: home or plain. other is reserved for testing. Validation rooms are always homes."""
     assets: tuple[str, ...] = ()
-    """Folder of meshes and pictures for the rooms, see semgs rooms --help; again for another one. Validation rooms get pieces
-    that no training sees."""
+    """Folder of meshes and images for the rooms; see semgs rooms --help. Repeatable. Validation rooms use pieces that training never
+    sees."""
     validation: str = ROOMS
-    """Where the scenes of validation come from: rooms, or a folder of scenes that are not trained on."""
+    """Validation scenes: rooms, or a folder of scenes that you do not train on."""
     validate_every: int = 1000
     """Steps between validations."""
     validation_scenes: int = 16
-    """Fixed samples of validation, never among those trained on."""
+    """Number of validation samples; they are fixed and never trained on."""
     preset: str = field(default="", compare=False)
     """The preset that these began as; it decides nothing."""
 
