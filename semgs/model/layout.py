@@ -8,10 +8,11 @@ from torch import Tensor, nn
 
 
 def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
-    """Bring the kernels of a module's 2D convolutions into a layout; the parameters stay the same objects."""
+    """Bring the kernels of a module's convolutions into a layout, 3D ones into its like; the parameters stay the same objects."""
+    volumes = torch.channels_last_3d if layout == torch.channels_last else layout
     for parameter in module.parameters():
-        if parameter.ndim == 4:
-            parameter.data = parameter.data.contiguous(memory_format=layout)
+        if parameter.ndim in (4, 5):
+            parameter.data = parameter.data.contiguous(memory_format=layout if parameter.ndim == 4 else volumes)
 
 
 def beside(*maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n c h w"]:

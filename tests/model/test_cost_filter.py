@@ -6,6 +6,7 @@ import torch
 from torch import nn
 
 from semgs.model.cost_filter import CostFilter
+from semgs.model.layout import lay_out
 
 
 def test_it_starts_as_nothing_and_leaves_every_size():
@@ -44,3 +45,17 @@ def test_candidates_far_apart_and_texels_far_apart_reach_each_other_through_the_
     # by `mixed`; 2 * 1 - 1 = 1 to 2 * 6 + 1 = 13 at half size by `coarse`; 2 * 1 - 1 = 1 to 2 * 13 + 1 = 27 by `down`.
     for axis in range(3):
         assert (seen[:, axis].min(), seen[:, axis].max()) == (1, 27)
+
+
+def test_kernels_with_channels_last_which_are_faster_give_the_same_cost():
+    torch.manual_seed(0)
+    layers, cost = CostFilter(16), torch.rand(1, 8, 12, 20)
+    nn.init.normal_(layers.last.weight)
+    with torch.inference_mode():
+        first = layers(cost)
+        lay_out(layers, torch.channels_last)
+        assert layers.mixed.weight.is_contiguous(memory_format=torch.channels_last_3d)
+        last = layers(cost)
+    torch.testing.assert_close(last, first, rtol=1e-4, atol=1e-5)
+    lay_out(layers, torch.contiguous_format)
+    assert layers.mixed.weight.is_contiguous()
