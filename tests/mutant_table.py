@@ -955,4 +955,24 @@ MUTANTS = (
         'Path(path).open("rb").close()', "pass",
         ("tests/cli/test_refused_by_the_system.py::test_what_may_not_be_read_is_named",),
     ),
+    Mutant(
+        "depth teaches the class backbone through its cue", "semgs/model/mobilenet.py",
+        "maps[k].detach()", "maps[k]",
+        ("tests/model/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
+    ),
+    Mutant(
+        "cues join depth a level too late", "semgs/model/unet.py",
+        "if isinstance(block, Downsample):", "if isinstance(block, CrossViewAttention):",
+        ("tests/model/test_depth_cue.py",),
+    ),
+    Mutant(
+        "the filtered cost is the correction alone", "semgs/model/cost_filter.py",
+        "return cost + correction", "return correction",
+        ("tests/model/test_cost_filter.py",),
+    ),
+    Mutant(
+        "a rate of zero still learns", "semgs/training/state.py",
+        "if shares.get(name, 1.0) > 0}", "}",
+        ("tests/training/test_supervision.py::test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else",),
+    ),
 )  # fmt: skip

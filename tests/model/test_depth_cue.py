@@ -53,6 +53,8 @@ def test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it():
     taught = {name for name, one in model.named_parameters() if one.grad is not None}
     assert taught == model.depth_parameters()
     assert {name for name in taught if "cues" in name}
+    pictures = torch.rand(1, 3, 32, 48)
+    assert not any(cue.requires_grad for cue in model.semantic.refinement(pictures, model.cnn).cues)
     backbone = model.pretrained_parameters()
     assert not taught & backbone
     assert backbone <= model.parts()["shared"], "depth and classes both depend on it"
