@@ -14,20 +14,19 @@ from semgs.files.strict_json import parse_json
 
 @dataclass(frozen=True)
 class Demo:
-    """Reconstruct the room that comes with the package, with the weights that come with it.
+    """Reconstruct the included sample room with the included weights.
 
-    It is `semgs reconstruct` on a scene of our own, to see what comes out before you bring your own photos. Nothing is
-    downloaded.
+    This is `semgs reconstruct` on a scene of ours, so you can see the output before you use your own photos. Nothing is downloaded.
     """
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
-    """Folder to write: a new one, an empty one, or that of an earlier demo, which is replaced."""
+    """Output folder: new, empty, or from an earlier demo, which is replaced."""
     views: int = 2
-    """How many photos go in."""
+    """Number of input views."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
-    """Where the network computes; auto takes a CUDA GPU where there is one."""
+    """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
-    """Replace DIR even if it holds another scene that semgs wrote."""
+    """Replace DIR even if it contains another scene from semgs."""
 
     def run(self) -> None:
         """Reconstruct the embedded room.

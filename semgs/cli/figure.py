@@ -32,16 +32,15 @@ WITHOUT, WITH = "without smoothness", "with smoothness"
 
 @dataclass(frozen=True)
 class Figure:
-    """Draw one of the paper's comparison figures: rows are frames; columns are the inputs, each method, ours and the truth.
+    """Plot one of the paper's comparison figures. Rows are frames; columns are the inputs, each method, ours and the truth.
 
-    - qualitative: methods on one or more data sets, below each other
-    - generalisation: the same on data that none was trained on, side by side; where nothing is labelled, the photo is last
-    - smoothness: weights trained without the smoothness of regions beside those trained with it, as the last two rows of
-      semgs ablate are
+    - qualitative: methods on one or more data sets, one below the other
+    - generalisation: the same on data that no method was trained on, side by side; without labels, the photo is the last column
+    - smoothness: weights trained without and with the smoothness loss, such as the last two variants of semgs ablate
 
-    The frames are evenly spread over the targets of the protocol, so that nobody has chosen them; --targets names others.
-    The output folder holds figure.png, figure.pdf and figure.json, which has the scores of what is shown. It appears only when
-    it is complete.
+    Frames are spread evenly over the targets of the protocol, so they are not hand-picked; --targets selects others.
+    The output folder contains figure.png, figure.pdf and figure.json, with the scores of the frames shown. It appears only once it is
+    complete.
 
     Examples
     - semgs figure qualitative --weights scannet.safetensors --data data/scannet --protocol peers --out fig/scannet
@@ -54,31 +53,31 @@ class Figure:
     kind: Annotated[Literal["qualitative", "generalisation", "smoothness"], tyro.conf.Positional]
     """Which figure."""
     weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="W [W ...]")]
-    """"small" for those inside the package, or a file: one for all data or one for each; for smoothness those without, then with."""
+    """"small" for the included weights, or a file: one for all data, or one for each. For smoothness: without, then with."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")]
-    """A scene or a folder of scenes; several are parts of the figure."""
+    """A scene or a folder of scenes. Each DIR becomes one part of the figure."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     predictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=DIR ...", help_behavior_hint="")] = ()
-    """Label maps of others, as semgs evaluate takes them; a column each."""
+    """Label maps of other methods, in the format of semgs evaluate; one column each."""
     scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LIST ...", help_behavior_hint="")] = ()
-    """Of each DIR, take the scenes of a list; docs/data.md."""
+    """For each DIR, only the scenes of a list; see docs/data.md."""
     protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
     views: int = 2
-    """Input views."""
+    """Number of input views."""
     rows: int = 4
-    """Frames of each DIR."""
+    """Frames from each DIR."""
     targets: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SCENE/FRAME ...", help_behavior_hint="")] = ()
-    """Frames by name instead, as the files of predictions are called: scene0160_00/22."""
+    """Show these frames instead, named like prediction files: scene0160_00/22."""
     names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="")] = ()
-    """What each DIR is called in the figure; by default as its folder is."""
+    """Titles of the parts; by default the folder names."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
-    """Height x width to compare at; by default 240x320, or 320x240 for portrait scenes."""
+    """Height x width for the comparison; by default 240x320, or 320x240 for portrait scenes."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
-    """Where the network computes; auto takes a CUDA GPU where there is one."""
+    """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
-    """Replace the output folder if an earlier run wrote it, once the new one is complete."""
+    """Replace an output folder from an earlier run, once the new result is complete."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:

@@ -168,7 +168,7 @@ def _help() -> str:
             "commands:",
             *lines,
             "",
-            "  semgs COMMAND --help tells about a command, semgs --version which version this is.",
+            "  semgs COMMAND --help explains a command; semgs --version prints the version.",
         )
     )
 

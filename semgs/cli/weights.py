@@ -21,7 +21,7 @@ METRICS = ("miou", "accuracy", "psnr")
 
 @dataclass(frozen=True)
 class Weights:
-    """List weights: name, hash, size, licence and parameters; the terms of what they were trained on; scores, as their header has them.
+    """List weights: name, hash, size, licence, parameters, terms of the training data, and scores.
 
     Examples
     - semgs weights
@@ -30,7 +30,7 @@ class Weights:
     """
 
     weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[WEIGHTS ...]", help_behavior_hint="")] = ()  # fmt: skip
-    """Names, files, or hf://OWNER/NAME on the hub; without any, all that ship."""
+    """Names, files, or hf://OWNER/NAME on the hub; by default all included weights."""
 
     def run(self) -> None:
         """Print the tables.
@@ -51,10 +51,9 @@ class Weights:
 
 @dataclass(frozen=True)
 class Verify:
-    """Compare the SHA-256 of weights with those that ship with this version of semgs.
+    """Check weights against the published SHA-256 hashes of this version.
 
-    A file is compared with all of them: one that was downloaded from a release, say. The first that does not match ends it with
-    exit code 2.
+    Use it on the included weights, or on files that you downloaded. The first mismatch ends with exit code 2.
 
     Examples
     - semgs weights verify
@@ -63,7 +62,7 @@ class Verify:
     """
 
     weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[NAME or FILE ...]", help_behavior_hint="")] = ()  # fmt: skip
-    """What to compare; without any, all that ship."""
+    """Names or files to check; by default all included weights."""
 
     def run(self) -> None:
         """Say which matches.
