@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# How the classes of the weights that ship were trained, on two CPU cores in two hours; SHARE=5 takes 5 % of the steps.
+# How classes and depth of the included weights were trained, in about four hours on two CPU cores; SHARE=5 takes 5 % of the steps.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER]
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (one CPU hour; those of an earlier call are kept) and two runs for each SEED; the same command goes on. Depth and colour are
-# those of the weights that ship, to the bit. SEMGS is the command (semgs). At the end it prints mIoU and accuracy of single views in 24 rooms with
-# meshes that are held out.
+# gets the rooms (two CPU hours; those of an earlier call are kept) and five runs for each SEED. To resume, repeat the command. START has the weights that colour
+# comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
+# and the depth error of input views.
 set -euo pipefail
 folder=${1:?a folder to work in}
 assets=${2:?a folder of assets}
@@ -16,11 +16,14 @@ teacher=${4-}
 semgs=${SEMGS:-semgs}
 share=${SHARE:-100}
 seed=${SEED:-72}
+start=${START:-small}
 steps() { echo $(($1 * share / 100)); }
 
 rooms() { $semgs rooms "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets"; }
 rooms many 1000 4 2200 120x160
 rooms wide 500 3 2300 240x320
+rooms more 211 3 2301 240x320
+rooms long 120 8 2401 240x320
 python - "$folder/held" "$assets" <<'PYTHON'
 import sys
 from semgs.rooms.assets.library import Library
@@ -35,8 +38,8 @@ if [ -n "$teacher" ]; then
     python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/wide"
     taught=(--teacher "$folder/teacher")
 fi
-start=(--network.class-backbone)
-if [ "$backbone" != random ]; then start+=(--backbone "$backbone"); fi
+backbone_given=(--network.class-backbone)
+if [ "$backbone" != random ]; then backbone_given+=(--backbone "$backbone"); fi
 
 # What things look like, from single images: 25,600 small ones, then 13,200 of the size that they are used at.
 train() {  # train OUT STEPS OPTIONS...
@@ -47,8 +50,23 @@ train() {  # train OUT STEPS OPTIONS...
 }
 first="$folder/first_$share""_$seed"
 second="$folder/second_$share""_$seed"
-train "$first" 1600 --init small "${start[@]}" --seed "$seed" --data "$folder/many=2" "$folder/wide=1" --size 120x160 --batch 16 --learning-rate 2e-3
+train "$first" 1600 --init "$start" "${backbone_given[@]}" --seed "$seed" --data "$folder/many=2" "$folder/wide=1" --size 120x160 --batch 16 --learning-rate 2e-3
 train "$second" 1100 --init "$first/weights.safetensors" "${taught[@]}" --seed "$((seed + 1))" --data "$folder/wide=2" "$folder/many=1" \
     --size 240x320 --batch 12 --learning-rate 1.5e-3
 
-grep -h '"validation"' "$first/log.jsonl" "$second/log.jsonl"
+# How far things are, from pairs of images: 6,400 small ones, then 1,440 and 1,920 of the size that they are used at. The classes no longer change.
+deepen() {  # deepen OUT STEPS OPTIONS...
+    $semgs train small --supervision depth --contexts 2 2 --targets 1 --batch 4 --learning-rate 5e-4 --out "$1" --steps "$(steps "$2")" \
+        --validate-every "$(steps "$2")" --validation "$folder/held" --validation-scenes 24 --augmentation.flip --augmentation.colour 0.3 "${@:3}"
+}
+third="$folder/third_$share""_$seed"
+fourth="$folder/fourth_$share""_$seed"
+fifth="$folder/fifth_$share""_$seed"
+deepen "$third" 1600 --init "$second/weights.safetensors" --network.cost-filter 16 --network.depth-cue --seed "$((seed - 1))" \
+    --data "$folder/many=2" "$folder/wide=1" --size 120x160 --average-decay 0.995 --augmentation.crop 0.5 --augmentation.camera 0.5
+deepen "$fourth" 360 --init "$third/weights.safetensors" --seed "$seed" --data "$folder/wide" "$folder/long" --size 240x320 \
+    --average-decay 0.99 --augmentation.crop 0.6 --augmentation.camera 0.5
+deepen "$fifth" 480 --init "$fourth/weights.safetensors" --seed "$((seed + 4))" --data "$folder/wide=2" "$folder/more=1" "$folder/long=1" --size 240x320 \
+    --average-decay 0.99 --augmentation.crop 0.7 --augmentation.camera 0.3
+
+grep -h '"validation"' "$first/log.jsonl" "$second/log.jsonl" "$third/log.jsonl" "$fourth/log.jsonl" "$fifth/log.jsonl"
