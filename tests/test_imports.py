@@ -29,7 +29,7 @@ VERSION = "semgs.__version__"
 """The one name of the top that every floor may read: it is set before anything is imported, and files carry it."""
 
 OPTIONAL = (
-    "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "mitsuba", "pyoidn", "sklearn", "tensorboard",
+    "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""

@@ -22,9 +22,8 @@ from semgs.files.folders import alone, check_writable
 from semgs.files.strict_json import read_json
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution
-from semgs.rooms.scenes import ROOM, write_scene
-from semgs.rooms.stream import render_of
-from semgs.rooms.style import RENDERS, STYLES, Renders, Style
+from semgs.rooms.scenes import ROOM, SHADED, write_scene
+from semgs.rooms.style import STYLES, Style
 
 SETTINGS, INDEX = "settings.json", "index.json"
 
@@ -38,7 +37,6 @@ class Recipe:
         size: image (height, width) [px].
         frames: of each scene.
         style: the world that the rooms are of.
-        render: how scenes are lit.
         library: meshes and pictures to draw from, None for none. Wherever its folders are, their locks name it.
 
     Raises:
@@ -49,7 +47,6 @@ class Recipe:
     size: tuple[int, int]
     frames: int = 12
     style: Style = "home"
-    render: Renders = "shaded"
     library: Library | None = None
 
     def __post_init__(self) -> None:
@@ -58,7 +55,6 @@ class Recipe:
             "size": (min(self.size) >= 1, "positive height and width"),
             "frames": (self.frames >= 2, "2 or more"),
             "style": (self.style in STYLES, f"one of {', '.join(STYLES)}"),
-            "render": (self.render in RENDERS, f"one of {', '.join(RENDERS)}"),
         }
         for name, (holds, expected) in checks.items():
             if not holds:
@@ -72,7 +68,7 @@ class Recipe:
             "size": list(self.size),
             "frames": self.frames,
             "style": self.style,
-            "render": self.render,
+            "render": SHADED,
             "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
         }
 
@@ -104,7 +100,7 @@ def write_dataset(
         ValueError: the number of scenes or workers is too small, or the folder holds scenes of another recipe, or more scenes.
         InputError: the folder is not ours, another process is filling it, or a file of the assets cannot be read.
         OSError: the disk is full.
-        ImportError: embreex, or for traced scenes mitsuba, is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; names the extra that brings it.
     """
     if scenes < 1 or workers < 0:
         raise ValueError(
@@ -225,7 +221,7 @@ class _Drawing(Dataset):
         try:
             write_scene(
                 self._folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-                library=recipe.library, style=recipe.style, render=render_of(recipe.render, recipe.seed, index),
+                library=recipe.library, style=recipe.style,
             )  # fmt: skip
         except Exception as error:
             error.add_note(f"while {scene_name(index)} was drawn:\n{traceback.format_exc()}")
@@ -244,8 +240,7 @@ def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
         room = read_json(folder / scene_name(index) / ROOM)
-        render = render_of(recipe.render, recipe.seed, index)
-        listed.append({"folder": scene_name(index), "kind": room["kind"], "render": render, "pixels": room["pixels"]})
+        listed.append({"folder": scene_name(index), "kind": room["kind"], "render": SHADED, "pixels": room["pixels"]})
         for name, pixels in room["pixels"].items():
             total[name] += pixels
     return {**recipe.as_json(), "label_set": SCANNET20.name, "pixels": total, "scenes": listed}

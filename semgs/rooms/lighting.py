@@ -21,7 +21,7 @@ def draw_lights(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarra
     """
     warm = np.array([1.0, rng.uniform(0.75, 0.95), rng.uniform(0.5, 0.85)])
     cool = np.array([rng.uniform(0.85, 1.0), rng.uniform(0.93, 1.0), 1.0])
-    windows = _brightest(plan)
+    windows = sorted(plan.windows, key=lambda window: -window.light * window.half_height)[:3]
     day = sum(window.light for window in windows)
     lamps = plan.lamps or (() if day > 0.15 else (Lamp((0.0, 0.0, plan.size[2] - 0.15), rng.uniform(1.0, 3.0)),))
     rows = []
@@ -39,18 +39,6 @@ def draw_lights(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarra
     tone = (cool * day + warm * 0.5 * lamplight) / max(day + 0.5 * lamplight, 1e-6)
     ambient = rng.uniform(0.18, 0.5) * min(1.0, 0.35 + 0.6 * day + 0.25 * lamplight) * tone
     return np.array(rows), ambient
-
-
-def window_lights(plan: Plan, lights: Float64[np.ndarray, "l 16"]) -> list[tuple[Opening, Float64[np.ndarray, " 3"]]]:
-    """The windows that light a room, and the colour of all lights of each, as `draw_lights` made them."""
-    windows, rows = _brightest(plan), lights[lights[:, 0] == kernels.WINDOW]
-    shares = SHARES.get(len(windows), 1)
-    return [(window, rows[k * shares : (k + 1) * shares, 4:7].sum(axis=0)) for k, window in enumerate(windows)]
-
-
-def _brightest(plan: Plan) -> list[Opening]:
-    """Up to three windows, those first that give most light."""
-    return sorted(plan.windows, key=lambda window: -window.light * window.half_height)[:3]
 
 
 def _spread(window: Opening, count: int) -> list[Float64[np.ndarray, " 3"]]:

@@ -93,8 +93,8 @@ def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
 
 
 def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
-    """Over a washbasin or a chest; without a class, as mirrors have none among the twenty. Shaded, it shows the
-    grey of a room."""
+    """Over a washbasin or a chest; without a class, as mirrors have none among the twenty. It shows the grey of a
+    room."""
     glass = m.row(rng, m.t.MARBLE, m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)), m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
                   scale=rng.uniform(0.8, 1.6), gloss=0.7, fine=0.0)  # fmt: skip
     glass[m.t.MIRROR] = 1

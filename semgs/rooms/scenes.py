@@ -20,10 +20,12 @@ from semgs.rooms.cameras import draw_intrinsics, draw_path
 from semgs.rooms.plans import Plan
 from semgs.rooms.room import build_room
 from semgs.rooms.stream import fitted, generator, shoot
-from semgs.rooms.style import Render, Style
+from semgs.rooms.style import Style
 
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
+SHADED = "shaded"
+"""How rooms are lit. Data sets of releases that could also trace rooms differ by this entry, so files still have it."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,6 @@ def draw_scene(
     frames: int,
     library: Library | None = None,
     style: Style = "home",
-    render: Render = "shaded",
 ) -> Walk:
     """A walk through the room of sample (seed, index) of the stream; the same arguments give the same bits.
 
@@ -57,7 +58,7 @@ def draw_scene(
         ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or a library for a style that
             takes none.
         InputError: a file of the library cannot be read.
-        ImportError: embreex, or for traced views mitsuba, is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; names the extra that brings it.
     """
     if frames < 2 or min(size) < 1:
         raise ValueError(f"frames = {frames}, size = {size}; expected at least two frames and positive sides")
@@ -67,7 +68,7 @@ def draw_scene(
     reach = (frames - 1) / 2
     path = fitted(rng, room, draw_path(rng, room, intrinsics, size, reach), intrinsics, size)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, frames)]
-    return Walk(shoot(rng, room, poses, intrinsics, size, render), room.plan, room.files)
+    return Walk(shoot(rng, room, poses, intrinsics, size), room.plan, room.files)
 
 
 def write_scene(
@@ -79,7 +80,6 @@ def write_scene(
     index: int = 0,
     library: Library | None = None,
     style: Style = "home",
-    render: Render = "shaded",
     quality: int = 92,
     overwrite: bool = False,
 ) -> None:
@@ -97,7 +97,6 @@ def write_scene(
         index: which room of the stream.
         library: meshes and pictures to draw from, None for none.
         style: the world that the room is of.
-        render: how it is lit.
         quality: of the JPEGs, 1 to 95.
         overwrite: replace a scene that was written there before.
 
@@ -106,11 +105,11 @@ def write_scene(
         InputError: the folder is not ours, or is there already and `overwrite` is not set.
         OSError: the disk is full.
     """
-    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style, render=render)
+    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style)
     length, width, height = (round(float(side), 3) for side in walk.plan.size)
     record: dict[str, Any] = {
         "style": style,
-        "render": render,
+        "render": SHADED,
         "seed": seed,
         "index": index,
         "kind": walk.plan.kind,

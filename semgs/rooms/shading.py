@@ -84,26 +84,21 @@ def photograph(
     """One frame. Labels and depths are those of the pixel's centre; colours of pixels on an edge are the mean of four rays."""
     pixels, width = centres(size), size[1]
     spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
-    seen = meet(room, world_from_camera[:3, 3], pixel_directions(world_from_camera, intrinsics, pixels), spread)
+    seen = _meet(room, world_from_camera[:3, 3], pixel_directions(world_from_camera, intrinsics, pixels), spread)
     strengths, light = _light(room, seen, width)
     colours = _shade(room, seen, strengths, light)
-    owners = parts_of(room, seen)
-    edges = edge_pixels(room, seen, size)
+    owners = _parts_of(room, seen)
+    edges = _edge_pixels(room, seen, size)
     if len(edges):
         total = colours[edges]
         for shift in EDGE_RAYS:
             directions = pixel_directions(world_from_camera, intrinsics, pixels[edges] + shift)
-            beside = meet(room, world_from_camera[:3, 3], directions, spread)
-            parts = parts_of(room, beside)
+            beside = _meet(room, world_from_camera[:3, 3], directions, spread)
+            parts = _parts_of(room, beside)
             borrowed = np.empty((len(edges), light.shape[1]))
             light_kernels.borrow(edges, parts, owners, width, light, borrowed)
             total = total + _shade(room, beside, _strengths(room, beside, width), borrowed)
         colours[edges] = total / (1 + len(EDGE_RAYS))
-    return frame(room, seen, colours, size)
-
-
-def frame(room: Room, seen: Hits, colours: Float64[np.ndarray, "n 3"], size: tuple[int, int]) -> Frame:
-    """Colours of all pixels, with the labels and depths of what their centres show."""
     labels = np.where(seen.triangles < 0, IGNORE, room.solids.labels[room.owners[seen.triangles]])
     return Frame(
         colours.reshape(*size, 3).astype(np.float32),
@@ -112,15 +107,15 @@ def frame(room: Room, seen: Hits, colours: Float64[np.ndarray, "n 3"], size: tup
     )
 
 
-def parts_of(room: Room, hits: Hits) -> Int[np.ndarray, " n"]:
+def _parts_of(room: Room, hits: Hits) -> Int[np.ndarray, " n"]:
     """The part that each ray meets, -1 where it meets none."""
     return np.where(hits.triangles < 0, -1, room.owners[hits.triangles])
 
 
-def edge_pixels(room: Room, seen: Hits, size: tuple[int, int]) -> Int[np.ndarray, " e"]:
+def _edge_pixels(room: Room, seen: Hits, size: tuple[int, int]) -> Int[np.ndarray, " e"]:
     """Numbers of the pixels at which one part ends and another begins, or a shell ends before itself."""
     jumps = _jumps(seen.depths.reshape(size), (seen.triangles >= room.shells.first).reshape(size))
-    return np.flatnonzero(_edges(parts_of(room, seen).reshape(size)) | jumps)
+    return np.flatnonzero(_edges(_parts_of(room, seen).reshape(size)) | jumps)
 
 
 def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
@@ -147,22 +142,11 @@ def _both_sides(across: np.ndarray, down: np.ndarray) -> np.ndarray:
     return sides
 
 
-def meet(room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.ndarray, "n 3"], spread: float) -> Hits:
+def _meet(room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.ndarray, "n 3"], spread: float) -> Hits:
     """First hits from a place along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
     origins = np.empty_like(directions)
     origins[:] = origin
     triangles, _ = room.caster.cast(origins, directions)
-    return locate(room, triangles, origins, directions, spread)
-
-
-def locate(
-    room: Room,
-    triangles: Int[np.ndarray, " n"],
-    origins: Float64[np.ndarray, "n 3"],
-    directions: Float64[np.ndarray, "n 3"],
-    spread: float,
-) -> Hits:
-    """Where rays meet the triangles that they are known to hit; `spread` is a pixel's width at depth 1."""
     count, solids, shells = len(directions), room.solids, room.shells
     depths, feet = np.empty(count), np.empty(count)
     places, normals, uv = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
@@ -174,8 +158,8 @@ def locate(
 
 
 def _light(room: Room, hits: Hits, width: int) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
-    """What of each light would arrive, and smoothed over neighbouring pixels: what comes round (RGB), then the share of each
-    light that is seen. Five to eight rays a pixel."""
+    """What of each light would arrive, and smoothed over each pixel's neighbours on its surface: what comes round (RGB), then the
+    share of each light that is seen. Five to eight rays a pixel."""
     count, lights = len(hits.triangles), len(room.lights)
     light = np.zeros((count, 3 + lights))
     light[:, :3] = _round_about(room, hits, width)
@@ -185,12 +169,9 @@ def _light(room: Room, hits: Hits, width: int) -> tuple[Float64[np.ndarray, "l n
         kernels.towards_light(row, hits.triangles, hits.places, hits.normals, width, origins, ways, strengths[number])
         lit = np.flatnonzero(strengths[number])
         light[lit, 3 + number] = room.caster.reached(origins[lit], ways[lit], 1.0)
-    return strengths, _smoothed(light, hits, width)
-
-
-def ambience(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3"]:
-    """Light from everywhere, less where something is near (linear RGB), at the pixels of an image `width` wide."""
-    return _smoothed(_round_about(room, hits, width), hits, width)
+    smoothed = np.empty_like(light)
+    light_kernels.smooth(light, hits.triangles, hits.normals, hits.places, hits.depths, width, smoothed)
+    return strengths, smoothed
 
 
 def _round_about(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3"]:
@@ -202,13 +183,6 @@ def _round_about(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3
         near, distances = room.caster.cast(origins, ways, np.ones(count))
         light_kernels.bring_back(near, distances, room.owners, room.glow, room.ambient, round_about)
     return round_about
-
-
-def _smoothed(light: Float64[np.ndarray, "n c"], hits: Hits, width: int) -> Float64[np.ndarray, "n c"]:
-    """The mean over each pixel's neighbours on its surface."""
-    smoothed = np.empty_like(light)
-    light_kernels.smooth(light, hits.triangles, hits.normals, hits.places, hits.depths, width, smoothed)
-    return smoothed
 
 
 def _strengths(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "l n"]:

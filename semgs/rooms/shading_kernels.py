@@ -263,22 +263,6 @@ def colour_at(
 
 
 @nb.njit(cache=True)
-def paint(
-    parts, directions, places, normals, feet, uv, rotations, centres, sizes, materials, shifts, pixels, table, colours
-):  # fmt: skip
-    """Write the linear RGB of the material at each place into `colours` [r 3]; where there is no part (-1), 0."""
-    local, facing = np.empty(3), np.empty(3)
-    for r in range(len(parts)):
-        if parts[r] < 0:
-            colours[r, 0] = colours[r, 1] = colours[r, 2] = 0.0
-            continue
-        colour_at(
-            parts[r], places[r], normals[r], directions[r], feet[r], uv[r], rotations, centres, sizes, materials, shifts,
-            pixels, table, local, facing, colours[r],
-        )  # fmt: skip
-
-
-@nb.njit(cache=True)
 def shade(
     triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
     lights, strengths, round_about, seen, colours,

@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms.assets.library import Library
-from semgs.rooms.stream import render_of, sample
-from semgs.rooms.style import Renders, Style
+from semgs.rooms.stream import sample
+from semgs.rooms.style import Style
 
 FRAMES = 48
 COLUMNS = 6
@@ -23,7 +23,6 @@ def contact_sheet(
     seed: int,
     style: Style = "home",
     library: Library | None = None,
-    render: Renders = "shaded",
     *,
     done: Callable[[int], None] = lambda count: None,
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -33,21 +32,17 @@ def contact_sheet(
         seed: the stream of rooms, of which the first 48 are shown.
         style: the world that they are of.
         library: meshes and pictures to draw from, None for none.
-        render: how they are lit.
         done: told how many frames are drawn, after each.
 
     Raises:
         ValueError: the seed is negative.
-        ImportError: embreex, or for traced frames mitsuba, is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; names the extra that brings it.
     """
     colours = np.zeros((IGNORE + 1, 3), np.uint8)
     colours[: len(SCANNET20)] = SCANNET20.colours
     tiles = []
     for index in range(FRAMES):
-        views, _ = sample(
-            seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style,
-            render=render_of(render, seed, index),
-        )  # fmt: skip
+        views, _ = sample(seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style)
         assert views.labels is not None
         picture = (views.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
         tiles.append(np.concatenate((picture, colours[views.labels[0].numpy()]), axis=1))

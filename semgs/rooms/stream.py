@@ -20,13 +20,10 @@ from semgs.rooms.cameras import Path, draw_intrinsics, draw_path, overlap
 from semgs.rooms.lens import develop, draw_lens
 from semgs.rooms.room import Room, build_room
 from semgs.rooms.shading import photograph
-from semgs.rooms.style import Render, Renders, Style
-from semgs.rooms.traced import trace
+from semgs.rooms.style import Style
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
-TRACED = 0.1
-"""Share of mixed scenes that are traced."""
 
 Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
@@ -41,7 +38,6 @@ def sample(
     targets: int,
     library: Library | None = None,
     style: Style = "home",
-    render: Render = "shaded",
 ) -> tuple[Views, Views]:
     """Context and target views of one room, with labels and depths.
 
@@ -56,12 +52,11 @@ def sample(
         targets: number of target views, may be 0.
         library: meshes and pictures to draw from, None for none.
         style: the world that the room is of.
-        render: how it is lit.
 
     Raises:
         ValueError: a count or a side is too small, seed or index is negative, or the style takes no library.
         InputError: a file of the library cannot be read.
-        ImportError: embreex, or for traced views mitsuba, is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; names the extra that brings it.
     """
     if contexts < 1 or targets < 0 or min(size) < 1:
         raise ValueError(
@@ -80,7 +75,7 @@ def sample(
     between = -span - 0.3 + strata * (2 * span + 0.6)
     rng.shuffle(between)
     poses = [path.pose(float(s)) for s in (*places, *between)]
-    views = shoot(rng, room, poses, intrinsics, size, render)
+    views = shoot(rng, room, poses, intrinsics, size)
     return views.select(range(contexts)), views.select(range(contexts, contexts + targets))
 
 
@@ -93,14 +88,6 @@ def generator(seed: int, index: int) -> np.random.Generator:
     if seed < 0 or index < 0:
         raise ValueError(f"seed is {seed} and index {index}; expected numbers from 0")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
-
-
-def render_of(renders: Renders, seed: int, index: int) -> Render:
-    """How a scene is lit; of mixed ones, by a hash of (seed, index)."""
-    if renders != "mixed":
-        return renders
-    draw = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index, 4)))).random()
-    return "traced" if draw < TRACED else "shaded"
 
 
 def fitted(
@@ -121,17 +108,9 @@ def shoot(
     poses: Sequence[Float64[np.ndarray, "4 4"]],
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
-    render: Render = "shaded",
 ) -> Views:
-    """Views from poses, all with one camera whose exposure suits the first.
-
-    What is drawn of the camera does not depend on `render`, nor do labels and depths.
-    """
-    if render == "traced":
-        seeds = rng.spawn(1)[0].integers(1 << 31, size=len(poses))
-        frames = trace(room, poses, intrinsics, size, [int(seed) for seed in seeds])
-    else:
-        frames = [photograph(room, pose, intrinsics, size) for pose in poses]
+    """Views from poses, all with one camera whose exposure suits the first."""
+    frames = [photograph(room, pose, intrinsics, size) for pose in poses]
     lens = draw_lens(rng, frames[0].radiance)
     pictures = np.stack([develop(rng, lens, frame.radiance) for frame in frames])
     count = len(frames)

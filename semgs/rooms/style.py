@@ -1,4 +1,4 @@
-"""Styles: the worlds that rooms can be of, and how they are lit. No torch, so that the command line can list them at once."""
+"""Styles: the worlds that rooms can be of. No torch, so that the command line can list them at once."""
 
 from __future__ import annotations
 
@@ -9,11 +9,3 @@ Style = Literal["home", "plain", "other"]
 choices are made by it and nothing is trained in it."""
 
 STYLES: tuple[Style, ...] = get_args(Style)
-
-Render = Literal["shaded", "traced"]
-"""`shaded` is quick, with shadows and a guess of what light comes round; `traced` follows light's paths from wall to wall."""
-
-Renders = Literal["shaded", "traced", "mixed"]
-"""How the scenes of a data set are lit: all of them one way, or by `mixed` one in ten traced."""
-
-RENDERS: tuple[Renders, ...] = get_args(Renders)

@@ -28,7 +28,7 @@ VARIATION = 21
 TINT = 22
 """Strength of the colour noise (the rest is brightness noise)."""
 MIRROR = 23
-"""1 for glass that shows the room; the shaded picture of it is its colour."""
+"""1 for glass that would show the room. Nothing reads it, a picture of it is its colour; plans that are pinned have it."""
 
 PLAIN, STRIPES, CHECKER, TILES, WOOD, PLANKS, WEAVE, MARBLE, DOTS, BOOKS, LANDSCAPE, ABSTRACT, OUTDOOR, PICTURE = range(
     14

@@ -43,7 +43,7 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--seed", "-1"], "seed is -1"),
         (["OUT", "--workers", "-1"], "--workers is -1"),
         (["OUT", "--style", "castle"], "castle"),
-        (["OUT", "--render", "painted"], "painted"),
+        (["OUT", "--render", "traced"], "there is no option --render"),
         (["OUT", "--assets", "/nowhere/at/all"], "no such folder"),
         (["OUT", "--assets", "EMPTY"], "missing"),
         (["OUT", "--assets", "EMPTY", "--style", "plain"], "one that uses assets: home, other"),

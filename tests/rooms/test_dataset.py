@@ -9,6 +9,7 @@ import torch
 
 pytest.importorskip("embreex")
 
+from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
@@ -92,6 +93,18 @@ def test_scenes_of_other_settings_are_not_mixed(whole, change, told):
     with pytest.raises(ValueError, match=told):
         write_dataset(whole, Recipe(**{"seed": 11, "size": (36, 48), "frames": 3, **change}), 4)
     assert tree(whole) == before
+
+
+def test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not(tmp_path):
+    record = {
+        "semgs": __version__, "seed": 11, "size": [36, 48], "frames": 3, "style": "home", "render": "shaded", "assets": None,
+    }  # fmt: skip
+    for render in ("shaded", "traced"):
+        (tmp_path / render).mkdir()
+        (tmp_path / render / "settings.json").write_text(json.dumps({**record, "render": render}))
+    claim(tmp_path / "shaded", RECIPE, 2)
+    with pytest.raises(ValueError, match="render is traced there, shaded asked"):
+        claim(tmp_path / "traced", RECIPE, 2)
 
 
 def test_fewer_scenes_than_are_there_are_refused(whole):
