@@ -55,8 +55,8 @@ class Rooms:
     frames: int = 12
     """Pictures of each room, along one walk."""
     style: Style = "home"
-    """The world: home is furnished as people live, with all 20 classes; plain is boxes with noise textures, 13 classes,
-    a baseline; other is a second world that is held out: choose by it, do not train in it."""
+    """The world: home is furnished as people live; other is a second world that is held out: choose by it, do not train in it.
+    Both have all 20 classes."""
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and pictures, which is checked once against its lock: half of the homes are furnished with its meshes,
     most get its pictures. Other uses files of its own. Again for another folder; none needs nothing."""

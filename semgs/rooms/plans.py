@@ -45,7 +45,7 @@ class Plan:
     """A furnished room, or two with an open door. The middle of its floor is the origin, z is up.
 
     Attributes:
-        kind: what it is used for ("bedroom", "living + dining", ...), "plain" for boxes.
+        kind: what it is used for ("bedroom", "living + dining", ...).
         size: inner length (x), width (y), height (z) of all rooms together [m].
         parts: every solid, walls included.
         windows: where day comes in.

@@ -22,7 +22,6 @@ from semgs.rooms.assets.library import Library
 from semgs.rooms.dataset import scene_name
 from semgs.rooms.scenes import ROOM, write_scene
 from semgs.rooms.stream import Count, ranged
-from semgs.rooms.style import Style
 
 FRAMES = 12
 """Frames of a scene."""
@@ -37,7 +36,7 @@ class PooledSamples(Dataset):
     beside them.
 
     Args:
-        folder: of the pool; made if it is not there. Two pools of other seeds, sizes, styles or libraries need two folders.
+        folder: of the pool; made if it is not there. Two pools of other seeds, sizes or libraries need two folders.
         seed: the stream of rooms.
         size: image (height, width) [px].
         contexts: number of context views, or a (lowest, highest) range.
@@ -46,7 +45,6 @@ class PooledSamples(Dataset):
         served: samples that a scene serves on average.
         group: samples k with equal k // group have equal counts of views, so that they can be stacked.
         library: meshes and pictures to draw from, None for none.
-        style: the world that the rooms are of.
 
     Raises:
         ValueError: a count is not positive, or a scene has fewer frames than a sample needs.
@@ -63,10 +61,8 @@ class PooledSamples(Dataset):
         served: int = 8,
         group: int = 1,
         library: Library | None = None,
-        style: Style = "home",
     ) -> None:
-        self.folder, self.seed, self.size = Path(folder), seed, size
-        self.library, self.style = library, style
+        self.folder, self.seed, self.size, self.library = Path(folder), seed, size, library
         self.contexts, self.targets = ranged(contexts), ranged(targets)
         self.length, self.served, self.group = length, served, group
         if min(length, served, group) < 1:
@@ -124,7 +120,6 @@ class PooledSamples(Dataset):
                     size=self.size,
                     frames=FRAMES,
                     library=self.library,
-                    style=self.style,
                 )
             except InputError:
                 # Another worker was quicker; what is there now is the same.

@@ -91,7 +91,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
         style: the world that the room is of.
 
     Raises:
-        ValueError: there is no such style, or it takes no assets.
+        ValueError: there is no such style.
         InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """

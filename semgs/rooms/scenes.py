@@ -55,8 +55,7 @@ def draw_scene(
     """A walk through the room of sample (seed, index) of the stream; the same arguments give the same bits.
 
     Raises:
-        ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or a library for a style that
-            takes none.
+        ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or no such style.
         InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """

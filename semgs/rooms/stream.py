@@ -54,7 +54,7 @@ def sample(
         style: the world that the room is of.
 
     Raises:
-        ValueError: a count or a side is too small, seed or index is negative, or the style takes no library.
+        ValueError: a count or a side is too small, seed or index is negative, or there is no such style.
         InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
@@ -135,7 +135,6 @@ class RoomSamples(Dataset):
         group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
             size of a batch that is filled in order.
         library: meshes and pictures to draw from, None for none.
-        style: the world that the rooms are of.
 
     Raises:
         ValueError: a range is empty, or length or group is not positive.
@@ -150,10 +149,8 @@ class RoomSamples(Dataset):
         length: int,
         group: int = 1,
         library: Library | None = None,
-        style: Style = "home",
     ) -> None:
-        self.seed, self.size, self.length, self.group = seed, size, length, group
-        self.library, self.style = library, style
+        self.seed, self.size, self.length, self.group, self.library = seed, size, length, group, library
         self.contexts, self.targets = ranged(contexts), ranged(targets)
         if length < 1 or group < 1:
             raise ValueError(f"length is {length} and group {group}; expected positive numbers")
@@ -171,9 +168,7 @@ class RoomSamples(Dataset):
             IndexError: k is not in 0 .. length - 1.
         """
         contexts, targets = self.counts(k)
-        return sample(
-            self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library, style=self.style
-        )
+        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library)
 
     def counts(self, k: int) -> tuple[int, int]:
         """How many context and target views sample k has.

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-Style = Literal["home", "plain", "other"]
-"""`home` is furnished as people live; `plain` is boxes with noise textures, the baseline; `other` is a second world, held out:
-choices are made by it and nothing is trained in it."""
+Style = Literal["home", "other"]
+"""`home` is furnished as people live; `other` is a second world, held out: choices are made by it and nothing is trained in it."""
 
 STYLES: tuple[Style, ...] = get_args(Style)

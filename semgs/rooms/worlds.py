@@ -12,12 +12,11 @@ from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
 from semgs.rooms.home import draw_home
 from semgs.rooms.other import draw_other
-from semgs.rooms.plain import draw_plain
 from semgs.rooms.plans import Plan
 from semgs.rooms.style import STYLES, Style
 
-FURNISHED = {"home": draw_home, "other": draw_other}
-"""The styles that may have assets."""
+DRAWN = {"home": draw_home, "other": draw_other}
+"""What makes the plans of each style."""
 MESHES = {"home": 0.5, "other": 0.9}
 """Share of the rooms with meshes, where there is a library."""
 PICTURES = {"home": 0.75, "other": 1.0}
@@ -34,19 +33,17 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
     things on it, and what is drawn after them, follow the tops of the meshes.
 
     Raises:
-        ValueError: there is no such style, or it takes no assets.
+        ValueError: there is no such style.
         InputError: a file of the library cannot be read.
     """
     if style not in STYLES:
         raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
     gallery = Gallery()
     if library is None:
-        return (draw_plain if style == "plain" else FURNISHED[style])(rng), gallery
-    if style not in FURNISHED:
-        raise ValueError(f"style {style!r} with assets; expected one that takes them: {', '.join(FURNISHED)}")
+        return DRAWN[style](rng), gallery
     own = rng.spawn(1)[0]
     coverings = Coverings(own, library, gallery)
     swap = Swaps(own, library, coverings) if own.random() < MESHES[style] else None
     coverings.shares = ALL if own.random() < PICTURES[style] else HUNG
-    plan = FURNISHED[style](rng, swap)
+    plan = DRAWN[style](rng, swap)
     return replace(plan, parts=tuple(coverings.cover(plan.parts))), gallery

@@ -130,12 +130,12 @@ def training_batches(
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
             rooms = PooledSamples(
                 pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
-                served=served, group=settings.batch, library=library, style=settings.style,
+                served=served, group=settings.batch, library=library,
             )  # fmt: skip
         else:
             rooms = RoomSamples(
                 settings.seed, settings.size, settings.contexts, settings.targets, length,
-                group=settings.batch, library=library, style=settings.style,
+                group=settings.batch, library=library,
             )  # fmt: skip
     samples = Samples(
         settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
@@ -160,7 +160,7 @@ def surveyed(settings: TrainingSettings, out: Path) -> Survey:
 
     def rooms() -> RoomSamples:
         library = _library(settings, "training")
-        return RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library, style=settings.style)
+        return RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library)
 
     return survey(settings, out, rooms)
 

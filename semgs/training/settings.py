@@ -13,7 +13,6 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
 from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.rooms import demo
-from semgs.rooms.style import Style
 
 VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; no training may use it."""
@@ -177,8 +176,6 @@ class TrainingSettings:
     scene_reuse: int = 1
     """Samples that a scene serves on average: 1 draws a room for each; more takes them from scenes of twelve frames that are kept
     in RUN/rooms, which costs less and shows fewer rooms."""
-    style: Style = "home"
-    """The world that the rooms of the training are of: home or plain; other is held out. Validation rooms are always homes."""
     assets: tuple[str, ...] = ()
     """Folder of meshes and pictures for the rooms, see semgs rooms --help; again for another one. Validation rooms get pieces
     that no training sees."""
@@ -249,8 +246,6 @@ class TrainingSettings:
                 "none, but with single pictures (--supervision pictures --contexts 1 1 --targets 0)",
             ),
             "teacher_weight": (self.teacher_weight > 0, "a positive number"),
-            "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
-            "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }
@@ -300,11 +295,13 @@ class TrainingSettings:
         """The settings that `as_json` gave; fields that a newer version added take their defaults.
 
         Raises:
-            ValueError: a field is not known to this version.
+            ValueError: a field, or the style of rooms, is not known to this version.
         """
+        saved = dict(saved)
         if "weights" in saved:  # its name before there were mixtures of data
-            saved = {**saved, "init": saved["weights"]}
-            del saved["weights"]
+            saved["init"] = saved.pop("weights")
+        if (style := saved.pop("style", "home")) != "home":  # a setting while there was a second world to train in
+            raise ValueError(f"style is {style}; this version of semgs trains in rooms of style home only")
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
             raise ValueError(f"the settings hold {', '.join(unknown)}, which this version of semgs does not know")

@@ -85,7 +85,7 @@ def test_the_index_counts_the_pixels_of_every_class(whole):
         ({"seed": 12}, "seed is 11 there, 12 asked"),
         ({"frames": 4}, "frames is 3 there, 4 asked"),
         ({"size": (36, 50)}, r"size is \[36, 48\] there, \[36, 50\] asked"),
-        ({"style": "plain"}, "style is home there, plain asked"),
+        ({"style": "other"}, "style is home there, other asked"),
     ],
 )
 def test_scenes_of_other_settings_are_not_mixed(whole, change, told):

@@ -6,12 +6,10 @@ import torch
 
 pytest.importorskip("embreex")
 
-from semgs.rooms.assets.library import Library
 from semgs.rooms.footprints import overlap
 from semgs.rooms.home import draw_home
 from semgs.rooms.other import draw_other
-from semgs.rooms.room import build_room
-from semgs.rooms.stream import generator, sample
+from semgs.rooms.stream import sample
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +47,8 @@ def test_its_samples_are_the_same_bits_each_time_and_no_homes():
     assert not torch.equal(one.images, home.images)
 
 
-def test_assets_in_plain_rooms_are_refused(asset_folder):
-    library = Library(asset_folder, "training", check=False)
-    with pytest.raises(ValueError, match="style 'plain' with assets; expected one that takes them: home, other"):
-        build_room(generator(1, 1), library, "plain")
+def test_home_is_the_style_that_is_drawn_unasked():
+    home, unasked = (
+        sample(2, 1, size=(24, 32), contexts=1, targets=0, **named)[0] for named in ({"style": "home"}, {})
+    )
+    assert torch.equal(home.images, unasked.images)

@@ -168,11 +168,11 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
     """The assets that rooms of a style may use: the training third of `home`, the held-out third of `other`.
 
     Raises:
-        ValueError: there is no such style, or it uses no assets.
+        ValueError: there is no such style.
         InputError: as `Library`, or the folders have nothing for such rooms.
     """
     if style not in SPLIT_OF_STYLE:
-        raise ValueError(f"style {style!r}; expected one that uses assets: {', '.join(SPLIT_OF_STYLE)}")
+        raise ValueError(f"style {style!r}; expected one of {', '.join(SPLIT_OF_STYLE)}")
     library = Library(folders, SPLIT_OF_STYLE[style], check=check)
     if not library.meshes and not library.pictures:
         raise InputError(

@@ -186,7 +186,7 @@ def test_splits_have_no_mesh_and_no_picture_in_common(asset_folder):
         assert not (names[0] | names[1]) & names[2]
 
 
-def test_the_style_chooses_the_split_and_plain_uses_no_assets(asset_folder):
+def test_the_style_chooses_the_split_and_there_is_no_other_style(asset_folder):
     assert open_library(asset_folder, "home", check=False).split == "training"
     assert open_library(asset_folder, "other", check=False).split == "other"
     with pytest.raises(ValueError, match="plain"):
