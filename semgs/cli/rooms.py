@@ -13,11 +13,11 @@ from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress
 from semgs.files.atomic import check_file
-from semgs.rooms.style import Style
+from semgs.rooms.plans.style import Style
 
 if TYPE_CHECKING:
     from semgs.rooms.assets.library import Library
-    from semgs.rooms.dataset import Recipe
+    from semgs.rooms.sets.dataset import Recipe
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Rooms:
             OSError: the disk is full.
         """
         self._check()
-        from semgs.rooms.dataset import Recipe
+        from semgs.rooms.sets.dataset import Recipe
 
         size = parse_size(self.size)
         assert size is not None
@@ -115,7 +115,7 @@ class Rooms:
             return open_library(self.assets, self.style)
 
     def _write(self, out: Path, recipe: Recipe) -> None:
-        from semgs.rooms.dataset import ATTRIBUTION, INDEX, claim, write_dataset
+        from semgs.rooms.sets.dataset import ATTRIBUTION, INDEX, claim, write_dataset
 
         with what_the_user_gave():
             claim(out, recipe, self.scenes)
@@ -139,7 +139,7 @@ class Rooms:
 
     def _draw_sheet(self, path: Path, library: Library | None) -> None:
         from semgs.files.pictures import write_png
-        from semgs.rooms.sheet import FRAMES, contact_sheet
+        from semgs.rooms.sets.sheet import FRAMES, contact_sheet
 
         with show_progress("Drawing frames", FRAMES) as done:
             picture = contact_sheet(self.seed, self.style, library, done=done)

@@ -15,8 +15,8 @@ from semgs.data.views import Batch, stack
 from semgs.data.workers import settle_worker
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.splits import Split
-from semgs.rooms.pool import PooledSamples
-from semgs.rooms.stream import RoomSamples
+from semgs.rooms.sets.pool import PooledSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.samples import Folder, Sample, Samples
 from semgs.training.settings import VALIDATION_SEED, Augmentation, Source, TrainingSettings
 from semgs.training.survey import Survey, survey

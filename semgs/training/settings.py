@@ -12,7 +12,7 @@ from typing import Any, Literal
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
 from semgs.objectives.weights import DepthLossWeights, LossWeights
-from semgs.rooms import demo
+from semgs.rooms.sets import demo
 
 VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; no training may use it."""

@@ -24,7 +24,7 @@ from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
-from semgs.rooms.stream import RoomSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
 from semgs.training.settings import CLASS_WEIGHTINGS, ROOMS, Source, TrainingSettings
 from semgs.training.supervision import supervision_of

@@ -21,8 +21,8 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.files.pictures import read_uint8
-from semgs.rooms.scenes import Walk, draw_scene, write_views
-from semgs.rooms.style import STYLES
+from semgs.rooms.plans.style import STYLES
+from semgs.rooms.sets.scenes import Walk, draw_scene, write_views
 
 SEED, SCENES, FRAMES, SIZE = 3, 3, 2, (48, 64)
 DECIMALS = 9

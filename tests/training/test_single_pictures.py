@@ -10,7 +10,7 @@ import pytest
 import torch
 from scenes_on_disk import write_labelled
 
-from semgs.rooms.pool import WINDOW, PooledSamples
+from semgs.rooms.sets.pool import WINDOW, PooledSamples
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.turns import Turn, Turns, frame_of

@@ -22,7 +22,7 @@ from semgs.data.terms import ROOMS
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.objectives.weights import LossWeights
-from semgs.rooms.stream import RoomSamples, sample
+from semgs.rooms.sets.stream import RoomSamples, sample
 from semgs.training import batches
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
@@ -274,8 +274,8 @@ def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
     settings = TrainingSettings(
         model="small", steps=3, batch=2, size=(16, 24), contexts=(2, 3), targets=1, scene_reuse=2
     )
-    monkeypatch.setattr("semgs.rooms.pool.FRAMES", 5)
-    monkeypatch.setattr("semgs.rooms.pool.WINDOW", 3)
+    monkeypatch.setattr("semgs.rooms.sets.pool.FRAMES", 5)
+    monkeypatch.setattr("semgs.rooms.sets.pool.WINDOW", 3)
     whole = batches_of(settings, tmp_path / "one")
     (last,) = batches_of(settings, tmp_path / "two", start=2)
     assert torch.equal(whole[2].context.images, last.context.images)

@@ -18,7 +18,7 @@ from semgs.rooms.assets.glb import Primitive, read_glb
 from semgs.rooms.assets.lock import LockRow, lock_digest, lock_of, read_lock, verify
 from semgs.rooms.assets.pictures import Pyramid, decode
 from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
-from semgs.rooms.shells import corner_normals
+from semgs.rooms.pieces.shells import corner_normals
 
 T = TypeVar("T")
 

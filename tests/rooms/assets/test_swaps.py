@@ -9,20 +9,20 @@ import torch
 pytest.importorskip("embreex")
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import fittings, furniture, openings
-from semgs.rooms import materials as m
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
-from semgs.rooms.furniture import LABEL
-from semgs.rooms.picture_kernels import PANORAMA, VIEW
-from semgs.rooms.room import build_room
-from semgs.rooms.shading import look
-from semgs.rooms.solids import SHELL, Piece, block
-from semgs.rooms.stream import generator, sample
-from semgs.rooms.texture_kernels import KIND, MAPPING, PICTURE
+from semgs.rooms.drawing.room import build_room
+from semgs.rooms.drawing.shading import look
+from semgs.rooms.pieces import fittings, furniture, openings
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.picture_kernels import PANORAMA, VIEW
+from semgs.rooms.pieces.solids import SHELL, Piece, block
+from semgs.rooms.pieces.texture_kernels import KIND, MAPPING, PICTURE
+from semgs.rooms.sets.stream import generator, sample
 
 
 @pytest.fixture(scope="module")
