@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.rooms.drawing import shading_kernels as kernels
-from semgs.rooms.plans.floor_plan import Lamp, Opening, Plan
+from semgs.rooms.plans.floor_plan import FloorPlan, Lamp, Opening
 
 MOST = 8
 """Lights of a room; each costs a ray a pixel."""
@@ -14,7 +14,9 @@ SHARES = {1: 4, 2: 2}
 """How many lights a window is, by the number of windows that light the room; otherwise one."""
 
 
-def draw_lights(rng: np.random.Generator, plan: Plan) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, 3]]:
+def draw_lights(
+    rng: np.random.Generator, plan: FloorPlan
+) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, 3]]:
     """The rows of the shading kernels, at least one, and the light from everywhere (linear RGB).
 
     A window is up to four lights spread over it, so that its shadows are soft; the sun comes through one window at times.

@@ -16,7 +16,7 @@ from semgs.rooms.pieces import shell_kernels
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.shells import ShellTriangles, place_shells
 from semgs.rooms.pieces.solids import SHELL, Solids, gather, triangulate
-from semgs.rooms.plans.floor_plan import WALL, Plan
+from semgs.rooms.plans.floor_plan import WALL, FloorPlan
 from semgs.rooms.plans.style import Style
 from semgs.rooms.plans.worlds import furnish
 
@@ -54,7 +54,7 @@ class Room:
         files: of the assets that are in it.
     """
 
-    plan: Plan
+    plan: FloorPlan
     solids: Solids
     owners: Int64[np.ndarray, " t"]
     planes: Float64[np.ndarray, "t 4"]
@@ -151,7 +151,7 @@ def _tops(solids: Solids) -> Float64[np.ndarray, " p"]:
 
 
 def _distance_field(
-    plan: Plan, solids: Solids, which: Bool[np.ndarray, " p"]
+    plan: FloorPlan, solids: Solids, which: Bool[np.ndarray, " p"]
 ) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
     """Distance to the nearest of some solids on a grid that reaches half way into walls, floor and ceiling."""
     size = np.array(plan.size)

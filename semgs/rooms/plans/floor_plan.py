@@ -41,7 +41,7 @@ class Lamp:
 
 
 @dataclass(frozen=True)
-class Plan:
+class FloorPlan:
     """A furnished room, or two with an open door. The middle of its floor is the origin, z is up.
 
     Attributes:

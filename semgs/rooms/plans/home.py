@@ -11,7 +11,7 @@ from semgs.rooms.pieces.furniture import Maker
 from semgs.rooms.pieces.solids import Piece, moved
 from semgs.rooms.plans import dressing
 from semgs.rooms.plans.builder import Builder, Swap, snug
-from semgs.rooms.plans.floor_plan import Opening, Plan
+from semgs.rooms.plans.floor_plan import FloorPlan, Opening
 from semgs.rooms.plans.footprints import Wall, rectangle
 from semgs.rooms.plans.outlines import (
     PARTITION,
@@ -53,7 +53,7 @@ FREE_STANDING = ("table", "island")
 WET = ("bathroom", "kitchen")
 
 
-def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
+def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
     """A random home: one room, or two joined by an opening, with furniture, light and clutter; `swap` may exchange each piece
     for another of the same footprint."""
     outline = _outline(rng)
@@ -75,7 +75,7 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
         dressing.lamps(builder, zone, lit=evening or builder.chance(0.45))
         dressing.clutter(builder, zone)
     kind = " + ".join(zone.kind for zone in outline.zones)
-    return Plan(kind, outline.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints),
+    return FloorPlan(kind, outline.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints),
                 tuple(builder.pieces), tuple(builder.lamps))  # fmt: skip
 
 

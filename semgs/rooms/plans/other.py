@@ -20,7 +20,7 @@ from semgs.rooms.pieces.furniture import LABEL, Maker
 from semgs.rooms.pieces.materials import Row
 from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, block, moved
 from semgs.rooms.plans.builder import Swap
-from semgs.rooms.plans.floor_plan import WALL, Lamp, Opening, Plan
+from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
 from semgs.rooms.plans.footprints import Wall, around, overlap, rectangle
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
@@ -59,7 +59,7 @@ def draw_palette(rng: np.random.Generator) -> Palette:
     return Palette(wood, m.shade(rng, wood, 0.3, 0.6), paint, walls)
 
 
-def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
+def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
     """A random long room; `swap` may exchange each piece for another of the same footprint."""
     length, width = rng.uniform(4.6, 8.2), rng.uniform(2.7, 4.0)
     loft = _Loft(rng, (length, width, rng.uniform(2.5, 3.7)), swap)
@@ -72,7 +72,7 @@ def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> Plan:
     loft.row_of_pictures()
     loft.lamps()
     loft.things()
-    return Plan(
+    return FloorPlan(
         " + ".join(zones),
         loft.size,
         tuple(loft.parts),

@@ -10,7 +10,7 @@ from semgs.rooms.assets.coverings import Coverings, Shares
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
-from semgs.rooms.plans.floor_plan import Plan
+from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.home import draw_home
 from semgs.rooms.plans.other import draw_other
 from semgs.rooms.plans.style import STYLES, Style
@@ -26,7 +26,7 @@ HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, 
 """Pictures in frames and views through windows only: what the others have as well."""
 
 
-def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[Plan, Gallery]:
+def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, Gallery]:
     """A plan of a style and the pictures that its materials are of.
 
     What comes from the library is drawn by numbers of its own: furniture stands where it would without. Only the small

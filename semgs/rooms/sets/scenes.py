@@ -17,7 +17,7 @@ from semgs.files.folders import own_folder
 from semgs.files.pictures import jpeg_bytes, write_png
 from semgs.rooms.assets.library import Library
 from semgs.rooms.drawing.room import build_room
-from semgs.rooms.plans.floor_plan import Plan
+from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.style import Style
 from semgs.rooms.sets.cameras import draw_intrinsics, draw_path
 from semgs.rooms.sets.stream import fitted, generator, shoot
@@ -39,7 +39,7 @@ class Walk:
     """
 
     views: Views
-    plan: Plan
+    plan: FloorPlan
     files: tuple[str, ...] = ()
 
 

@@ -16,7 +16,7 @@ from torch.utils.data import Dataset
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.geometry.cameras import Cameras
 from semgs.rooms.assets.library import Library
-from semgs.rooms.drawing.lens import develop, draw_lens
+from semgs.rooms.drawing.film import develop, draw_film
 from semgs.rooms.drawing.room import Room, build_room
 from semgs.rooms.drawing.shading import photograph
 from semgs.rooms.plans.style import Style
@@ -111,8 +111,8 @@ def shoot(
 ) -> Views:
     """Views from poses, all with one camera whose exposure suits the first."""
     frames = [photograph(room, pose, intrinsics, size) for pose in poses]
-    lens = draw_lens(rng, frames[0].radiance)
-    pictures = np.stack([develop(rng, lens, frame.radiance) for frame in frames])
+    film = draw_film(rng, frames[0].radiance)
+    pictures = np.stack([develop(rng, film, frame.radiance) for frame in frames])
     count = len(frames)
     return Views(
         images=torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255,

@@ -10,7 +10,7 @@ from jaxtyping import Float32, UInt8
 
 
 @dataclass(frozen=True)
-class Lens:
+class Film:
     """A camera's character.
 
     Attributes:
@@ -38,14 +38,14 @@ class Lens:
     quality: int | None
 
 
-def draw_lens(rng: np.random.Generator, radiance: Float32[np.ndarray, "h w 3"]) -> Lens:
+def draw_film(rng: np.random.Generator, radiance: Float32[np.ndarray, "h w 3"]) -> Film:
     """A camera whose exposure suits a first frame, more or less, and whose white balance undoes most of the light's colour."""
     grey = radiance.mean(axis=-1)
     level = 0.65 * float(np.median(grey)) + 0.35 * float(np.quantile(grey, 0.9))
     mean = np.maximum(radiance.reshape(-1, 3).mean(axis=0), 1e-4)
     undone = (mean.mean() / mean) ** rng.uniform(0.2, 0.8) * rng.uniform(0.95, 1.05, 3)
     red, green, blue = (float(x) for x in undone)
-    return Lens(
+    return Film(
         exposure=float(np.exp(rng.uniform(np.log(0.14), np.log(0.65)))) / max(level, 1e-3),
         balance=(red, green, blue),
         contrast=float(rng.uniform(0.85, 1.25)),
@@ -59,34 +59,34 @@ def draw_lens(rng: np.random.Generator, radiance: Float32[np.ndarray, "h w 3"]) 
     )
 
 
-def develop(rng: np.random.Generator, lens: Lens, radiance: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+def develop(rng: np.random.Generator, film: Film, radiance: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
     """The picture that the camera makes of a frame, sRGB."""
     height, width = radiance.shape[:2]
     longer = max(height, width)
-    gains = np.array(lens.balance, np.float32) * np.float32(lens.exposure * (1 + lens.jitter * rng.standard_normal()))
+    gains = np.array(film.balance, np.float32) * np.float32(film.exposure * (1 + film.jitter * rng.standard_normal()))
     sensor = radiance * gains
-    if lens.blur or lens.motion:
+    if film.blur or film.motion:
         sensor = np.minimum(sensor, 4.0)
-    if lens.motion:
-        kernel = _streak(rng.uniform(0, lens.motion * longer), rng.normal(0, 0.6))
+    if film.motion:
+        kernel = _streak(rng.uniform(0, film.motion * longer), rng.normal(0, 0.6))
         sensor = cv2.filter2D(sensor, -1, kernel, borderType=cv2.BORDER_REPLICATE)
-    if lens.blur:
-        sensor = cv2.GaussianBlur(sensor, (0, 0), max(0.25, lens.blur * longer))
-    if lens.vignette:
+    if film.blur:
+        sensor = cv2.GaussianBlur(sensor, (0, 0), max(0.25, film.blur * longer))
+    if film.vignette:
         rows = (np.arange(height, dtype=np.float32) + 0.5) / height * 2 - 1
         columns = (np.arange(width, dtype=np.float32) + 0.5) / width * 2 - 1
-        sensor = sensor * (1 - np.float32(lens.vignette / 2) * (rows[:, None] ** 2 + columns**2))[..., None]
+        sensor = sensor * (1 - np.float32(film.vignette / 2) * (rows[:, None] ** 2 + columns**2))[..., None]
     rolled = np.where(sensor < 0.7, sensor, 0.7 + 0.3 * (1 - np.exp(-(np.maximum(sensor, 0.7) - 0.7) / 0.3)))
-    picture = np.clip(rolled, 0, 1) ** np.float32(lens.contrast / 2.2)
-    if lens.curve:
-        picture = picture + np.float32(lens.curve) * (picture * picture * (3 - 2 * picture) - picture)
-    if lens.noise:
+    picture = np.clip(rolled, 0, 1) ** np.float32(film.contrast / 2.2)
+    if film.curve:
+        picture = picture + np.float32(film.curve) * (picture * picture * (3 - 2 * picture) - picture)
+    if film.noise:
         noise = rng.standard_normal(picture.shape, dtype=np.float32)
-        picture = picture + np.float32(lens.noise) * noise
+        picture = picture + np.float32(film.noise) * noise
     pixels = np.clip(picture * 255 + 0.5, 0, 255).astype(np.uint8)
-    if lens.quality is None:
+    if film.quality is None:
         return pixels
-    _, coded = cv2.imencode(".jpg", pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, lens.quality])
+    _, coded = cv2.imencode(".jpg", pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, film.quality])
     kept = cv2.imdecode(coded, cv2.IMREAD_COLOR)
     assert kept is not None
     return np.ascontiguousarray(kept[..., ::-1])
