@@ -10,7 +10,7 @@ pytest.importorskip("embreex")
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.sets import demo
+from semgs.rooms.sets.demo import demo_scene
 from semgs.rooms.sets.scenes import draw_scene, write_scene
 
 
@@ -68,23 +68,23 @@ def test_one_frame_is_no_scene(tmp_path):
 
 
 def test_the_embedded_scene_is_small_and_complete():
-    folder = demo.demo_scene()
+    folder = demo_scene()
     assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) <= 1_000_000
     scene = open_scene(folder)
-    assert len(scene) == demo.FRAMES
+    assert len(scene) == 8
     assert not scene.absent
     assert scene.unit == "metric"
     views = scene.read(range(len(scene)))
-    assert views.size == demo.SIZE
+    assert views.size == (240, 320)
     shares = torch.bincount(views.labels.flatten().long(), minlength=256)[:20] / views.labels.numel()
     assert (shares > 0.01).sum() >= 6
 
 
 def test_the_embedded_scenes_frames_agree_on_where_things_are():
     """Points of one frame fall on pixels of the next that have their label and, to a few millimetres, their depth."""
-    views = open_scene(demo.demo_scene()).read(range(demo.FRAMES))
+    views = open_scene(demo_scene()).read(range(8))
     height, width = views.size
-    for i in range(demo.FRAMES - 1):
+    for i in range(7):
         points = back_project(views.depths.double(), views.cameras)[i].reshape(-1, 3)
         x, y, z = project(points, views.cameras[i + 1]).unbind(-1)
         inside = (z > 0) & (x > 0) & (y > 0) & (x < width) & (y < height)
