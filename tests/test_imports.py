@@ -25,7 +25,7 @@ FLOORS = (
 
 FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
 
-FOLDERS = {"rooms": ("pieces", "assets", "plans", "drawing", "sets", "bake")}
+FOLDERS = {"rooms": ("pieces", "assets", "plans", "drawing", "sets")}
 """Packages whose folders have an order too: modules of one import their own folder and those before it."""
 
 VERSION = "semgs.__version__"
@@ -135,6 +135,15 @@ def test_a_planted_arrow_inside_a_package_is_found(tmp_path: Path):
         "semgs.rooms.pieces.solids imports semgs.rooms.assets.library",
         "semgs.rooms.pieces.solids imports semgs.rooms.demo",
     ]
+
+
+def test_the_package_knows_nothing_of_the_repositorys_tools():
+    users = [
+        name
+        for name, path in modules(ROOT).items()
+        if any(one.split(".")[0] == "tools" for one in imported(name, path))
+    ]
+    assert users == []
 
 
 def test_every_folder_has_its_floor():

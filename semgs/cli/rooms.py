@@ -41,7 +41,7 @@ class Rooms:
     - semgs rooms data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
     - semgs rooms data/furnished --scenes 1000 --assets assets
     - semgs rooms --sheet rooms.png --seed 3
-    - semgs rooms bake furniture --pieces 100 makes furniture for --assets; see semgs rooms bake --help
+    - python -m tools.furniture furniture --pieces 100 makes furniture for --assets, in a clone of the repository
     """
 
     out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")] = None

@@ -20,7 +20,7 @@ from semgs.training.settings import CLASS_WEIGHTINGS
 
 
 def parsed(line: str) -> Train:
-    return parse(Train, "train", line.split())
+    return parse(Train, "semgs train", line.split())
 
 
 def test_a_preset_alone_is_the_preset():

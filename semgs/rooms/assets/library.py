@@ -177,7 +177,7 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
     if not library.meshes and not library.pictures:
         raise InputError(
             ", ".join(map(str, library.folders)), f"meshes or pictures of the list {library.split}", "none",
-            advice="what semgs rooms bake makes is for training and validation rooms" if style == "other" else None,
+            advice="what tools.furniture makes is for training and validation rooms" if style == "other" else None,
         )  # fmt: skip
     return library
 

@@ -11,9 +11,9 @@ pytest.importorskip("embreex")
 
 from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
-from semgs.rooms.bake import environment
-from semgs.rooms.bake.baking import bake, record_of
-from semgs.rooms.bake.kinds import make_job
+from tools.furniture import environment
+from tools.furniture.baking import bake, record_of
+from tools.furniture.kinds import make_job
 
 SEED = next(seed for seed in range(1000) if make_job(seed, 0).kind == "desk")
 

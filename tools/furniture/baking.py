@@ -17,10 +17,10 @@ from semgs.files.atomic import is_part_of, write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
 from semgs.rooms.assets.lock import LISTS, NAME, make_lock, write_lock
-from semgs.rooms.bake.finish import finish
-from semgs.rooms.bake.kinds import Job, make_job
-from semgs.rooms.bake.raw import RawMesh, Torn
-from semgs.rooms.bake.runner import OutOfTime, run_job
+from tools.furniture.finish import finish
+from tools.furniture.kinds import Job, make_job
+from tools.furniture.raw import RawMesh, Torn
+from tools.furniture.runner import OutOfTime, run_job
 
 SETTINGS, RECORDS, MODELS, WORK = "bake.json", "pieces", "models", "work"
 
@@ -223,6 +223,6 @@ def _side_by_side(make: Callable[[Job], None], jobs: list[Job], workers: int) ->
 
 def _pinned(package: str) -> str:
     """The version of a package in the environment."""
-    found = re.search(rf"^{package}==(\S+)", (files("semgs.rooms.bake") / "requirements.txt").read_text(), re.M)
+    found = re.search(rf"^{package}==(\S+)", (files("tools.furniture") / "requirements.txt").read_text(), re.M)
     assert found is not None
     return found[1]

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from semgs.rooms.assets.glb import read_glb, write_glb
-from semgs.rooms.bake import surfaces as s
-from semgs.rooms.bake.books import books_on
-from semgs.rooms.bake.cloth import cloth_picture
-from semgs.rooms.bake.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
-from semgs.rooms.bake.raw import RawMesh, Torn, check_whole
-from semgs.rooms.bake.surfaces import Surface
-from semgs.rooms.bake.tints import (
+from tools.furniture import surfaces as s
+from tools.furniture.books import books_on
+from tools.furniture.cloth import cloth_picture
+from tools.furniture.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
+from tools.furniture.raw import RawMesh, Torn, check_whole
+from tools.furniture.surfaces import Surface
+from tools.furniture.tints import (
     CERAMICS,
     CLOTH,
     FABRICS,

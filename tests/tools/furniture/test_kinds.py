@@ -9,7 +9,7 @@ import pytest
 
 from semgs.rooms.assets.catalogue import read_catalogue, usable
 from semgs.rooms.assets.splits import family, split_meshes
-from semgs.rooms.bake.kinds import KINDS, OBJECTS, make_job
+from tools.furniture.kinds import KINDS, OBJECTS, make_job
 
 REAL = Path(__file__).parents[3].parent / "shared" / "assets"
 ROUND = sum(kind.share for kind in KINDS.values())

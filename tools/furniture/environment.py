@@ -60,7 +60,9 @@ def prepare(folder: Path, python: str | None = None, say: Callable[[str], None] 
     chosen = find_python(python)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    write_text(folder / MARK, "An environment for `semgs rooms bake`; remove it as a whole when it is not needed.\n")
+    write_text(
+        folder / MARK, "An environment for `python -m tools.furniture`; remove it as a whole when it is not needed.\n"
+    )
     free = shutil.disk_usage(folder).free / 1e9
     if free < DISK_GB:
         raise InputError(folder, f"{DISK_GB} GB of free disk for Blender and Infinigen", f"{free:.1f} GB")
@@ -109,7 +111,7 @@ def surroundings(folder: Path | None = None) -> dict[str, str]:
 
 
 def _pip_arguments() -> list[str]:
-    pins = str(files("semgs.rooms.bake") / "requirements.txt")
+    pins = str(files("tools.furniture") / "requirements.txt")
     quiet = ["--disable-pip-version-check", "--no-input", "--progress-bar", "off"]
     # Everything is pinned, also what Infinigen's own pins would have otherwise, so nothing is left to resolve or to build.
     return ["-m", "pip", "install", *quiet, "--only-binary", ":all:", "--no-deps", "-r", pins]
@@ -142,4 +144,4 @@ def _reason(log: Path) -> str:
 
 
 def _pins() -> str:
-    return hashlib.sha256((files("semgs.rooms.bake") / "requirements.txt").read_bytes()).hexdigest()
+    return hashlib.sha256((files("tools.furniture") / "requirements.txt").read_bytes()).hexdigest()

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from semgs.files.errors import InputError
-from semgs.rooms.bake.kinds import Kind
+from tools.furniture.kinds import Kind
 
 FEWEST, MOST = 60, 130_000
 """Triangles that a make may have."""

@@ -10,14 +10,14 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.rooms.assets.glb import read_glb
-from semgs.rooms.bake import surfaces as s
-from semgs.rooms.bake.books import books_on, compartments
-from semgs.rooms.bake.cloth import PATTERNS, cloth_picture
-from semgs.rooms.bake.finish import finish
-from semgs.rooms.bake.kinds import KINDS, Job, Make
-from semgs.rooms.bake.raw import RawMesh, Torn, check_whole
-from semgs.rooms.bake.surfaces import Surface
-from semgs.rooms.bake.tints import Tint, tinted
+from tools.furniture import surfaces as s
+from tools.furniture.books import books_on, compartments
+from tools.furniture.cloth import PATTERNS, cloth_picture
+from tools.furniture.finish import finish
+from tools.furniture.kinds import KINDS, Job, Make
+from tools.furniture.raw import RawMesh, Torn, check_whole
+from tools.furniture.surfaces import Surface
+from tools.furniture.tints import Tint, tinted
 
 RNG = np.random.default_rng
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from semgs.rooms.bake.tints import FABRICS, Colour, Random, pick
+from tools.furniture.tints import FABRICS, Colour, Random, pick
 
 SIDE = 512
 """Of the picture [px]."""

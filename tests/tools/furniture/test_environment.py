@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.bake import environment
-from semgs.rooms.bake.environment import default_folder, find_python, is_ready, prepare, python_of
+from tools.furniture import environment
+from tools.furniture.environment import default_folder, find_python, is_ready, prepare, python_of
 
 PYTHON = """#!/bin/sh
 case "$*" in

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Int, UInt8
 from scipy import ndimage
 
-from semgs.rooms.bake.raw import RawMesh
+from tools.furniture.raw import RawMesh
 
 Colour = tuple[int, int, int]
 Random = np.random.Generator

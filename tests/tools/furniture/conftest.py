@@ -11,10 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from asset_folders import asset_folder
 
-from semgs.rooms.bake import environment
-from semgs.rooms.bake.kinds import KINDS, Make
-from semgs.rooms.bake.raw import RawMesh
+from tools.furniture import environment
+from tools.furniture.kinds import KINDS, Make
+from tools.furniture.raw import RawMesh
+
+__all__ = ["asset_folder", "stand_in"]
 
 PROGRAM = Path(__file__).with_name("stand_in.py")
 

@@ -1,8 +1,10 @@
-"""`semgs rooms bake`: a library of furniture from a seed, made with Infinigen in an environment of its own."""
+"""`python -m tools.furniture`: a library of furniture from a seed, made with Infinigen in an environment of its own."""
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +12,17 @@ from typing import Annotated
 import tyro
 
 from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.main import carry_out, guarded
 from semgs.cli.progress import show_progress
+from tools.furniture.baking import Baked, bake, claim
+from tools.furniture.environment import default_folder, prepare
 
 SHOWN = 5
 """How many pieces that were left out are named."""
 
 
 @dataclass(frozen=True)
-class Bake:
+class Furniture:
     """Make furniture for rooms from a seed, with Infinigen, as a folder that semgs rooms --assets takes.
 
     Beds, sofas, chairs, tables, desks, shelves, cabinets, refrigerators, stoves, toilets, baths, washbasins, doors, windows,
@@ -34,7 +39,7 @@ class Bake:
     - pieces/, bake.json: what was tried, for going on
 
     Examples
-    - semgs rooms bake furniture --pieces 100
+    - python -m tools.furniture furniture --pieces 100
     - semgs rooms data/furnished --scenes 1000 --assets furniture
     - semgs rooms data/mixed --scenes 1000 --assets assets --assets furniture
     """
@@ -66,9 +71,6 @@ class Bake:
             raise UsageError(
                 f"--limit is {self.limit:g} and --workers {self.workers}; expected a positive time and 1 or more"
             )
-        from semgs.rooms.bake.baking import Baked, bake, claim
-        from semgs.rooms.bake.environment import default_folder, prepare
-
         with what_the_user_gave():
             claim(self.out, self.seed, self.pieces)
         environment = default_folder() if self.environment is None else self.environment
@@ -94,3 +96,13 @@ class Bake:
             print(f"left out {len(left_out)}: {some}{more}")
         if rows:
             print(f"furnish rooms with them: semgs rooms OUT --assets {self.out}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the tool and return its exit code; errors are told as `semgs` tells them."""
+    given = sys.argv[1:] if arguments is None else arguments
+    return guarded(lambda: carry_out(Furniture, "python -m tools.furniture", given))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -13,9 +13,9 @@ from threading import Event
 from time import monotonic
 
 from semgs.files.errors import InputError
-from semgs.rooms.bake.environment import surroundings
-from semgs.rooms.bake.kinds import Job
-from semgs.rooms.bake.raw import RawMesh, Torn, read_raw
+from tools.furniture.environment import surroundings
+from tools.furniture.kinds import Job
+from tools.furniture.raw import RawMesh, Torn, read_raw
 
 FAILED_TO_START = 1
 """How Python ends when the program itself falls over, whatever the job."""
@@ -55,7 +55,7 @@ def run_job(
     orders.write_text(json.dumps([job.as_json()]), encoding="utf-8")
     try:
         code = _run(
-            [str(python), str(files("semgs.rooms.bake") / "program.py"), str(orders), str(folder)],
+            [str(python), str(files("tools.furniture") / "program.py"), str(orders), str(folder)],
             environment,
             log,
             limit,

@@ -13,8 +13,8 @@ from semgs.files.errors import InputError
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.lock import lock_digest, lock_of, verify
-from semgs.rooms.bake.baking import Baked, bake
-from semgs.rooms.bake.kinds import make_job
+from tools.furniture.baking import Baked, bake
+from tools.furniture.kinds import make_job
 
 SEED = 3
 
@@ -38,7 +38,7 @@ def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
         assert all(library.panels(row) for row in library.meshes)
         found += library.meshes
     assert sorted(row.name for row in found) == sorted(row.name for row in catalogue.meshes)
-    with pytest.raises(InputError, match="list other, found none; what semgs rooms bake makes is for training"):
+    with pytest.raises(InputError, match=r"list other, found none; what tools\.furniture makes is for training"):
         open_library(tmp_path / "lib", "other")
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, Int, UInt8
 
 from semgs.data.raycast import Raycaster
 from semgs.rooms.assets.glb import Primitive
-from semgs.rooms.bake.raw import RawMesh
+from tools.furniture.raw import RawMesh
 
 QUALITY = 85
 """Of the JPEG pictures in the files."""
