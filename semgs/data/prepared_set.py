@@ -14,7 +14,7 @@ import shutil
 import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,12 +30,12 @@ from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.data.scenes import open_scenes, scene_paths
 from semgs.data.workers import settle_worker
-from semgs.files.atomic import is_part_of, write_json, write_text
+from semgs.files.atomic import write_json, write_text
+from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
-from semgs.files.strict_json import read_json
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
 SAMPLED_SCENES = 3
@@ -217,23 +217,8 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
         ValueError: it holds scenes of other settings, which are told.
         InputError: it holds something else, nothing can be written there, or another process is filling it.
     """
-    record, wanted = out / SETTINGS, _settings(settings, reading)
-    if not record.is_file():
-        if out.exists() and not (out.is_dir() and all(is_part_of(file, record) for file in out.iterdir())):
-            raise InputError(
-                out, "a new or empty folder, or one to go on with", "something else", advice="name another folder"
-            )
-        check_writable(out)
-        return
-    there = read_json(record, "the settings of a prepared set")
-    if not isinstance(there, dict) or set(there) != set(wanted):
-        raise InputError(record, "the settings of a prepared set", "something else", advice="name another folder")
-    other = [f"{name} is {there[name]} there, {value} asked" for name, value in wanted.items() if there[name] != value]
-    if other:
-        raise ValueError(
-            f"{out} holds scenes of other settings: {'; '.join(other)}; give the same ones or name another folder"
-        )
-    with _alone(out):
+    begun = is_begun(out / SETTINGS, _settings(settings, reading), "a prepared set")
+    with _alone(out) if begun else nullcontext():
         check_writable(out)
 
 

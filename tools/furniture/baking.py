@@ -13,7 +13,8 @@ from pathlib import Path
 from threading import Event
 
 from semgs import __version__
-from semgs.files.atomic import is_part_of, write_json, write_text
+from semgs.files.atomic import write_json, write_text
+from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
 from semgs.rooms.assets.lock import LISTS, NAME, make_lock, write_lock
@@ -112,33 +113,18 @@ def claim(folder: Path, seed: int, pieces: int) -> None:
     """
     if seed < 0 or pieces < 1:
         raise ValueError(f"seed is {seed} and pieces {pieces}; expected 0 or more and at least one piece")
-    record = folder / SETTINGS
-    parts = [folder / part for part in (RECORDS, MODELS)]
-    wanted = {"semgs": __version__, "recipe": RECIPE, "seed": seed}
-    if record.is_file():
-        try:
-            there = parse_json(record.read_bytes())
-            other = [
-                f"{name} is {there[name]} there, {value} now" for name, value in wanted.items() if there[name] != value
-            ]
-        except (ValueError, KeyError, TypeError) as error:
-            raise InputError(record, "the settings of a baked library", str(error)) from error
-        if other:
-            raise ValueError(f"{folder} holds pieces of other settings: {'; '.join(other)}; name another folder")
+    settings = {"semgs": __version__, "recipe": RECIPE, "seed": seed}
+    if is_begun(folder / SETTINGS, settings, "a library of furniture"):
         most = max((int(path.stem.rsplit("_", 1)[1]) for path in (folder / RECORDS).glob("bake_*.json")), default=-1)
         if most >= pieces:
             raise ValueError(
                 f"{folder} holds pieces up to number {most}, so more than the {pieces} asked for; ask for as many"
             )
-    elif folder.exists() and not (folder.is_dir() and all(is_part_of(file, record) for file in folder.iterdir())):
-        raise InputError(
-            folder, "a new or empty folder, or a baked library to go on with", "something else", advice="name another folder"
-        )  # fmt: skip
     else:
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(record, wanted)
-    for part in parts:
-        part.mkdir(exist_ok=True)
+        write_json(folder / SETTINGS, settings)
+    for part in (RECORDS, MODELS):
+        (folder / part).mkdir(exist_ok=True)
 
 
 def record_of(folder: Path, job: Job) -> Path:

@@ -16,8 +16,8 @@ from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import ATTRIBUTION
 from semgs.data.workers import settle_worker
-from semgs.files.atomic import is_part_of, write_bytes, write_json
-from semgs.files.errors import InputError
+from semgs.files.atomic import write_bytes, write_json
+from semgs.files.claims import is_begun
 from semgs.files.folders import alone, check_writable
 from semgs.files.strict_json import read_json
 from semgs.rooms.assets.library import Library
@@ -166,37 +166,19 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
         ValueError: it holds scenes of another recipe, which is told, or more of them.
         InputError: it holds something else, nothing can be written there, or another process is filling it.
     """
-    record = folder / SETTINGS
-    wanted = recipe.as_json()
-    if record.is_file():
-        _check_settings(record, wanted)
-        more = [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
-        if more:
-            raise ValueError(
-                f"{folder} holds {max(more)}, so more than the {scenes} scenes asked for; ask for as many or name another folder"
-            )
-        with _alone(folder):
-            for path in folder.glob(".scene_*.part"):
-                shutil.rmtree(path, ignore_errors=True)
-            check_writable(folder)
+    if not is_begun(folder / SETTINGS, recipe.as_json(), "a data set of rooms"):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(folder / SETTINGS, recipe.as_json())
         return
-    if folder.exists() and not (folder.is_dir() and all(is_part_of(file, record) for file in folder.iterdir())):
-        raise InputError(
-            folder, "a new or empty folder, or scenes to go on with", "something else", advice="name another folder"
-        )
-    folder.mkdir(parents=True, exist_ok=True)
-    write_json(record, wanted)
-
-
-def _check_settings(record: Path, wanted: dict) -> None:
-    there = read_json(record, "the settings of a data set of rooms")
-    if not isinstance(there, dict) or set(there) != set(wanted):
-        raise InputError(record, "the settings of a data set of rooms", "something else", advice="name another folder")
-    other = [f"{name} is {there[name]} there, {value} asked" for name, value in wanted.items() if there[name] != value]
-    if other:
+    more = [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
+    if more:
         raise ValueError(
-            f"{record.parent} holds scenes of other settings: {'; '.join(other)}; give the same ones or name another folder"
+            f"{folder} holds {max(more)}, so more than the {scenes} scenes asked for; ask for as many or name another folder"
         )
+    with _alone(folder):
+        for path in folder.glob(".scene_*.part"):
+            shutil.rmtree(path, ignore_errors=True)
+        check_writable(folder)
 
 
 def _number(name: str) -> str:
