@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import re
 import shutil
-import traceback
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-
-from torch.utils.data import DataLoader, Dataset
 
 from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import ATTRIBUTION
-from semgs.data.workers import settle_worker
+from semgs.data.workers import outcomes
 from semgs.files.atomic import write_bytes, write_json
 from semgs.files.claims import is_begun
 from semgs.files.folders import alone, check_writable
@@ -126,27 +124,13 @@ def _filled(folder: Path, recipe: Recipe, scenes: int, workers: int, done: Calla
     missing = [index for index in range(scenes) if not (folder / scene_name(index) / ROOM).is_file()]
     count = scenes - len(missing)
     done(count)
-    crew = min(workers, len(missing))
     if missing:
-        scenes_drawn = iter(
-            DataLoader(
-                _Drawing(folder, recipe, missing),
-                batch_size=None,
-                num_workers=crew,
-                # As in training: a forked process in which numba has run its threads dies at its next kernel.
-                multiprocessing_context="forkserver" if crew else None,
-                worker_init_fn=settle_worker,
-            )
-        )
-        try:
-            for _ in missing:
-                failure = next(scenes_drawn)
+        with closing(outcomes(partial(_draw, folder, recipe), missing, workers)) as drawn:
+            for failure in drawn:
                 if failure is not None:
                     raise failure
                 count += 1
                 done(count)
-        finally:
-            del scenes_drawn  # ends the workers now, even if the error is kept for long
     index = _index(folder, recipe, scenes)
     if recipe.library is not None:
         write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes), recipe.library.lock).encode())
@@ -186,29 +170,12 @@ def _number(name: str) -> str:
     return found[1] if found else "-1"
 
 
-class _Drawing(Dataset):
-    """Draws and writes a scene when it is asked for; the item is what went wrong, None if nothing did.
-
-    An error is handed over as a value because a loader would keep no more than its type and text.
-    """
-
-    def __init__(self, folder: Path, recipe: Recipe, scenes: Sequence[int]) -> None:
-        self._folder, self._recipe, self._scenes = folder, recipe, scenes
-
-    def __len__(self) -> int:
-        return len(self._scenes)
-
-    def __getitem__(self, k: int) -> Exception | None:
-        recipe, index = self._recipe, self._scenes[k]
-        try:
-            write_scene(
-                self._folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-                library=recipe.library, style=recipe.style,
-            )  # fmt: skip
-        except Exception as error:
-            error.add_note(f"while {scene_name(index)} was drawn:\n{traceback.format_exc()}")
-            return error
-        return None
+def _draw(folder: Path, recipe: Recipe, index: int) -> None:
+    """Draw and write one scene."""
+    write_scene(
+        folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
+        library=recipe.library, style=recipe.style,
+    )  # fmt: skip
 
 
 def _files(folder: Path, scenes: int) -> set[str]:
