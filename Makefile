@@ -9,8 +9,6 @@ PIP := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.t
 STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
 UNFINISHED := .venv/unfinished
-# There when the renderer of traced rooms is installed too: 155 MB to fetch, which only its tests need.
-TRACER := .venv/tracer
 # There when scenezoo is installed too, without what it requires: a second reader of .sens files, which only one test needs.
 SECOND_READER := .venv/second_reader
 
@@ -52,15 +50,11 @@ demo: setup
 test: setup
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'
 
-$(TRACER): $(STAMP)
-	$(PIP) --no-build-isolation -e '.[rooms]'
-	@touch $(TRACER)
-
 $(SECOND_READER): $(STAMP)
 	$(PIP) --no-deps scenezoo
 	@touch $(SECOND_READER)
 
-long: setup $(TRACER) $(SECOND_READER)
+long: setup $(SECOND_READER)
 	$(BIN)/pytest -m 'long'
 
 gpu: setup

@@ -28,7 +28,7 @@ from semgs.evaluation.protocols import neighbours
 from semgs.evaluation.summary import summary
 from semgs.files.atomic import write_bytes, write_text
 from semgs.files.errors import InputError
-from semgs.rooms.dataset import Recipe, write_dataset
+from semgs.rooms.sets.dataset import Recipe, write_dataset
 from semgs.training.settings import VALIDATION_SEED
 from semgs.weights.index import SHOWN
 

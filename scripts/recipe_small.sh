@@ -27,7 +27,7 @@ rooms long 120 8 2401 240x320
 python - "$folder/held" "$assets" <<'PYTHON'
 import sys
 from semgs.rooms.assets.library import Library
-from semgs.rooms.dataset import Recipe, write_dataset
+from semgs.rooms.sets.dataset import Recipe, write_dataset
 from semgs.training.settings import VALIDATION_SEED
 
 held, assets = sys.argv[1:]

@@ -12,7 +12,7 @@ import torch
 from semgs import load, open_scene, render
 from semgs.data.views import Batch, stack
 from semgs.model.semgs import SemGS
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 from semgs.training import presets
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState

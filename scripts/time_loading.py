@@ -21,7 +21,7 @@ from dataclasses import replace
 from itertools import cycle, islice
 from pathlib import Path
 
-from semgs.rooms.pool import WINDOW
+from semgs.rooms.sets.pool import WINDOW
 from semgs.training.batches import Portion, surveyed, training_batches
 from semgs.training.engine import launched
 from semgs.training.presets import small

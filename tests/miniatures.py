@@ -15,7 +15,7 @@ import numpy as np
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import resized
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 SIZE = (48, 64)
 

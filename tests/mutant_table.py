@@ -975,4 +975,19 @@ MUTANTS = (
         "if shares.get(name, 1.0) > 0}", "}",
         ("tests/training/test_supervision.py::test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else",),
     ),
+    Mutant(
+        "a folder whose record has more settings is gone on with", "semgs/files/claims.py",
+        "set(there) != set(settings)", "set(there) < set(settings)",
+        ("tests/files/test_claims.py::test_a_record_of_something_else_is_refused",),
+    ),
+    Mutant(
+        "shaded rooms are added to traced ones", "semgs/rooms/sets/scenes.py",
+        'SHADED = "shaded"', 'SHADED = "traced"',
+        ("tests/rooms/sets/test_dataset.py::test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not",),
+    ),
+    Mutant(
+        "a run in a world that is given up goes on in homes", "semgs/training/settings.py",
+        '(style := saved.pop("style", "home")) != "home"', '(style := saved.pop("style", "home")) == "other"',
+        ("tests/training/test_whole_runs.py::test_worlds_that_no_training_may_see_are_refused",),
+    ),
 )  # fmt: skip

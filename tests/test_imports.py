@@ -25,11 +25,14 @@ FLOORS = (
 
 FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
 
+FOLDERS = {"rooms": ("pieces", "assets", "plans", "drawing", "sets")}
+"""Packages whose folders have an order too: modules of one import their own folder and those before it."""
+
 VERSION = "semgs.__version__"
 """The one name of the top that every floor may read: it is set before anything is imported, and files carry it."""
 
 OPTIONAL = (
-    "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "mitsuba", "pyoidn", "sklearn", "tensorboard",
+    "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
@@ -97,16 +100,65 @@ def test_imports_point_down_only():
     assert wrong_arrows(ROOT) == []
 
 
+def wrong_arrows_inside(root: Path, package: str) -> list[str]:
+    """Every import from a folder of a package that points to a later one, or to the package itself, where old names are kept."""
+    place = {f"semgs.{package}.{folder}": number for number, folder in enumerate(FOLDERS[package])}
+    wrong = []
+    for name, path in modules(root).items():
+        home = ".".join(name.split(".")[:3])
+        if home not in place:
+            continue
+        for target in imported(name, path):
+            there = ".".join(target.split(".")[:3])
+            if package_of(target) == package and place.get(there, len(place)) > place[home]:
+                wrong.append(f"{name} imports {target}")
+    return wrong
+
+
+@pytest.mark.parametrize("package", FOLDERS)
+def test_folders_of_a_package_form_no_ring(package: str):
+    assert wrong_arrows_inside(ROOT, package) == []
+
+
+def test_a_planted_arrow_inside_a_package_is_found(tmp_path: Path):
+    texts = {
+        "semgs/rooms/sets/stream.py": "from semgs.rooms.drawing.room import Room\nfrom semgs.rooms.sets import cameras",
+        "semgs/rooms/drawing/room.py": "from semgs.rooms.sets.stream import sample\nfrom semgs.data.views import Views",
+        "semgs/rooms/pieces/solids.py": "import semgs.rooms.assets.library\nfrom semgs.rooms.demo import demo_scene",
+        "semgs/rooms/demo.py": "from semgs.rooms.sets.demo import demo_scene",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert sorted(wrong_arrows_inside(tmp_path, "rooms")) == [
+        "semgs.rooms.drawing.room imports semgs.rooms.sets.stream",
+        "semgs.rooms.pieces.solids imports semgs.rooms.assets.library",
+        "semgs.rooms.pieces.solids imports semgs.rooms.demo",
+    ]
+
+
+def test_the_package_knows_nothing_of_the_repositorys_tools():
+    users = [
+        name
+        for name, path in modules(ROOT).items()
+        if any(one.split(".")[0] == "tools" for one in imported(name, path))
+    ]
+    assert users == []
+
+
 def test_every_folder_has_its_floor():
     folders = {path.name for path in (ROOT / "semgs").iterdir() if path.is_dir() and any(path.glob("*.py"))}
     assert folders <= set(FLOOR)
+    for package, ordered in FOLDERS.items():
+        folders = {path.name for path in (ROOT / "semgs" / package).iterdir() if (path / "__init__.py").exists()}
+        assert folders == set(ordered)
 
 
 @pytest.mark.parametrize(
     ("module", "line", "found"),
     [
         ("data/views.py", "from semgs.model.semgs import SemGS", "semgs.model.semgs"),
-        ("model/heads.py", "import semgs.rooms.room", "semgs.rooms.room"),
+        ("model/heads.py", "import semgs.rooms.drawing.room", "semgs.rooms.drawing.room"),
         ("model/heads.py", "def f():\n    from semgs import rooms", "semgs.rooms"),
         ("rendering/render.py", "from semgs.model.encoding import Encoding", "semgs.model.encoding"),
         ("geometry/cameras.py", "from semgs import load", "semgs.load"),

@@ -22,7 +22,7 @@ from semgs.export.ply import read_ply
 from semgs.files import notebook
 from semgs.model.encoding import Encoding
 from semgs.rendering.rendering import Rendering
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 SIZE = (32, 48)
 

@@ -23,7 +23,7 @@ from semgs.evaluation.protocols import neighbours
 from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
 from semgs.reconstruction.reconstruct import reconstruct
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 from semgs.training import presets
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 from semgs.training.loop import train
 from semgs.training.presets import small
 from semgs.weights.load import load

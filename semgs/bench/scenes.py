@@ -14,7 +14,7 @@ from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.presets import base
 from semgs.model.semgs import SemGS
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 from semgs.weights.load import drawn, load
 
 TARGET = 5

@@ -27,7 +27,7 @@ from semgs.model.semgs import SemGS
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
 from semgs.rendering.splats import Splats
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 Watch = Callable[[str], AbstractContextManager[object]]
 """What stands around each part of a run, given its name: it times, counts, or looks at memory. `WHOLE` is around all parts."""

@@ -221,7 +221,7 @@ class Ablate:
     def _rooms(self, settings: TrainingSettings) -> Path:
         """Rooms to evaluate on, drawn where they are not there yet."""
         from semgs.rooms.assets.library import Library
-        from semgs.rooms.dataset import Recipe, write_dataset
+        from semgs.rooms.sets.dataset import Recipe, write_dataset
         from semgs.training.settings import VALIDATION_SEED
 
         library = Library(settings.assets, "validation", check=False) if settings.assets else None

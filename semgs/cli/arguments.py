@@ -44,13 +44,13 @@ def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
     )
 
 
-def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
+def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """The options of a command from its arguments; `--help` prints its help and leaves with 0.
 
     Args:
         options: a dataclass whose fields, comments and docstring are the help.
-        name: of the command.
-        arguments: what was typed behind the name.
+        program: what is typed before the arguments, such as "semgs train".
+        arguments: what was typed behind it.
 
     Raises:
         UsageError: an option is unknown (the nearest one is named), missing or has an impossible value.
@@ -59,12 +59,12 @@ def parse(options: type[Options], name: str, arguments: Sequence[str]) -> Option
     told = io.StringIO()
     try:
         with redirect_stderr(told):
-            return _parsed(options, name, arguments)
+            return _parsed(options, program, arguments)
     except SystemExit as leaving:
         if leaving.code != REFUSED:
             raise  # after --help; or the process was asked to end meanwhile
-        message = _mistyped(options, name, arguments, told.getvalue()) or _one_line(told.getvalue())
-        raise UsageError(f"{message}; see semgs {name} --help") from None
+        message = _mistyped(options, program, arguments, told.getvalue()) or _one_line(told.getvalue())
+        raise UsageError(f"{message}; see {program} --help") from None
 
 
 def nearest(typed: str, known: Iterable[str]) -> str:
@@ -90,20 +90,20 @@ def parse_size(text: str) -> tuple[int, int] | None:
     return height, width
 
 
-def _parsed(options: type[Options], name: str, arguments: Sequence[str]) -> Options:
+def _parsed(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """What tyro makes of the arguments; where they are wrong it explains itself on stderr and leaves."""
     config = (tyro.conf.FlagCreatePairsOff,)
-    return tyro.cli(options, prog=f"semgs {name}", args=list(arguments), config=config, registry=_TYPES)
+    return tyro.cli(options, prog=program, args=list(arguments), config=config, registry=_TYPES)
 
 
-def _mistyped(options: type, name: str, arguments: Sequence[str], box: str) -> str:
+def _mistyped(options: type, program: str, arguments: Sequence[str], box: str) -> str:
     """The first of the options that tyro did not recognise, as its box says, with the nearest that there is; "" where none is near."""
     _, _, unknown = _plain(box).partition("Unrecognized options")
     words = pairwise(("", *arguments))
     named = [word for before, word in words if not before.startswith("-") and not word.startswith("-")]
     told = io.StringIO()
     with suppress(SystemExit), redirect_stdout(told), redirect_stderr(io.StringIO()):
-        _parsed(options, name, [*named, "--help"])  # named, because a preset has options of its own
+        _parsed(options, program, [*named, "--help"])  # named, because a preset has options of its own
     known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _plain(told.getvalue()), re.MULTILINE)
     for typed in (word.split("=")[0] for word in arguments if word.startswith("--")):
         if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := nearest(typed, known)):

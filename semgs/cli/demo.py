@@ -34,7 +34,7 @@ class Demo:
         Raises:
             InputError: the output folder cannot be used.
         """
-        from semgs.rooms.demo import demo_scene
+        from semgs.rooms.sets.demo import demo_scene
 
         scene = demo_scene()
         overwrite = self.overwrite or _scene_in(self.out) == scene.name

@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from importlib import import_module
@@ -21,6 +21,9 @@ from semgs import __version__
 from semgs.cli.errors import UsageError, line_for
 from semgs.cli.terminal import Plain, open_streams
 from semgs.files.text import printable
+
+BAKE = ["rooms", "bake"]
+"""A command that is a tool of the repository now; the line that says so goes with the next release."""
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
@@ -50,7 +53,6 @@ COMMANDS = {
     ),
     "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."),
-    "rooms bake": Command("semgs.cli.bake", "Bake", "Make furniture for rooms from a seed, with Infinigen."),
     "train": Command("semgs.cli.train", "Train", "Train, or resume training."),
     "evaluate": Command(
         "semgs.cli.evaluate", "Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
@@ -77,15 +79,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 2 after input that cannot be used, an extra that is not installed, or something that the system refuses (a full disk, no permission,
         no memory); 130 and 143 after an interrupt and a request to end; 141 where nobody reads on, as before `| head`. Faults of ours raise.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
+
+    def work() -> int:
+        if arguments is not None:
+            return _run(list(arguments))
+        open_streams()
+        from semgs.reconstruction.allocator import keep_freed_memory
+
+        keep_freed_memory()
+        return _run(sys.argv[1:])
+
+    return guarded(work)
+
+
+def guarded(work: Callable[[], int]) -> int:
+    """The exit code of some work: its own, or that of `main` for an error that is not ours."""
     try:
         with _ended_like_interrupted(), _own_warnings_on_one_line():
-            if arguments is None:
-                open_streams()
-                from semgs.reconstruction.allocator import keep_freed_memory
-
-                keep_freed_memory()
-            code = _run(given)
+            code = work()
             sys.stdout.flush()
             return code
     except KeyboardInterrupt:
@@ -131,7 +142,11 @@ def _run(arguments: list[str]) -> int:
     if not arguments:
         print(_help(), file=sys.stderr)
         return BAD_INPUT
-    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1  # a folder that is called bake is ./bake
+    if arguments[:2] == BAKE:
+        raise UsageError(
+            "semgs rooms bake is now python -m tools.furniture, in a clone of the repository, with the same options"
+        )
+    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
     name, rest = " ".join(arguments[:words]), arguments[words:]
     if name in ("-h", "--help", "help"):
         print(_help())
@@ -146,12 +161,22 @@ def _run(arguments: list[str]) -> int:
         raise UsageError(
             f"unknown command {name!r}{nearest(name, COMMANDS)}; expected one of {known}; see semgs --help"
         )
+    command = COMMANDS[name]
+    return carry_out(getattr(import_module(command.module), command.options), f"semgs {name}", rest)
+
+
+def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int:
+    """Call `run()` of a dataclass of options, with its fields from what was typed behind the program's name; 0.
+
+    Raises:
+        UsageError: the options are wrong.
+        InputError: it was given files that cannot be used.
+    """
     from semgs.cli.arguments import parse
 
-    command = COMMANDS[name]
-    options = parse(getattr(import_module(command.module), command.options), name, rest)
+    given = parse(options, program, arguments)
     with redirect_stdout(Plain(sys.stdout)):
-        options.run()
+        given.run()
     return 0
 
 

@@ -13,11 +13,11 @@ from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress
 from semgs.files.atomic import check_file
-from semgs.rooms.style import Renders, Style
+from semgs.rooms.plans.style import Style
 
 if TYPE_CHECKING:
     from semgs.rooms.assets.library import Library
-    from semgs.rooms.dataset import Recipe
+    from semgs.rooms.sets.dataset import Recipe
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,8 @@ class Rooms:
     - semgs rooms data/rooms --scenes 100
     - semgs rooms data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
     - semgs rooms data/furnished --scenes 1000 --assets assets
-    - semgs rooms data/traced --scenes 20 --render traced
     - semgs rooms --sheet rooms.png --seed 3
-    - semgs rooms bake furniture --pieces 100 makes furniture for --assets; see semgs rooms bake --help
+    - python -m tools.furniture furniture --pieces 100 makes furniture for --assets, in a clone of the repository
     """
 
     out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")] = None
@@ -56,11 +55,8 @@ class Rooms:
     frames: int = 12
     """Pictures of each room, along one walk."""
     style: Style = "home"
-    """The world: home is furnished as people live, with all 20 classes; plain is boxes with noise textures, 13 classes,
-    a baseline; other is a second world that is held out: choose by it, do not train in it."""
-    render: Renders = "shaded"
-    """How scenes are lit: shaded has sun, sky, lamps and shadows, a fifth of a second a frame; traced follows light from wall to
-    wall, with reflections and mirrors, some seconds a frame (pip install '.[rooms]'); mixed traces one scene in ten."""
+    """The world: home is furnished as people live; other is a second world that is held out: choose by it, do not train in it.
+    Both have all 20 classes."""
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and pictures, which is checked once against its lock: half of the homes are furnished with its meshes,
     most get its pictures. Other uses files of its own. Again for another folder; none needs nothing."""
@@ -78,14 +74,13 @@ class Rooms:
             OSError: the disk is full.
         """
         self._check()
-        self._check_installed()
-        from semgs.rooms.dataset import Recipe
+        from semgs.rooms.sets.dataset import Recipe
 
         size = parse_size(self.size)
         assert size is not None
         library = self._library()
         with what_the_user_gave():
-            recipe = Recipe(self.seed, size, self.frames, self.style, self.render, library)
+            recipe = Recipe(self.seed, size, self.frames, self.style, library)
         try:
             if self.out is not None:
                 self._write(self.out, recipe)
@@ -111,17 +106,6 @@ class Rooms:
         if self.sheet is not None:
             check_file(self.sheet)
 
-    def _check_installed(self) -> None:
-        """Refuse to trace where that cannot work, before anything is written."""
-        if self.render == "shaded":
-            return
-        from semgs.rooms.traced import check_installed
-
-        try:
-            check_installed()
-        except ImportError as error:
-            raise UsageError(str(error)) from error
-
     def _library(self) -> Library | None:
         if not self.assets:
             return None
@@ -131,7 +115,7 @@ class Rooms:
             return open_library(self.assets, self.style)
 
     def _write(self, out: Path, recipe: Recipe) -> None:
-        from semgs.rooms.dataset import ATTRIBUTION, INDEX, claim, write_dataset
+        from semgs.rooms.sets.dataset import ATTRIBUTION, INDEX, claim, write_dataset
 
         with what_the_user_gave():
             claim(out, recipe, self.scenes)
@@ -140,10 +124,8 @@ class Rooms:
             index = write_dataset(out, recipe, self.scenes, workers=workers, done=done)
         labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
         frames = self.scenes * self.frames
-        traced = sum(scene["render"] == "traced" for scene in index["scenes"])
-        lit = f"{traced} of them traced" if self.render == "mixed" else self.render
         print(
-            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} pictures of {self.size}), {lit}, style {self.style}, seed {self.seed}"
+            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} pictures of {self.size}), style {self.style}, seed {self.seed}"
         )
         shares = sorted(
             ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True
@@ -157,10 +139,10 @@ class Rooms:
 
     def _draw_sheet(self, path: Path, library: Library | None) -> None:
         from semgs.files.pictures import write_png
-        from semgs.rooms.sheet import FRAMES, contact_sheet
+        from semgs.rooms.sets.sheet import FRAMES, contact_sheet
 
         with show_progress("Drawing frames", FRAMES) as done:
-            picture = contact_sheet(self.seed, self.style, library, self.render, done=done)
+            picture = contact_sheet(self.seed, self.style, library, done=done)
         write_png(path, picture)
         print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each with its labels beside it")
 

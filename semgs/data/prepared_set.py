@@ -11,16 +11,15 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.recordings import sequence_name
@@ -29,13 +28,13 @@ from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.data.scenes import open_scenes, scene_paths
-from semgs.data.workers import settle_worker
-from semgs.files.atomic import is_part_of, write_json, write_text
+from semgs.data.workers import outcomes
+from semgs.files.atomic import write_json, write_text
+from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
-from semgs.files.strict_json import read_json
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
 SAMPLED_SCENES = 3
@@ -180,22 +179,12 @@ def _prepared(
     Raises:
         InputError: none could be (the first one's error).
     """
-    crew = min(workers, len(found)) if frame_done is None else 0
-    work = iter(
-        DataLoader(
-            _Preparing(out, found, settings, reading, frame_done),
-            batch_size=None,
-            num_workers=crew,
-            multiprocessing_context="forkserver" if crew else None,
-            worker_init_fn=settle_worker,
-        )
-    )
     failed: dict[str, InputError] = {}
     entries: dict[str, dict[str, Any]] = {}
     done(0)
-    try:
-        for count, source in enumerate(found, start=1):
-            outcome = next(work)
+    work = partial(_entry, out, settings, reading, frame_done or _nothing)
+    with closing(outcomes(work, found, workers if frame_done is None else 0)) as prepared:
+        for count, (source, outcome) in enumerate(zip(found, prepared, strict=True), start=1):
             if isinstance(outcome, InputError):
                 failed[source.name] = outcome
             elif isinstance(outcome, Exception):
@@ -203,8 +192,6 @@ def _prepared(
             else:
                 entries[source.name] = outcome
             done(count)
-    finally:
-        del work  # ends the workers now, even if the error is kept for long
     if not entries:
         raise next(iter(failed.values()))
     return failed
@@ -217,23 +204,8 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
         ValueError: it holds scenes of other settings, which are told.
         InputError: it holds something else, nothing can be written there, or another process is filling it.
     """
-    record, wanted = out / SETTINGS, _settings(settings, reading)
-    if not record.is_file():
-        if out.exists() and not (out.is_dir() and all(is_part_of(file, record) for file in out.iterdir())):
-            raise InputError(
-                out, "a new or empty folder, or one to go on with", "something else", advice="name another folder"
-            )
-        check_writable(out)
-        return
-    there = read_json(record, "the settings of a prepared set")
-    if not isinstance(there, dict) or set(there) != set(wanted):
-        raise InputError(record, "the settings of a prepared set", "something else", advice="name another folder")
-    other = [f"{name} is {there[name]} there, {value} asked" for name, value in wanted.items() if there[name] != value]
-    if other:
-        raise ValueError(
-            f"{out} holds scenes of other settings: {'; '.join(other)}; give the same ones or name another folder"
-        )
-    with _alone(out):
+    begun = is_begun(out / SETTINGS, _settings(settings, reading), "a prepared set")
+    with _alone(out) if begun else nullcontext():
         check_writable(out)
 
 
@@ -267,38 +239,20 @@ def free_space(out: Path) -> int:
     return shutil.disk_usage(nearest).free
 
 
-class _Preparing(Dataset):
-    """Prepares a scene when it is asked for; the item is its entry in the index, or what went wrong.
+def _entry(
+    out: Path, settings: Preparation, reading: Reading, frame_done: Callable[[int], None], source: Source
+) -> dict[str, Any]:
+    """The entry of a scene in the index; it is prepared if that is not there yet.
 
-    An error is handed over as a value because a loader would keep no more than its type and text.
+    Raises:
+        InputError: it cannot be.
     """
-
-    def __init__(
-        self,
-        out: Path,
-        found: Sequence[Source],
-        settings: Preparation,
-        reading: Reading,
-        frame_done: Callable[[int], None] | None,
-    ) -> None:
-        self._out, self._found, self._settings, self._reading = out, found, settings, reading
-        self._frame_done = frame_done
-
-    def __len__(self) -> int:
-        return len(self._found)
-
-    def __getitem__(self, k: int) -> dict[str, Any] | Exception:
-        source = self._found[k]
-        target = self._out / f"{source.name}.zip"
-        try:
-            scene = self._reading.open(source)
-            there = read_record(target) if target.is_file() else None
-            if there is not None and there.get("source") == fingerprint(scene):
-                return there
-            return prepare_scene(scene, target, self._settings, done=self._frame_done or _nothing)
-        except Exception as error:
-            error.add_note(f"while {source.name} was prepared:\n{traceback.format_exc()}")
-            return error
+    target = out / f"{source.name}.zip"
+    scene = reading.open(source)
+    there = read_record(target) if target.is_file() else None
+    if there is not None and there.get("source") == fingerprint(scene):
+        return there
+    return prepare_scene(scene, target, settings, done=frame_done)
 
 
 def _nothing(count: int) -> None:

@@ -15,8 +15,8 @@ from semgs.data.views import Batch, stack
 from semgs.data.workers import settle_worker
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.splits import Split
-from semgs.rooms.pool import PooledSamples
-from semgs.rooms.stream import RoomSamples
+from semgs.rooms.sets.pool import PooledSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.samples import Folder, Sample, Samples
 from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
 from semgs.training.source import Source
@@ -131,12 +131,12 @@ def training_batches(
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
             rooms = PooledSamples(
                 pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
-                served=served, group=settings.batch, library=library, style=settings.style,
+                served=served, group=settings.batch, library=library,
             )  # fmt: skip
         else:
             rooms = RoomSamples(
                 settings.seed, settings.size, settings.contexts, settings.targets, length,
-                group=settings.batch, library=library, style=settings.style,
+                group=settings.batch, library=library,
             )  # fmt: skip
     samples = Samples(
         settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
@@ -161,7 +161,7 @@ def surveyed(settings: TrainingSettings, out: Path) -> Survey:
 
     def rooms() -> RoomSamples:
         library = _library(settings, "training")
-        return RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library, style=settings.style)
+        return RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library)
 
     return survey(settings, out, rooms)
 

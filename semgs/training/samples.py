@@ -18,8 +18,8 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views, joined
 from semgs.files.errors import InputError
-from semgs.rooms.pool import PooledSamples
-from semgs.rooms.stream import RoomSamples
+from semgs.rooms.sets.pool import PooledSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.augmentation import Variation, window
 from semgs.training.settings import Augmentation
 from semgs.training.teacher import Teacher, coordinates

@@ -10,8 +10,7 @@ from typing import Any, Literal
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
 from semgs.objectives.weights import DepthLossWeights, LossWeights
-from semgs.rooms import demo
-from semgs.rooms.style import Style
+from semgs.rooms.sets import demo
 from semgs.training.source import ROOMS, Source
 
 VALIDATION_SEED = 2**31 - 1
@@ -136,8 +135,6 @@ class TrainingSettings:
     scene_reuse: int = 1
     """Samples taken from each generated room, on average. 1 generates a new room for every sample; more is cheaper and shows fewer rooms
     (they are cached in RUN/rooms)."""
-    style: Style = "home"
-    """Style of the generated training rooms: home or plain. other is reserved for testing. Validation rooms are always homes."""
     assets: tuple[str, ...] = ()
     """Folder of meshes and images for the rooms; see semgs rooms --help. Repeatable. Validation rooms use pieces that training never
     sees."""
@@ -208,8 +205,6 @@ class TrainingSettings:
                 "none, but with single pictures (--supervision pictures --contexts 1 1 --targets 0)",
             ),
             "teacher_weight": (self.teacher_weight > 0, "a positive number"),
-            "style": (self.style != "other", "home or plain; nothing is trained in the world that is held out"),
-            "assets": (not self.assets or self.style == "home", "none in rooms of style plain"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
             "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
         }
@@ -259,11 +254,13 @@ class TrainingSettings:
         """The settings that `as_json` gave; fields that a newer version added take their defaults.
 
         Raises:
-            ValueError: a field is not known to this version.
+            ValueError: a field, or the style of rooms, is not known to this version.
         """
+        saved = dict(saved)
         if "weights" in saved:  # its name before there were mixtures of data
-            saved = {**saved, "init": saved["weights"]}
-            del saved["weights"]
+            saved["init"] = saved.pop("weights")
+        if (style := saved.pop("style", "home")) != "home":  # a setting while there was a second world to train in
+            raise ValueError(f"style is {style}; this version of semgs trains in rooms of style home only")
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
             raise ValueError(f"the settings hold {', '.join(unknown)}, which this version of semgs does not know")

@@ -67,7 +67,7 @@ def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_
 
 def test_paths_are_expanded_and_empty_ones_refused_as_they_are_typed(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("HOME", str(tmp_path))
-    options = parse(Reconstruct, "reconstruct", ["~/scan", "--out", "~"])
+    options = parse(Reconstruct, "semgs reconstruct", ["~/scan", "--out", "~"])
     assert (options.scene, options.out) == (tmp_path / "scan", tmp_path)
     for arguments, told in (
         (["", "--out", "out"], 'SCENE: "": expected a path, found an empty one'),

@@ -12,7 +12,7 @@ pytest.importorskip("embreex")
 
 from semgs.cli.main import main
 from semgs.files.pictures import read_rgb
-from semgs.rooms import sheet
+from semgs.rooms.sets import sheet
 
 SMALL = ["--size", "32x48", "--frames", "2", "--workers", "0"]
 
@@ -42,11 +42,10 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--frames", "1"], "frames is 1"),
         (["OUT", "--seed", "-1"], "seed is -1"),
         (["OUT", "--workers", "-1"], "--workers is -1"),
-        (["OUT", "--style", "castle"], "castle"),
-        (["OUT", "--render", "painted"], "painted"),
+        (["OUT", "--style", "plain"], "invalid choice 'plain'"),
+        (["OUT", "--render", "traced"], "there is no option --render"),
         (["OUT", "--assets", "/nowhere/at/all"], "no such folder"),
         (["OUT", "--assets", "EMPTY"], "missing"),
-        (["OUT", "--assets", "EMPTY", "--style", "plain"], "one that uses assets: home, other"),
         ([], "expected a folder"),
         (["--sheet", "sheet.jpg"], "ends in .png"),
         (["--sheet", "/nowhere/at/all/sheet.png"], "a folder that is there"),
@@ -78,7 +77,7 @@ def test_a_full_disk_is_one_line(
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", "x")
 
-    monkeypatch.setattr("semgs.rooms.scenes.write_views", full)
+    monkeypatch.setattr("semgs.rooms.sets.scenes.write_views", full)
     assert main(["rooms", str(tmp_path / "rooms"), "--scenes", "1", *SMALL]) == 2
     assert "the disk is full" in capsys.readouterr().err
 
@@ -86,7 +85,7 @@ def test_a_full_disk_is_one_line(
 def test_a_sheet_shows_frames_beside_their_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sheet, "FRAMES", 6)
     monkeypatch.setattr(sheet, "FRAME_SIZE", (24, 32))
-    assert main(["rooms", "--sheet", str(tmp_path / "sheet.png"), "--style", "plain"]) == 0
+    assert main(["rooms", "--sheet", str(tmp_path / "sheet.png"), "--style", "other"]) == 0
     picture = read_rgb(tmp_path / "sheet.png")
     assert picture.shape == (24 + 2 * sheet.LEGEND_PX, 6 * 2 * 32, 3)
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]

@@ -20,7 +20,7 @@ from semgs.training.settings import CLASS_WEIGHTINGS
 
 
 def parsed(line: str) -> Train:
-    return parse(Train, "train", line.split())
+    return parse(Train, "semgs train", line.split())
 
 
 def test_a_preset_alone_is_the_preset():
@@ -85,12 +85,12 @@ def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_pa
 
 
 def test_what_differs_from_the_preset_is_told_in_words():
-    settings = parsed("small --out run --steps 77 --style plain --augmentation.flip").settings
+    settings = parsed("small --out run --steps 77 --seed 5 --augmentation.flip").settings
     assert from_preset(settings) == [
         f"steps: 77 (preset small: {small().steps})",
         "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True, roll=0.0, camera=0.0) "
         "(preset small: Augmentation(colour=0.0, crop=1.0, flip=False, roll=0.0, camera=0.0))",
-        "style: plain (preset small: home)",
+        "seed: 5 (preset small: 0)",
     ]
     assert from_preset(small()) == []
 

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 from semgs.data.raycast import Raycaster
-from semgs.rooms.solids import SHELL, gather, triangulate
-from semgs.rooms.stream import generator
-from semgs.rooms.worlds import furnish
+from semgs.rooms.pieces.solids import SHELL, gather, triangulate
+from semgs.rooms.plans.worlds import furnish
+from semgs.rooms.sets.stream import generator
 
 SEED, INDEX = 5, 1
 EYES = (

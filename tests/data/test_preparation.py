@@ -28,7 +28,7 @@ from semgs.data.scenes import open_scene, open_scenes
 from semgs.data.views import cropped, resized
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 SMALL = Preparation((48, 64))
 

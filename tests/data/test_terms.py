@@ -26,7 +26,7 @@ from semgs.data.terms import (
     terms_of,
     terms_text,
 )  # fmt: skip
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 SMALL = Preparation((24, 32), every=4)
 

@@ -9,7 +9,7 @@ from semgs.data.scenes import open_scene
 from semgs.evaluation.figure import chosen_tasks, torn
 from semgs.evaluation.plan import Plan, make_plan
 from semgs.evaluation.protocols import neighbours
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.camera_attention import token_transforms
 from semgs.model.cost_volume import cost_volume
 from semgs.model.encoding import Encoding
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 SIZE = (32, 48)
 

@@ -18,7 +18,7 @@ from semgs.data.scenes import open_scene
 from semgs.model import plan
 from semgs.reconstruction.allocator import keep_freed_memory
 from semgs.reconstruction.reconstruct import reconstruct
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 
 
 def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> None:

@@ -10,12 +10,12 @@ pytest.importorskip("embreex")
 
 from semgs.data.classes import SCANNET20
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.furniture import LABEL
-from semgs.rooms.home import draw_home
-from semgs.rooms.room import FLAT, build_room
-from semgs.rooms.shading import look, pixel_directions
-from semgs.rooms.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
-from semgs.rooms.stream import generator, sample
+from semgs.rooms.drawing.room import FLAT, build_room
+from semgs.rooms.drawing.shading import look, pixel_directions
+from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
+from semgs.rooms.plans.home import draw_home
+from semgs.rooms.sets.stream import generator, sample
 
 SIZE = (18, 24)
 

@@ -21,14 +21,13 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.files.pictures import read_uint8
-from semgs.rooms.scenes import Walk, draw_scene, write_views
-from semgs.rooms.style import STYLES
+from semgs.rooms.plans.style import STYLES
+from semgs.rooms.sets.scenes import Walk, draw_scene, write_views
 
 SEED, SCENES, FRAMES, SIZE = 3, 3, 2, (48, 64)
 DECIMALS = 9
 DIGESTS = {
     "home": {"plans": "9ce259417df4f535", "cameras": "02304e4caa589d06"},
-    "plain": {"plans": "dd22b3e4744f1d79", "cameras": "86524edeb3c32555"},
     "other": {"plans": "a3d2c121a50a3e63", "cameras": "dfb2be38b966101b"},
 }
 LABELS = Path(__file__).with_name("pinned_labels.png")

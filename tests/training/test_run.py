@@ -13,7 +13,7 @@ import pytest
 from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.objectives.weights import DepthLossWeights, LossWeights
-from semgs.rooms import demo
+from semgs.rooms.sets import demo
 from semgs.training.checkpoints import save_checkpoint
 from semgs.training.differences import differences
 from semgs.training.loop import train

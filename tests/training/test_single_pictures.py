@@ -10,7 +10,7 @@ import pytest
 import torch
 from scenes_on_disk import write_labelled
 
-from semgs.rooms.pool import WINDOW, PooledSamples
+from semgs.rooms.sets.pool import WINDOW, PooledSamples
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.turns import Turn, Turns, frame_of
@@ -126,7 +126,7 @@ def test_a_scene_that_breaks_gives_its_turn_to_another(tmp_path: Path):
 
 
 def test_live_rooms_come_one_picture_each(tmp_path: Path):
-    (batch,) = batches(replace(SETTINGS, data=("rooms",), steps=1, batch=2, style="plain"), tmp_path)
+    (batch,) = batches(replace(SETTINGS, data=("rooms",), steps=1, batch=2), tmp_path)
     assert batch.context.images.shape == (2, 1, 3, 16, 24)
     assert batch.scenes == ("room 3/0", "room 3/1")
 

@@ -6,7 +6,7 @@ from semgs.data.views import resized
 from semgs.evaluation.protocols import neighbours
 from semgs.objectives.metrics import confusion_matrix, miou, psnr
 from semgs.rendering.rendering import likeliest
-from semgs.rooms.demo import demo_scene
+from semgs.rooms.sets.demo import demo_scene
 from semgs.weights.file import read_header
 from semgs.weights.load import shipped
 

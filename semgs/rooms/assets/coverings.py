@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import materials as m
-from semgs.rooms import texture_kernels as t
 from semgs.rooms.assets.catalogue import PictureRow
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.pictures import Pyramid
-from semgs.rooms.furniture import LABEL
-from semgs.rooms.materials import Row
-from semgs.rooms.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
-from semgs.rooms.solids import SHELL, Part
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces import texture_kernels as t
+from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
+from semgs.rooms.pieces.solids import SHELL, Part
 
 TILE = {
     "wood_floor": 1.5, "wood": 1.0, "carpet": 0.8, "tile": 0.8, "stone": 1.2, "concrete": 2.0, "plaster": 1.5, "wallpaper": 0.7,

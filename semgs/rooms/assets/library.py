@@ -18,7 +18,7 @@ from semgs.rooms.assets.glb import Primitive, read_glb
 from semgs.rooms.assets.lock import LockRow, lock_digest, lock_of, read_lock, verify
 from semgs.rooms.assets.pictures import Pyramid, decode
 from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
-from semgs.rooms.shells import corner_normals
+from semgs.rooms.pieces.shells import corner_normals
 
 T = TypeVar("T")
 
@@ -168,16 +168,16 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
     """The assets that rooms of a style may use: the training third of `home`, the held-out third of `other`.
 
     Raises:
-        ValueError: there is no such style, or it uses no assets.
+        ValueError: there is no such style.
         InputError: as `Library`, or the folders have nothing for such rooms.
     """
     if style not in SPLIT_OF_STYLE:
-        raise ValueError(f"style {style!r}; expected one that uses assets: {', '.join(SPLIT_OF_STYLE)}")
+        raise ValueError(f"style {style!r}; expected one of {', '.join(SPLIT_OF_STYLE)}")
     library = Library(folders, SPLIT_OF_STYLE[style], check=check)
     if not library.meshes and not library.pictures:
         raise InputError(
             ", ".join(map(str, library.folders)), f"meshes or pictures of the list {library.split}", "none",
-            advice="what semgs rooms bake makes is for training and validation rooms" if style == "other" else None,
+            advice="what tools.furniture makes is for training and validation rooms" if style == "other" else None,
         )  # fmt: skip
     return library
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
 
 from semgs.files.errors import InputError
-from semgs.rooms import shell_kernels
+from semgs.rooms.pieces import shell_kernels
 
 LONGEST = 1024
 """Larger pictures are reduced to this [px]."""

@@ -22,7 +22,7 @@ VALIDATION_SHARE = 0.25
 """Of what is not in `other`."""
 
 BAKED = "bake"
-"""Maker of the pieces of `semgs rooms bake`: whoever trains bakes his own, so that none of them is ever in `other`."""
+"""Maker of the pieces of `tools.furniture`: whoever trains bakes his own, so that none of them is ever in `other`."""
 KITS = ("kenney", "qt", "kkf", "kkr", "proc", BAKED)
 """Makers whose pieces of one class are one family."""
 

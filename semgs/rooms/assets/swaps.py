@@ -8,15 +8,15 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import materials as m
-from semgs.rooms import texture_kernels as t
 from semgs.rooms.assets.catalogue import MeshRow
 from semgs.rooms.assets.coverings import Coverings
 from semgs.rooms.assets.library import Library, Panel
-from semgs.rooms.furniture import LABEL
-from semgs.rooms.materials import Row
-from semgs.rooms.shells import Shell
-from semgs.rooms.solids import SHELL, Part, Piece, Triple
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces import texture_kernels as t
+from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.shells import Shell
+from semgs.rooms.pieces.solids import SHELL, Part, Piece, Triple
 
 
 @dataclass(frozen=True)

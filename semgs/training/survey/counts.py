@@ -11,7 +11,7 @@ from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
-from semgs.rooms.stream import RoomSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.samples import Folder, relabelled
 from semgs.training.settings import TrainingSettings
 from semgs.training.survey.opened import Opened

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
-from semgs.rooms.stream import RoomSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.samples import Folder
 from semgs.training.settings import CLASS_WEIGHTINGS, TrainingSettings
 from semgs.training.source import ROOMS

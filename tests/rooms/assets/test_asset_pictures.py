@@ -3,7 +3,7 @@ import pytest
 
 from semgs.files.errors import InputError
 from semgs.rooms.assets.pictures import decode, fill_gaps, pack, pyramid
-from semgs.rooms.picture_kernels import LINEAR
+from semgs.rooms.pieces.picture_kernels import LINEAR
 
 
 def levels(size):

@@ -9,20 +9,20 @@ import torch
 pytest.importorskip("embreex")
 
 from semgs.data.classes import IGNORE
-from semgs.rooms import fittings, furniture, openings
-from semgs.rooms import materials as m
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
-from semgs.rooms.furniture import LABEL
-from semgs.rooms.picture_kernels import PANORAMA, VIEW
-from semgs.rooms.room import build_room
-from semgs.rooms.shading import look
-from semgs.rooms.solids import SHELL, Piece, block
-from semgs.rooms.stream import generator, sample
-from semgs.rooms.texture_kernels import KIND, MAPPING, PICTURE
+from semgs.rooms.drawing.room import build_room
+from semgs.rooms.drawing.shading import look
+from semgs.rooms.pieces import fittings, furniture, openings
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.picture_kernels import PANORAMA, VIEW
+from semgs.rooms.pieces.solids import SHELL, Piece, block
+from semgs.rooms.pieces.texture_kernels import KIND, MAPPING, PICTURE
+from semgs.rooms.sets.stream import generator, sample
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ def test_splits_have_no_mesh_and_no_picture_in_common(asset_folder):
         assert not (names[0] | names[1]) & names[2]
 
 
-def test_the_style_chooses_the_split_and_plain_uses_no_assets(asset_folder):
+def test_the_style_chooses_the_split_and_there_is_no_other_style(asset_folder):
     assert open_library(asset_folder, "home", check=False).split == "training"
     assert open_library(asset_folder, "other", check=False).split == "other"
     with pytest.raises(ValueError, match="plain"):

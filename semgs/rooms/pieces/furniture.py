@@ -1,0 +1,288 @@
+"""Furniture for sitting, lying and working: pieces made of parts, each with random proportions and materials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from semgs.data.classes import IGNORE, SCANNET20
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.solids import CUSHION, CYLINDER, Part, Piece, block
+
+Maker = Callable[[np.random.Generator], Piece]
+"""A function that makes a piece from a random generator."""
+
+LABEL = {name: SCANNET20.index(name) for name in SCANNET20.names}
+
+
+def legs(
+    label: int, material: Row, width: float, depth: float, height: float, thickness: float, inset: float = 0.0
+) -> list[Part]:
+    """Four legs under a rectangle."""
+    upright = m.along(material, 2)
+    near, far = inset, thickness + inset
+    return [
+        block(label, upright, (x, y, 0), (x + thickness, y + thickness, height))
+        for x in (near, width - far)
+        for y in (near, depth - far)
+    ]
+
+
+def bed(rng: np.random.Generator) -> Piece:
+    """Frame, mattress, cover, pillows, and a headboard more often than not."""
+    label = LABEL["bed"]
+    width, depth = float(rng.choice([0.9, 1.2, 1.4, 1.6, 1.8])) + rng.uniform(-0.05, 0.1), rng.uniform(1.95, 2.2)
+    frame = m.carpentry(rng) if rng.random() < 0.7 else m.fabric(rng)
+    low, thick = rng.uniform(0.15, 0.35), rng.uniform(0.15, 0.28)
+    top = low + thick
+    parts = [block(label, frame, (0, 0, rng.choice([0.0, 0.1])), (width, depth, low))]
+    if parts[0].centre[2] > low / 2:
+        parts += legs(label, frame, width, depth, 0.1, 0.07)
+    parts.append(block(label, m.bedding(rng), (0.02, 0.03, low), (width - 0.02, depth - 0.03, top)))
+    height = top
+    if rng.random() < 0.8:
+        board = rng.uniform(0.75, 1.3)
+        parts.append(block(label, frame, (-0.02, -0.06, 0), (width + 0.02, 0.02, board)))
+        height = board
+    cover, drop = m.bedding(rng), rng.uniform(0.05, 0.3)
+    start = rng.uniform(0.35, 0.9)
+    parts.append(
+        block(label, cover, (-0.025, start, top - drop), (width + 0.025, depth + 0.02, top + rng.uniform(0.025, 0.07)))
+    )
+    if rng.random() < 0.4:
+        fold = depth - rng.uniform(0.3, 0.7)
+        parts.append(block(label, m.fabric(rng), (-0.04, fold, top - drop), (width + 0.04, depth + 0.03, top + 0.085)))
+    pillow, count = m.bedding(rng), 1 if width < 1.3 else 2
+    span = width / count
+    for layer in range(int(rng.integers(1, 3))):
+        for i in range(count):
+            half = span * rng.uniform(0.38, 0.46)
+            middle, back = (i + 0.5) * span, 0.04 + 0.14 * layer
+            lift = top - 0.03 + 0.05 * layer
+            parts.append(block(label, pillow, (middle - half, back, lift), (middle + half, back + 0.4, lift + 0.17), CUSHION,
+                               yaw=rng.uniform(-0.12, 0.12), tilt=rng.uniform(-0.15, 0.0)))  # fmt: skip
+        pillow = m.fabric(rng)
+    return Piece("bed", (width, depth, height), tuple(parts))
+
+
+def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL["sofa"]) -> Piece:
+    """Base, seat and back cushions, arms, scatter cushions."""
+    seats = int(rng.integers(2, 4)) if seats is None else seats
+    arm, seat = rng.uniform(0.1, 0.26), rng.uniform(0.55, 0.75)
+    width, depth = 2 * arm + seats * seat, rng.uniform(0.78, 1.0)
+    cloth = m.fabric(rng)
+    base, height, rest = rng.uniform(0.24, 0.32), rng.uniform(0.7, 0.95), rng.uniform(0.5, 0.66)
+    feet = rng.choice([0.0, 0.08, 0.13])
+    back, thick = rng.uniform(0.14, 0.24), rng.uniform(0.12, 0.2)
+    parts = [
+        block(label, cloth, (0, 0, feet), (width, depth - 0.02, base)),
+        block(label, cloth, (0, 0, base), (width, back, height)),
+        block(label, cloth, (0, 0, base), (arm, depth, rest)),
+        block(label, cloth, (width - arm, 0, base), (width, depth, rest)),
+    ]
+    if feet:
+        parts += legs(label, m.wood(rng, 2), width, depth - 0.05, feet, 0.05, 0.03)
+    shape = CUSHION if rng.random() < 0.6 else 0
+    for i in range(seats):
+        x = arm + i * seat
+        parts.append(
+            block(label, cloth, (x + 0.006, back, base - 0.03), (x + seat - 0.006, depth + 0.01, base + thick), shape)
+        )
+        parts.append(block(label, cloth, (x + 0.006, back - 0.03, base + thick - 0.03), (x + seat - 0.006, back + 0.17, height + 0.04), shape,
+                           tilt=0.12))  # fmt: skip
+    for _ in range(int(rng.integers(0, 3))):
+        x, half = rng.uniform(arm + 0.25, width - arm - 0.25), rng.uniform(0.18, 0.25)
+        parts.append(block(label, m.fabric(rng), (x - half, back + 0.17, base + thick - 0.02), (x + half, back + 0.31, base + thick + 2 * half - 0.03),
+                           CUSHION, yaw=rng.uniform(-0.25, 0.25), tilt=0.3))  # fmt: skip
+    return Piece("sofa", (width, depth + 0.01, height + 0.04), tuple(parts))
+
+
+def armchair(rng: np.random.Generator) -> Piece:
+    """A sofa of one seat, which is a chair."""
+    piece = sofa(rng, seats=1, label=LABEL["chair"])
+    return Piece("armchair", piece.size, piece.parts)
+
+
+def chair(rng: np.random.Generator) -> Piece:
+    """A dining chair with a slatted, solid or padded back, an office chair, or a stool."""
+    label, look = LABEL["chair"], rng.random()
+    width, depth, seat = rng.uniform(0.4, 0.52), rng.uniform(0.42, 0.52), rng.uniform(0.42, 0.5)
+    top = seat + rng.uniform(0.35, 0.55)
+    if look < 0.3:
+        cloth, frame = m.fabric(rng), m.metal(rng)
+        x, y = width / 2, depth / 2
+        parts = [
+            block(label, frame, (x - 0.03, y - 0.03, 0.06), (x + 0.03, y + 0.03, seat), CYLINDER),
+            block(label, cloth, (0, 0, seat - 0.03), (width, depth, seat + 0.06), CUSHION),
+            block(label, cloth, (0.02, -0.03, seat + 0.12), (width - 0.02, 0.06, top + 0.1), CUSHION, tilt=0.1),
+            block(label, frame, (x - 0.025, -0.02, seat), (x + 0.025, 0.0, seat + 0.3)),
+        ]
+        parts += [
+            block(label, frame, (x - 0.28, y - 0.025, 0.03), (x + 0.28, y + 0.025, 0.075), yaw=k * np.pi / 3)
+            for k in range(3)
+        ]
+        if rng.random() < 0.5:
+            for side in (-0.03, width - 0.02):
+                parts.append(block(label, frame, (side, 0.08, seat + 0.17), (side + 0.05, depth - 0.1, seat + 0.2)))
+                parts.append(block(label, frame, (side, 0.18, seat), (side + 0.04, 0.22, seat + 0.17)))
+        return Piece("chair", (width, depth, top + 0.1), tuple(parts))
+    frame = m.carpentry(rng) if rng.random() < 0.7 else m.metal(rng)
+    pad = m.fabric(rng) if rng.random() < 0.5 else frame
+    thin = rng.uniform(0.025, 0.05)
+    parts = legs(label, frame, width, depth, seat - 0.03, thin)
+    parts.append(
+        block(label, pad, (-0.01, 0, seat - 0.03), (width + 0.01, depth + 0.02, seat + rng.uniform(0.0, 0.04)))
+    )
+    if look < 0.38:
+        return Piece("stool", (width, depth, seat), tuple(parts))
+    upright = m.along(frame, 2)
+    if look < 0.7:
+        for x in (0.0, width - thin):
+            parts.append(block(label, upright, (x, -0.02, seat), (x + thin, thin - 0.02, top), tilt=0.07))
+        if rng.random() < 0.5:
+            count = int(rng.integers(2, 5))
+            for i in range(count):
+                z = seat + (top - seat) * (i + 0.7) / count
+                parts.append(
+                    block(
+                        label,
+                        frame,
+                        (thin, -0.03 - 0.06 * i / count, z - 0.07),
+                        (width - thin, -0.005 - 0.06 * i / count, z),
+                    )
+                )
+        else:
+            for x in np.linspace(thin + 0.03, width - thin - 0.05, int(rng.integers(3, 7))):
+                parts.append(block(label, upright, (x, -0.02, seat), (x + 0.02, 0.0, top - 0.05), tilt=0.07))
+            parts.append(block(label, frame, (0.0, -0.05, top - 0.08), (width, -0.02, top)))
+    else:
+        parts.append(block(label, pad, (0.0, -0.02, seat + 0.02), (width, 0.03, top), tilt=0.1))
+    if rng.random() < 0.2:
+        for x in (-0.01, width - thin + 0.01):
+            parts.append(block(label, frame, (x, 0.02, seat + 0.18), (x + thin, depth, seat + 0.21)))
+            parts.append(block(label, upright, (x, depth - 0.05, seat), (x + thin, depth - 0.02, seat + 0.18)))
+    return Piece("chair", (width, depth, top), tuple(parts))
+
+
+def _table_under(
+    rng: np.random.Generator, label: int, frame: Row, width: float, depth: float, height: float
+) -> list[Part]:
+    """What carries a table top: legs, panels, or a middle post."""
+    look = rng.random()
+    if look < 0.65:
+        thin = rng.uniform(0.035, 0.09)
+        parts = legs(label, frame, width, depth, height, thin, rng.uniform(0.0, 0.05))
+        if rng.random() < 0.6:
+            for y in (0.04, depth - 0.07):
+                parts.append(block(label, frame, (0.05, y, height - 0.09), (width - 0.05, y + 0.025, height)))
+        return parts
+    if look < 0.85:
+        upright = m.along(frame, 2)
+        return [block(label, upright, (x, 0.05, 0), (x + 0.04, depth - 0.05, height)) for x in (0.06, width - 0.1)]
+    x, y = width / 2, depth / 2
+    return [
+        block(label, frame, (x - 0.05, y - 0.05, 0.03), (x + 0.05, y + 0.05, height), CYLINDER),
+        block(label, frame, (x - 0.28, y - 0.28, 0.0), (x + 0.28, y + 0.28, 0.035), CYLINDER),
+    ]  # fmt: skip
+
+
+def _table(rng: np.random.Generator, name: str, width: float, depth: float, height: float, round_top: bool) -> Piece:
+    label, wood = LABEL["table"], m.carpentry(rng)
+    top = wood if rng.random() < 0.7 else (m.stone(rng) if rng.random() < 0.5 else m.lacquer(rng))
+    thick = rng.uniform(0.02, 0.05)
+    frame = wood if rng.random() < 0.7 else m.metal(rng)
+    if round_top:
+        x, y = width / 2, depth / 2
+        parts = [
+            block(label, frame, (x - 0.05, y - 0.05, 0.03), (x + 0.05, y + 0.05, height - thick), CYLINDER),
+            block(label, frame, (x - 0.22, y - 0.22, 0.0), (x + 0.22, y + 0.22, 0.035), CYLINDER),
+        ]
+    else:
+        parts = _table_under(rng, label, frame, width, depth, height - thick)
+    parts.append(block(label, top, (0, 0, height - thick), (width, depth, height), CYLINDER if round_top else 0))
+    return Piece(name, (width, depth, height), tuple(parts), surface=height)
+
+
+def dining_table(rng: np.random.Generator) -> Piece:
+    """Rectangular or round, 0.70 to 0.78 m high."""
+    round_top = bool(rng.random() < 0.25)
+    width = rng.uniform(0.9, 1.3) if round_top else rng.uniform(1.0, 2.0)
+    depth = width if round_top else rng.uniform(0.7, 1.0)
+    return _table(rng, "table", width, depth, rng.uniform(0.7, 0.78), round_top)
+
+
+def coffee_table(rng: np.random.Generator) -> Piece:
+    """A low table."""
+    round_top = bool(rng.random() < 0.3)
+    width = rng.uniform(0.6, 1.2)
+    return _table(
+        rng, "coffee table", width, width if round_top else rng.uniform(0.45, 0.7), rng.uniform(0.35, 0.5), round_top
+    )
+
+
+def side_table(rng: np.random.Generator) -> Piece:
+    """A small table beside a bed or a sofa."""
+    side = rng.uniform(0.4, 0.55)
+    return _table(rng, "side table", side, side, rng.uniform(0.45, 0.65), bool(rng.random() < 0.4))
+
+
+def desk(rng: np.random.Generator) -> Piece:
+    """A top on legs or panels, often with drawers; a screen, a keyboard and the like on it are ignored."""
+    label, wood = LABEL["desk"], m.carpentry(rng)
+    width, depth, height = rng.uniform(1.0, 1.8), rng.uniform(0.55, 0.8), rng.uniform(0.7, 0.78)
+    parts = _table_under(rng, label, wood if rng.random() < 0.6 else m.metal(rng), width, depth, height - 0.03)
+    parts.append(block(label, wood, (0, 0, height - 0.03), (width, depth, height)))
+    if rng.random() < 0.6:
+        x = 0.06 if rng.random() < 0.5 else width - 0.46
+        body = wood if rng.random() < 0.6 else m.lacquer(rng)
+        parts.append(block(label, body, (x, 0.04, 0.02), (x + 0.4, depth - 0.06, height - 0.03)))
+        parts += fronts(rng, label, body, (x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
+    if rng.random() < 0.3:
+        parts.append(block(label, wood, (0.03, depth * 0.1, 0.1), (width - 0.03, depth * 0.1 + 0.02, height - 0.03)))
+    if rng.random() < 0.65:
+        dark = m.row(rng, a=m.colour(rng, saturation=(0, 0.2), value=(0.03, 0.25)), gloss=0.4)
+        x, half = width * rng.uniform(0.35, 0.65), rng.uniform(0.22, 0.34)
+        parts.append(block(IGNORE, dark, (x - half, 0.14, height + 0.1), (x + half, 0.17, height + 0.1 + 1.15 * half)))
+        parts.append(block(IGNORE, dark, (x - 0.03, 0.11, height), (x + 0.03, 0.14, height + 0.25)))
+        parts.append(block(IGNORE, dark, (x - 0.12, 0.08, height), (x + 0.12, 0.26, height + 0.012)))
+        parts.append(
+            block(IGNORE, m.lacquer(rng), (x - 0.2, depth - 0.24, height), (x + 0.2, depth - 0.1, height + 0.02))
+        )
+    return Piece("desk", (width, depth, height), tuple(parts), surface=height)
+
+
+def fronts(
+    rng: np.random.Generator,
+    label: int,
+    material: Row,
+    across: tuple[float | int, float | int],
+    y: float,
+    upwards: tuple[float | int, float | int],
+    columns: int,
+    rows: int,
+) -> list[Part]:
+    """Doors or drawers on the front of a body at depth `y`, with gaps between and handles on them."""
+    parts = []
+    handle = m.metal(rng)
+    bars = rng.random() < 0.6
+    width, height = (across[1] - across[0]) / columns, (upwards[1] - upwards[0]) / rows
+    thick = rng.uniform(0.012, 0.022)
+    for column in range(columns):
+        for line in range(rows):
+            x, z = across[0] + column * width, upwards[0] + line * height
+            parts.append(
+                block(label, material, (x + 0.004, y, z + 0.004), (x + width - 0.004, y + thick, z + height - 0.004))
+            )
+            if height > width * 1.2:
+                side = x + (0.06 if column % 2 else width - 0.06)
+                middle, reach = z + height * (0.75 if z < 0.5 else 0.3), 0.06 if bars else 0.015
+                low, high = (side - 0.01, y + thick, middle - reach), (side + 0.01, y + thick + 0.025, middle + reach)
+            else:
+                reach = min(0.1, width / 4) if bars else 0.015
+                middle = z + height * 0.65
+                low = (x + width / 2 - reach, y + thick, middle - 0.01)
+                high = (x + width / 2 + reach, y + thick + 0.025, middle + 0.01)
+            parts.append(block(label, handle, low, high))
+    return parts

@@ -1,0 +1,1 @@
+"""Plans: what stands where in a room, by the rules of each style."""

@@ -1,0 +1,225 @@
+"""A room that is being built and furnished: where things may be put, and putting them there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from semgs.data.classes import IGNORE
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.solids import Part, Piece, block, gather, moved
+from semgs.rooms.plans.floor_plan import WALL, Lamp, Opening
+from semgs.rooms.plans.footprints import Span, Wall, around, overlap, rectangle
+from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
+
+Footprint = Float64[np.ndarray, "4 2"]
+Swap = Callable[[Piece], Piece]
+"""Exchanges a piece for another of the same name and footprint; what it gave it gives back unchanged."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What things may stand on: the top of a piece at (x, y), turned by `yaw` [m, rad].
+
+    Attributes:
+        blocked: left, right, near and far edge, in the piece's frame, of what stands on it already [m].
+    """
+
+    x: float
+    y: float
+    yaw: float
+    width: float
+    depth: float
+    height: float
+    blocked: tuple[Span, ...]
+
+
+def snug(piece: Piece) -> Piece:
+    """The piece with its frame moved and its size set so that they hold all of its parts, also handles, cushions and tilted backs."""
+    solids = gather(piece.parts)
+    half = (np.abs(solids.rotations) * solids.sizes[:, None] / 2).sum(-1)
+    low, high = (solids.centres - half).min(axis=0), (solids.centres + half).max(axis=0)
+    width, depth = float(high[0] - low[0]), float(high[1] - low[1])
+    parts = tuple(moved(piece.parts, (-float(low[0]), -float(low[1]), 0.0)))
+    return replace(piece, parts=parts, size=(width, depth, float(high[2])))
+
+
+class Builder:
+    """What stands so far, and what must stay free.
+
+    Args:
+        rng: draws everything.
+        outline: the shape of the rooms.
+        swap: what exchanges the pieces that are put down; None leaves them.
+    """
+
+    def __init__(self, rng: np.random.Generator, outline: Outline, swap: Swap | None = None) -> None:
+        self.rng, self.outline, self.size, self.swap = rng, outline, outline.size, swap
+        self.parts: list[Part] = []
+        self.pieces: list[tuple[int, int]] = []
+        self.footprints: list[Footprint] = []
+        self.kept_free: list[Footprint] = list(outline.built)
+        self.windows: list[Opening] = []
+        self.lamps: list[Lamp] = []
+        self.surfaces: list[Surface] = []
+
+    def chance(self, share: float) -> bool:
+        """True in that share of the calls."""
+        return bool(self.rng.random() < share)
+
+    def exchanged(self, piece: Piece) -> Piece:
+        """The piece that stands in its place, or itself."""
+        return piece if self.swap is None else self.swap(piece)
+
+    def add(self, parts: list[Part]) -> None:
+        """Put the parts of one piece where they are."""
+        self.pieces.append((len(self.parts), len(self.parts) + len(parts)))
+        self.parts += parts
+
+    def shell(self, zone: Zone, wet: bool) -> None:
+        """Floor, ceiling (ignored) and the walls of a room, round their openings: paint, at times another on one wall, tiles or
+        boards on the lower part, and skirting."""
+        rng, height = self.rng, self.size[2]
+        (left, front), (right, back) = zone.low, zone.high
+        low, high = (
+            (left - WALL, front - WALL),
+            (right + PARTITION / 2 if right < self.size[0] / 2 else right + WALL, back + WALL),
+        )
+        if left > -self.size[0] / 2:
+            low = (left - PARTITION / 2, low[1])
+        self.parts.append(block(LABEL["floor"], m.flooring(rng, wet), (*low, -WALL), (*high, 0)))
+        white = m.row(rng, a=m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), fine=rng.uniform(0.01, 0.05), fine_scale=0.02)  # fmt: skip
+        self.parts.append(block(IGNORE, white, (*low, height), (*high, height + WALL)))
+        paint = m.wall_paint(rng)
+        skirting, tall = m.lacquer(rng) if self.chance(0.6) else m.wood(rng), rng.uniform(0.05, 0.13)
+        has_skirting, accent = self.chance(0.8), int(rng.integers(4)) if self.chance(0.25) else -1
+        lower, split = None, rng.uniform(0.8, 1.3)
+        if wet and self.chance(0.65):
+            lower, split = m.tiles(rng, small=self.chance(0.6)), rng.choice([split, height])
+        elif self.chance(0.08):
+            lower = m.boards(rng, m.colour(rng))
+        own = LABEL["wall"]
+        for number, wall in enumerate(zone.walls):
+            cover = m.wall_paint(rng) if number == accent else paint
+            parts = []
+            for a, b, c, d in around(wall.length, 0.0, height, wall.holes):
+                if wall.built:
+                    parts.append(block(own, cover, (a, -0.02, c), (b, 0, d)))
+                else:  # the ends reach into the corners, behind the faces of the neighbours
+                    ends = (a - WALL if a == 0.0 else a, b + WALL if b == wall.length else b)
+                    parts.append(block(own, cover, (ends[0], -WALL, c), (ends[1], 0, d)))
+            if lower is not None:
+                parts += [
+                    block(own, lower, (a, 0, c), (b, 0.006, d))
+                    for a, b, c, d in around(wall.length, 0.0, split, wall.holes)
+                ]
+            if has_skirting:
+                parts += [
+                    block(own, skirting, (a, 0, c), (b, 0.014, d))
+                    for a, b, c, d in around(wall.length, 0.0, tall, wall.holes)
+                ]
+            self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
+
+    def fill(self) -> None:
+        """Make solid what is built in from floor to ceiling, a little inside its faces: nobody stands in there."""
+        grey = m.row(self.rng)
+        for corners in self.outline.built:
+            (left, front), (right, back) = corners.min(axis=0) + 0.01, corners.max(axis=0) - 0.01
+            low, high = (float(left), float(front), 0.0), (float(right), float(back), self.size[2])
+            self.parts.append(block(LABEL["wall"], grey, low, high))
+
+    def hang(self, wall: Wall, piece: Piece, left: float, low: float, recess: float = 0.0) -> None:
+        """Fix a piece to a wall with its lower left corner there, `recess` behind the wall's face."""
+        self.add(moved(self.exchanged(piece).parts, (*wall.at(left, -recess), low), wall.yaw))
+        wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
+
+    def fits(self, footprint: Footprint, ignore_free: bool = False) -> bool:
+        """Whether a footprint is inside the outer walls and clear of what stands and, mostly, of what must stay free."""
+        half = (self.size[0] / 2 - 0.015, self.size[1] / 2 - 0.015)
+        others = (*self.footprints, *(self.outline.built if ignore_free else self.kept_free))
+        return bool((np.abs(footprint) <= half).all()) and not any(overlap(footprint, other) for other in others)
+
+    def fits_structure(self, footprint: Footprint) -> bool:
+        """Whether a footprint touches no wall inside the outer ones."""
+        return not any(overlap(footprint, other) for other in self.outline.built)
+
+    def stand(self, piece: Piece, x: float, y: float, yaw: float, margin: float = 0.02) -> bool:
+        """Put a piece on the floor with its own (0, 0) at (x, y), if there is room for it."""
+        width, depth, _ = piece.size
+        shift_x, shift_y = margin * np.cos(yaw) - margin * np.sin(yaw), margin * np.sin(yaw) + margin * np.cos(yaw)
+        wide = rectangle(x - shift_x, y - shift_y, width + 2 * margin, depth + 2 * margin, yaw)
+        inner = rectangle(x, y, width, depth, yaw)
+        if not self.fits(inner) or any(overlap(wide, other) for other in (*self.footprints, *self.kept_free)):
+            return False
+        self.footprints.append(inner)
+        piece = self.exchanged(piece)
+        self.add(moved(piece.parts, (x, y, 0.0), yaw))
+        if piece.surface is not None:
+            self.surfaces.append(Surface(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
+        return True
+
+    def beside_wall(self, wall: Wall, piece: Piece, left: float, off: float = 0.03, turn: float = 0.0) -> bool:
+        """Put a piece with its back to a wall at a place of it, if wall and floor are free there."""
+        right = left + piece.size[0]
+        if left < 0 or right > wall.length or not wall.free(left, right, 0.0, piece.size[2]):
+            return False
+        x, y = wall.at(left, off + abs(turn) * piece.size[0])
+        if not self.stand(piece, x, y, wall.yaw + turn):
+            return False
+        wall.taken.append((left, right, 0.0, piece.size[2]))
+        return True
+
+    def against_wall(self, zone: Zone, piece: Piece, tries: int = 30, corner: float = 0.5) -> tuple[Wall, float] | None:
+        """Put a piece with its back to some wall, in that share of the tries at an end of it; returns the wall and where on
+        it, None if it found no room."""
+        rng = self.rng
+        for _ in range(tries):
+            wall = zone.walls[int(rng.integers(len(zone.walls)))]
+            slack = wall.length - piece.size[0] - 0.06
+            if slack < 0:
+                continue
+            left = 0.03 + slack * (float(rng.integers(2)) if self.chance(corner) else rng.random())
+            off = 0.025 + rng.choice([0.0, rng.uniform(0, 0.06)]) + {"bed": 0.07, "sofa": 0.05}.get(piece.name, 0.0)
+            turn = rng.uniform(-0.3, 0.3) if piece.name in ("armchair", "other", "chair") and self.chance(0.5) else 0.0
+            if self.beside_wall(wall, piece, left, off, turn):
+                return wall, left
+        return None
+
+    def in_the_open(self, zone: Zone, piece: Piece, tries: int = 12) -> tuple[float, float, float] | None:
+        """Put a piece somewhere on the floor, the middle first; returns its place and yaw, None if it found no room."""
+        rng = self.rng
+        centre = (np.array(zone.low) + zone.high) / 2
+        sides = np.array(zone.high) - zone.low
+        for number in range(tries):
+            along = 0.0 if (sides[0] > sides[1]) == (piece.size[0] > piece.size[1]) else np.pi / 2
+            yaw = along + float(rng.choice([0.0, np.pi])) + (rng.uniform(-0.3, 0.3) if self.chance(0.2) else 0.0)
+            middle = centre + (sides - 1.2) * rng.uniform(-0.5, 0.5, 2) * min(1.0, number / 4)
+            x = float(middle[0] - (piece.size[0] * np.cos(yaw) - piece.size[1] * np.sin(yaw)) / 2)
+            y = float(middle[1] - (piece.size[0] * np.sin(yaw) + piece.size[1] * np.cos(yaw)) / 2)
+            if self.stand(piece, x, y, yaw, margin=0.3):
+                return x, y, yaw
+        return None
+
+    def covered(self, zone: Zone) -> float:
+        """Floor that furniture stands on in a room [m2]."""
+        total = 0.0
+        for corners in self.footprints:
+            middle = corners.mean(axis=0)
+            if ((middle >= zone.low) & (middle <= zone.high)).all():
+                total += float(np.linalg.norm(corners[1] - corners[0]) * np.linalg.norm(corners[2] - corners[1]))
+        return total
+
+
+def _standing_on(piece: Piece) -> tuple[Span, ...]:
+    """What rises above the surface of a piece, in its frame."""
+    assert piece.surface is not None
+    result = []
+    for part in piece.parts:
+        if part.centre[2] + part.size[2] / 2 > piece.surface + 0.005:
+            (x, y, _), (width, depth, _) = part.centre, part.size
+            result.append((x - width / 2, x + width / 2, y - depth / 2, y + depth / 2))
+    return tuple(result)

@@ -1,0 +1,345 @@
+"""The style `home`: rooms furnished by the rules that people follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semgs.rooms.pieces import fittings, furniture, openings, things
+from semgs.rooms.pieces.furniture import Maker
+from semgs.rooms.pieces.solids import Piece, moved
+from semgs.rooms.plans import dressing
+from semgs.rooms.plans.builder import Builder, Swap, snug
+from semgs.rooms.plans.floor_plan import FloorPlan, Opening
+from semgs.rooms.plans.footprints import Wall, rectangle
+from semgs.rooms.plans.outlines import (
+    PARTITION,
+    Outline,
+    Zone,
+    rectangular,
+    two_rooms,
+    with_breast,
+    with_corner_built_in,
+)
+
+BIG: dict[str, tuple[Maker, ...]] = {
+    "bedroom": (furniture.bed, fittings.cabinet, furniture.desk, fittings.bookshelf, furniture.armchair, fittings.other),
+    "living": (furniture.sofa, fittings.sideboard, fittings.bookshelf, furniture.armchair, furniture.sofa, fittings.other, furniture.dining_table),
+    "kitchen": (fittings.counter, fittings.refrigerator, fittings.stove, furniture.dining_table, fittings.counter, fittings.island, fittings.cabinet),
+    "dining": (furniture.dining_table, fittings.sideboard, fittings.cabinet, fittings.bookshelf, furniture.armchair, fittings.other),
+    "bathroom": (fittings.bathtub, fittings.toilet, fittings.washbasin, fittings.cabinet, fittings.other),
+    "office": (furniture.desk, furniture.desk, fittings.bookshelf, fittings.cabinet, fittings.island, furniture.desk, furniture.sofa, fittings.other),
+    "study": (furniture.desk, fittings.bookshelf, furniture.armchair, fittings.bookshelf, furniture.sofa, fittings.other),
+    "hallway": (fittings.cabinet, fittings.other, furniture.side_table, fittings.bookshelf, furniture.chair),
+    "mixed": (
+        furniture.bed, furniture.sofa, furniture.desk, furniture.dining_table, fittings.bookshelf, fittings.cabinet, fittings.counter,
+        fittings.island, fittings.refrigerator, fittings.other, furniture.armchair,
+    ),
+}  # fmt: skip
+"""What each kind of room is furnished with, most important first; of `mixed` (a studio), a random choice."""
+
+SHARES = {
+    "bedroom": 0.19, "living": 0.14, "kitchen": 0.15, "dining": 0.06, "bathroom": 0.23, "office": 0.06, "study": 0.05,
+    "hallway": 0.03, "mixed": 0.09,
+}  # fmt: skip
+"""How often each kind of room is drawn; classes that fill few pixels decide it."""
+
+PAIRS = (("living", "dining"), ("living", "kitchen"), ("dining", "kitchen"), ("bedroom", "study"), ("bedroom", "bathroom"), ("living", "bedroom"))  # fmt: skip
+TWO_ROOMS = 0.16
+"""Share of plans that are two rooms with an opening between them."""
+
+FREE_STANDING = ("table", "island")
+WET = ("bathroom", "kitchen")
+
+
+def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
+    """A random home: one room, or two joined by an opening, with furniture, light and clutter; `swap` may exchange each piece
+    for another of the same footprint."""
+    outline = _outline(rng)
+    builder = Builder(rng, outline, swap)
+    evening = builder.chance(0.3)
+    light = rng.uniform(0.01, 0.08) if evening else float(np.exp(rng.uniform(np.log(0.2), np.log(1.8))))
+    if outline.passage is not None:
+        open_door(builder, outline)
+    for zone in outline.zones:
+        _doors(builder, zone)
+        _windows(builder, zone, light)
+    for zone in outline.zones:
+        builder.shell(zone, zone.kind in WET)
+    if outline.passage is None:  # a partition is a wall of its own, with a hole
+        builder.fill()
+    for zone in outline.zones:
+        _furnish(builder, zone)
+        dressing.pictures(builder, zone)
+        dressing.lamps(builder, zone, lit=evening or builder.chance(0.45))
+        dressing.clutter(builder, zone)
+    kind = " + ".join(zone.kind for zone in outline.zones)
+    return FloorPlan(kind, outline.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints),
+                tuple(builder.pieces), tuple(builder.lamps))  # fmt: skip
+
+
+def _outline(rng: np.random.Generator) -> Outline:
+    """The shape of the rooms and what they are used for."""
+    height = rng.uniform(2.3, 3.2) if rng.random() < 0.5 else rng.uniform(2.4, 2.65)
+    if rng.random() < TWO_ROOMS:
+        kinds = PAIRS[int(rng.integers(len(PAIRS)))]
+        return two_rooms(rng, kinds, (rng.uniform(6.0, 9.0), rng.uniform(2.8, 4.4), height))
+    kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
+    if kind == "bathroom":
+        length, width = rng.uniform(2.5, 4.2), rng.uniform(2.4, 3.4)
+    elif kind == "hallway":
+        length, width = rng.uniform(3.5, 7.0), rng.uniform(1.7, 2.4)
+    else:
+        length = rng.uniform(3.0, 7.0)
+        width = rng.uniform(2.8, min(6.0, 34 / length))
+    size = (float(length), float(width), float(height))
+    look = rng.random()
+    if look < 0.12 and min(length, width) > 2.9:
+        return with_corner_built_in(rng, kind, size)
+    if look < 0.27 and min(length, width) > 2.7:
+        return with_breast(rng, kind, size)
+    return rectangular(kind, size)
+
+
+def open_door(builder: Builder, outline: Outline) -> None:
+    """The opening between two rooms, with its lining and most often a leaf that stands open in one of them."""
+    rng = builder.rng
+    assert outline.passage is not None
+    wide = rng.uniform(0.8, 1.0) if builder.chance(0.6) else rng.uniform(1.2, 1.8)
+    high = min(rng.uniform(2.0, 2.15), builder.size[2] - 0.15)
+    lining, leaf = openings.passage(rng, wide, high, PARTITION)
+    for wall, middle in outline.passage:
+        hole = (middle - wide / 2, middle + wide / 2, 0.0, high)
+        wall.holes.append(hole)
+        wall.taken.append((hole[0] - 0.1, hole[1] + 0.1, 0.0, high + 0.1))
+        builder.kept_free.append(rectangle(*wall.at(hole[0]), wide, 0.85, wall.yaw))
+    wall, middle = outline.passage[0]
+    builder.add(moved(lining.parts, (*wall.at(middle - wide / 2), 0.0), wall.yaw))
+    if leaf is not None and wide < 1.1:
+        wall, middle = outline.passage[int(rng.integers(2))]
+        yaw = wall.yaw + rng.uniform(1.3, 1.75)
+        x, y = wall.at(middle - wide / 2 + 0.04, 0.04)
+        builder.add(moved(leaf.parts, (x, y, 0.0), yaw))
+        builder.footprints.append(rectangle(x + 0.06 * np.sin(yaw), y - 0.06 * np.cos(yaw), leaf.size[0], 0.16, yaw))
+
+
+def _doors(builder: Builder, zone: Zone) -> None:
+    """Closed doors, whose swing stays free: one or two, in a hallway up to four."""
+    rng, height = builder.rng, builder.size[2]
+    count = int(rng.integers(2, 5)) if zone.kind == "hallway" else 1 + int(builder.chance(0.35))
+    for _ in range(count):
+        piece = openings.door(rng, height)
+        wall = zone.walls[int(rng.integers(len(zone.walls)))]
+        slack = wall.length - piece.size[0] - 0.3
+        if not wall.outer or slack < 0:
+            continue
+        left = 0.15 + slack * rng.random()
+        if wall.free(left - 0.1, left + piece.size[0] + 0.1, 0.0, height):
+            bar, leaf = openings.door_hole(piece)
+            builder.hang(wall, piece, left, 0.0)
+            wall.holes.append((left + bar, left + piece.size[0] - bar, 0.0, leaf))
+            builder.kept_free.append(rectangle(*wall.at(left), piece.size[0], 0.75, wall.yaw))
+
+
+def _windows(builder: Builder, zone: Zone, light: float) -> None:
+    """Up to three windows in outer walls, set into them; blinds, curtains beside or over them, a radiator below."""
+    rng, height, bath = builder.rng, builder.size[2], zone.kind == "bathroom"
+    count = {"bathroom": (0, 1, 1), "hallway": (0, 0, 1)}.get(zone.kind, (0, 1, 1, 2, 2, 3, 3))
+    sill = float(rng.choice([0.1, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.1)])) if not bath else rng.uniform(1.1, 1.4)
+    top = min(rng.uniform(1.9, 2.4), height - 0.15)
+    shaded, draped = builder.chance(0.3), not bath and builder.chance(0.75)
+    for _ in range(int(rng.choice(count))):
+        low = sill if builder.chance(0.8) or bath else rng.uniform(0.8, 1.1)
+        tall = top - low if not bath else min(rng.uniform(0.5, 0.9), height - low - 0.15)
+        wall = zone.walls[int(rng.integers(len(zone.walls)))]
+        width = rng.uniform(0.5, 1.0) if bath else rng.uniform(0.7, max(0.75, min(2.4, wall.length - 0.9)))
+        left = 0.3 + (wall.length - width - 0.6) * rng.random()
+        if not wall.outer or left < 0.3 or tall < 0.45 or not wall.free(left - 0.3, left + width + 0.3, 0.0, height):
+            continue
+        blind = rng.choice([0.2, 0.5, 1.0, rng.uniform(0.3, 1.0)]) if shaded else 0.0
+        recess = rng.uniform(0.06, 0.1)
+        builder.hang(wall, openings.window(rng, width, tall, light, blind), left, low, recess)
+        wall.holes.append((left, left + width, low, low + tall))
+        closed = draped and dressing.curtains(builder, wall, (left, left + width, low, low + tall))
+        x, y = wall.at(left + width / 2, 0.06 - recess)
+        turn = np.array([np.cos(wall.yaw), np.sin(wall.yaw)])
+        builder.windows.append(
+            Opening(
+                middle=(x, y, low + tall / 2),
+                facing=(-float(turn[1]), float(turn[0]), 0.0),
+                half_width=(float(turn[0]) * width / 2, float(turn[1]) * width / 2, 0.0),
+                half_height=tall / 2,
+                light=light * (1 - 0.8 * float(blind)) * (0.15 if closed else 1.0),
+            )
+        )
+        if low > 0.6 and not bath and builder.chance(0.5):
+            piece = openings.radiator(rng, min(width, 1.4) * rng.uniform(0.7, 1.0), low - rng.uniform(0.08, 0.2))
+            builder.beside_wall(wall, piece, left + (width - piece.size[0]) / 2, 0.005)
+
+
+def _furnish(builder: Builder, zone: Zone) -> None:
+    """The furniture of a kind of room, each piece with what goes with it, up to 45 % of the floor."""
+    rng = builder.rng
+    makers: Sequence[Maker] = BIG[zone.kind]
+    if zone.kind == "mixed":
+        makers = [makers[i] for i in rng.permutation(len(makers))[: int(rng.integers(5, 10))]]
+    budget = 0.45 * zone.free_area
+    for place, maker in enumerate(makers):
+        if zone.kind != "mixed" and place >= 3 and builder.chance(0.3):
+            continue
+        piece = snug(maker(rng))
+        if builder.covered(zone) + piece.size[0] * piece.size[1] <= budget:
+            _place(builder, zone, piece)
+    if builder.chance(0.4):
+        builder.against_wall(zone, snug(furniture.chair(rng)))
+    if zone.kind in ("bathroom", "hallway", "dining", "mixed") and builder.chance(0.4):
+        dressing.rug(builder, zone, (np.array(zone.low) + zone.high) / 2, 0.0)
+
+
+def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
+    """Put a piece where its kind belongs, with its companions."""
+    if piece.name in FREE_STANDING and builder.chance(0.85):
+        found = builder.in_the_open(zone, piece)
+        if found and piece.name != "island":
+            _chairs_around(builder, piece, *found)
+        return
+    if piece.name in ("refrigerator", "stove", "counter") and _continue_the_row(builder, zone, piece):
+        return
+    where = builder.against_wall(zone, piece, corner=0.15 if piece.name in ("bed", "sofa", "desk") else 0.55)
+    if where is None:
+        return
+    wall, left = where
+    if piece.name == "bed":
+        _beside_the_bed(builder, zone, wall, left, piece)
+    elif piece.name == "desk":
+        _chair_at_the_desk(builder, wall, left, piece)
+    elif piece.name == "sofa":
+        _before_the_sofa(builder, zone, wall, left, piece)
+    elif piece.name == "bathtub":
+        _round_the_bathtub(builder, wall, piece)
+    elif piece.name == "washbasin" or (piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)):
+        wide, low = piece.size[0] * builder.rng.uniform(0.7, 1.1), max(1.15, piece.size[2] + 0.2)
+        glass = openings.mirror(builder.rng, wide, builder.rng.uniform(0.5, 0.8))
+        start = left + (piece.size[0] - wide) / 2
+        if (
+            0.02 < start < wall.length - wide - 0.02
+            and wall.free(start, start + wide, low, low + glass.size[2])
+            and low + glass.size[2] < builder.size[2] - 0.1
+        ):
+            builder.hang(wall, glass, start, low)
+
+
+def _continue_the_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
+    """Put a kitchen piece right beside one that stands at a wall already; False if there is none or no room."""
+    for wall in zone.walls:
+        for left, right, low, high in list(wall.taken):
+            if (
+                low > 0.0
+                or not 0.8 < high < 2.4
+                or right - left < 0.5
+                or any(left < b and a < right for a, b, _, _ in wall.holes)
+            ):
+                continue
+            for start in (right + 0.03, left - piece.size[0] - 0.03):
+                if builder.beside_wall(wall, piece, start):
+                    return True
+    return False
+
+
+def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: Piece) -> None:
+    """Nightstands at one or both sides, often a rug that looks out from under the bed."""
+    rng = builder.rng
+    if builder.chance(0.8):
+        stand = snug(fittings.nightstand(rng) if builder.chance(0.7) else furniture.side_table(rng))
+        for side in (left - stand.size[0] - 0.1, left + bed.size[0] + 0.1):
+            if builder.chance(0.85):
+                builder.beside_wall(wall, stand, side)
+    if builder.chance(0.45):
+        dressing.rug(
+            builder,
+            zone,
+            np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75)),
+            wall.yaw,
+            bed.size[0] + rng.uniform(0.6, 1.2),
+        )
+
+
+def _chair_at_the_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
+    """A chair that faces the desk, pushed back or a little turned."""
+    rng = builder.rng
+    seat = snug(furniture.chair(rng))
+    x, y = wall.at(
+        left + desk.size[0] / 2 + seat.size[0] / 2 + rng.uniform(-0.15, 0.15),
+        desk.size[1] + 0.14 + seat.size[1] + rng.uniform(0, 0.25),
+    )
+    if not builder.stand(seat, x, y, wall.yaw + np.pi + rng.uniform(-0.4, 0.4)):
+        builder.stand(seat, x, y, wall.yaw + np.pi)
+
+
+def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa: Piece) -> None:
+    """A low table on a rug, and where the other wall is free a sideboard with a television."""
+    rng = builder.rng
+    middle = left + sofa.size[0] / 2
+    if builder.chance(0.6):
+        dressing.rug(
+            builder, zone, np.array(wall.at(middle, sofa.size[1] + 0.5)), wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3)
+        )
+    if builder.chance(0.8):
+        low = snug(furniture.coffee_table(rng))
+        x, y = wall.at(middle - low.size[0] / 2, sofa.size[1] + rng.uniform(0.35, 0.55))
+        builder.stand(low, x, y, wall.yaw)
+    if builder.chance(0.35):
+        opposite = [
+            other for other in zone.walls if abs(np.cos(other.yaw - wall.yaw) + 1) < 1e-6 and other.length > 1.6
+        ]
+        if opposite:
+            other = opposite[int(rng.integers(len(opposite)))]
+            bench = builder.exchanged(snug(fittings.sideboard(rng)))
+            start = (other.length - bench.size[0]) * rng.uniform(0.2, 0.8)
+            screen = things.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
+            if bench.surface is not None and builder.beside_wall(other, bench, start):
+                builder.surfaces.pop()
+                x, y = other.at(start + (bench.size[0] - screen.size[0]) / 2, 0.1)
+                builder.add(moved(screen.parts, (x, y, bench.surface), other.yaw))
+                other.taken.append((start, start + bench.size[0], bench.surface, bench.surface + screen.size[2]))
+
+
+def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
+    """A shower curtain along the open side of a tub that was just put down."""
+    rng = builder.rng
+    if not builder.chance(0.8):
+        return
+    drape = openings.shower_curtain(rng, tub.size[0] * rng.uniform(0.35, 1.0), builder.size[2])
+    along = 0.0 if builder.chance(0.5) else tub.size[0] - drape.size[0]
+    start, end, _, front = builder.footprints[-1]
+    x, y = front + along * (end - start) / tub.size[0] + 0.01 * (front - start) / tub.size[1]
+    shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
+    if builder.fits(shape):
+        builder.add(moved(builder.exchanged(drape).parts, (float(x), float(y), 0.0), wall.yaw))
+        builder.footprints.append(shape)
+
+
+def _chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: float) -> None:
+    """Chairs of one make at the sides of a table, facing it, some pulled out or a little turned."""
+    rng = builder.rng
+    seat = snug(furniture.chair(rng))
+    width, depth, _ = table.size
+    count = max(1, int(width / 0.65))
+    sides = [(width * (i + 0.5) / count, end, turn) for i in range(count) for end, turn in ((depth, np.pi), (0.0, 0.0))]
+    sides += [(0.0, depth / 2, -np.pi / 2), (width, depth / 2, np.pi / 2)]
+    for along, across, turn in sides:
+        if builder.chance(0.2):
+            continue
+        own = turn + rng.uniform(-0.12, 0.12)
+        gap = rng.uniform(0.03, 0.12) if builder.chance(0.7) else rng.uniform(0.12, 0.4)
+        out = np.array([np.sin(turn), -np.cos(turn)])
+        back = np.array([along, across]) + out * (seat.size[1] + gap)
+        corner = back - np.array([np.cos(own), np.sin(own)]) * seat.size[0] / 2
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        builder.stand(
+            seat,
+            float(x + cosine * corner[0] - sine * corner[1]),
+            float(y + sine * corner[0] + cosine * corner[1]),
+            yaw + own,
+        )

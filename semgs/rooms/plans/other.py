@@ -1,0 +1,399 @@
+"""The world that is held out: long rooms furnished in zones, in few colours that go together; see `docs/rooms.md`.
+
+It shares the parametric pieces with `home` and nothing else: other proportions, walls, windows and lamps, other rules for
+what stands where, other choices of colour. Choices are made by it, so that no training may see it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from semgs.data.classes import IGNORE
+from semgs.rooms.pieces import fittings, furniture, openings, things
+from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces import texture_kernels as t
+from semgs.rooms.pieces.furniture import LABEL, Maker
+from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, block, moved
+from semgs.rooms.plans.builder import Swap
+from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
+from semgs.rooms.plans.footprints import Wall, around, overlap, rectangle
+
+ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
+ZONE_LENGTH = 2.3
+"""About what a zone takes of the length of a room [m]."""
+ALONG, OPPOSITE = 0, 2
+"""The long walls."""
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The few materials of a room.
+
+    Attributes:
+        wood, dark: the colours of its wood.
+        paint: of its painted furniture.
+        walls: of its walls, and of the wall at its end.
+    """
+
+    wood: tuple[float, float, float]
+    dark: tuple[float, float, float]
+    paint: tuple[float, float, float]
+    walls: tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def draw_palette(rng: np.random.Generator) -> Palette:
+    """Colours around one hue, or white with one strong colour."""
+    hue = float(rng.random())
+    wood = m.colour(rng, (0.05, 0.1), (0.25, 0.6), (0.25, 0.85))
+    near = (hue - 0.05, hue + 0.05)
+    pale = m.colour(rng, near, (0.02, 0.15), (0.8, 0.97))
+    strong = m.colour(rng, near, (0.15, 0.5), (0.35, 0.75))
+    walls = [(pale, strong), (strong, pale), (pale, pale), (pale, wood)][int(rng.integers(4))]
+    dark = m.colour(rng, saturation=(0, 0.1), value=(0.05, 0.25))
+    paint = [pale, dark if strong in walls else strong, dark][int(rng.integers(3))]
+    return Palette(wood, m.shade(rng, wood, 0.3, 0.6), paint, walls)
+
+
+def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
+    """A random long room; `swap` may exchange each piece for another of the same footprint."""
+    length, width = rng.uniform(4.6, 8.2), rng.uniform(2.7, 4.0)
+    loft = _Loft(rng, (length, width, rng.uniform(2.5, 3.7)), swap)
+    loft.openings()
+    loft.shell()
+    count = max(2, int(length / ZONE_LENGTH))
+    zones = [str(zone) for zone in rng.choice(ZONES, count, replace=False)]
+    for number, zone in enumerate(zones):
+        loft.zone(zone, -length / 2 + number * length / count, length / count)
+    loft.row_of_pictures()
+    loft.lamps()
+    loft.things()
+    return FloorPlan(
+        " + ".join(zones),
+        loft.size,
+        tuple(loft.parts),
+        tuple(loft.windows),
+        tuple(loft.footprints),
+        lamps=tuple(loft.lit),
+    )
+
+
+class _Loft:
+    """A long room that is being furnished; the middle of its floor is the origin."""
+
+    def __init__(self, rng: np.random.Generator, size: tuple[float, float, float], swap: Swap | None) -> None:
+        self.rng, self.size, self.swap = rng, size, swap
+        self.palette = draw_palette(rng)
+        self.parts: list[Part] = []
+        self.footprints: list[Float64[np.ndarray, "4 2"]] = []
+        self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
+        self.windows: list[Opening] = []
+        self.lit: list[Lamp] = []
+        self.rail = 0.0  # top of the panels [m]
+        self.tops: list[tuple[float, float, float, float, float, float]] = []
+        x, y = size[0] / 2, size[1] / 2
+        self.walls = [
+            Wall((-x, -y), 0.0, size[0]),
+            Wall((x, -y), np.pi / 2, size[1]),
+            Wall((x, y), np.pi, size[0]),
+            Wall((-x, y), -np.pi / 2, size[1]),
+        ]
+
+    def shell(self) -> None:
+        """Floor, ceiling with beams, walls of two colours, panelled to the waist or tiled to the shoulder at times."""
+        rng, (x, y, z) = self.rng, self.size
+        a, b = x / 2 + WALL, y / 2 + WALL
+        self.parts.append(block(LABEL["floor"], self._floor(), (-a, -b, -WALL), (a, b, 0)))
+        self.parts.append(
+            block(IGNORE, m.row(rng, a=(0.8, 0.79, 0.76), fine=0.03, fine_scale=0.03), (-a, -b, z), (a, b, z + WALL))
+        )
+        if rng.random() < 0.6:
+            beam = m.row(rng, t.WOOD, self.palette.dark, None, self.palette.dark, axis=1, fine=0.05)
+            for along in np.arange(-x / 2 + rng.uniform(0.3, 0.8), x / 2 - 0.2, rng.uniform(0.7, 1.1)):
+                self.parts.append(block(IGNORE, beam, (along, -b, z - 0.16), (along + 0.12, b, z)))
+        own, look, split = LABEL["wall"], rng.random(), rng.uniform(0.85, 1.5)
+        lower = None
+        if look < 0.3:
+            lower = m.boards(rng, self.palette.paint)
+        elif look < 0.5:
+            lower = m.tiles(rng, small=True)
+        self.rail = 0.0 if lower is None else split + 0.03
+        for number, wall in enumerate(self.walls):
+            colour = self.palette.walls[number % 2]
+            paint = m.row(
+                rng,
+                a=colour,
+                fine=rng.uniform(0.02, 0.07),
+                fine_scale=0.02,
+                blotch=rng.uniform(0.04, 0.12),
+                blotch_scale=0.5,
+            )
+            parts = []
+            for left, right, bottom, top in around(wall.length, 0.0, z, wall.holes):
+                # The ends reach into the corners, behind the faces of the neighbours.
+                start = left - WALL if left == 0.0 else left
+                end = right + WALL if right == wall.length else right
+                parts.append(block(own, paint, (start, -WALL, bottom), (end, 0, top)))
+            if lower is not None:
+                rail = m.row(rng, a=self.palette.paint)
+                for cover, thick, floor, ceiling in ((lower, 0.006, 0.0, split), (rail, 0.025, split, split + 0.03)):
+                    parts += [
+                        block(own, cover, (left, 0, bottom), (right, thick, top))
+                        for left, right, bottom, top in around(wall.length, floor, ceiling, wall.holes)
+                    ]
+            self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
+
+    def _floor(self) -> Row:
+        rng, look = self.rng, self.rng.random()
+        if look < 0.3:
+            return m.stone(rng)
+        if look < 0.5:
+            return m.tiles(rng)
+        if look < 0.8:
+            dark, wood = self.palette.dark, self.palette.wood
+            return m.row(rng, t.PLANKS, wood, dark, dark, scale=rng.uniform(0.18, 0.3), aspect=rng.uniform(3, 6), duty=0.985,
+                         variation=0.2, tint=0.6, gloss=0.2)  # fmt: skip
+        return m.row(rng, a=self.palette.walls[1], fine=0.2, fine_scale=0.015, blotch=0.1, blotch_scale=0.2)
+
+    def openings(self) -> None:
+        """A door in an end wall, and a band of equal windows in a long wall or one large one in the other end."""
+        rng, (_, width, height) = self.rng, self.size
+        door = openings.door(rng, height)
+        end = self.walls[1]
+        left = float(rng.choice([0.2, width - door.size[0] - 0.2]))
+        bar, leaf = openings.door_hole(door)
+        self.hang(end, door, left, 0.0)
+        end.holes.append((left + bar, left + door.size[0] - bar, 0.0, leaf))
+        self.kept_free.append(rectangle(*end.at(left), door.size[0], 0.75, end.yaw))
+        light = rng.uniform(0.15, 1.6)
+        if rng.random() < 0.7:
+            wall, low = self.walls[OPPOSITE], rng.uniform(0.7, 1.3)
+            count, wide = int(rng.integers(2, 5)), rng.uniform(0.6, 1.1)
+            gap = (wall.length - count * wide) / (count + 1)
+            places = [gap + i * (gap + wide) for i in range(count)] if gap > 0.4 else []
+        else:
+            wall, low, wide = self.walls[3], rng.uniform(0.1, 0.9), width * rng.uniform(0.5, 0.75)
+            places = [(width - wide) / 2]
+        tall = min(rng.uniform(0.7, 1.5), height - low - 0.3)
+        make = int(rng.integers(1 << 30))
+        for left in places:
+            self.hang(wall, openings.window(np.random.default_rng(make), wide, tall, light), left, low)
+            wall.holes.append((left, left + wide, low, low + tall))
+            x, y = wall.at(left + wide / 2)
+            along = (float(np.cos(wall.yaw)) * wide / 2, float(np.sin(wall.yaw)) * wide / 2, 0.0)
+            facing = (-float(np.sin(wall.yaw)), float(np.cos(wall.yaw)), 0.0)
+            self.windows.append(Opening((x, y, low + tall / 2), facing, along, tall / 2, light))
+        if places and rng.random() < 0.45:
+            for left in places:
+                drape = openings.curtain(
+                    np.random.default_rng(make), wide * 0.3, max(0.05, low - 0.3), low + tall + 0.1
+                )
+                for start in (left - 0.15, left + wide + 0.15 - drape.size[0]):
+                    self.footprints.append(rectangle(*wall.at(start), drape.size[0], 0.18, wall.yaw))
+                    self.hang(wall, drape, start, 0.0)
+
+    def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
+        """Fix a piece to a wall with its lower left corner there."""
+        wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
+        self.parts += moved(self.toned(piece).parts, (*wall.at(left), low), wall.yaw)
+
+    def stand(self, piece: Piece, x: float, y: float, yaw: float) -> bool:
+        """Put a piece on the floor with its own (0, 0) at (x, y), if there is room for it."""
+        width, depth, _ = piece.size
+        shape = rectangle(x, y, width, depth, yaw)
+        if (np.abs(shape) > (self.size[0] / 2 - 0.03, self.size[1] / 2 - 0.03)).any():
+            return False
+        if any(overlap(shape, other) for other in (*self.footprints, *self.kept_free)):
+            return False
+        piece = self.toned(piece)
+        self.footprints.append(shape)
+        self.parts += moved(piece.parts, (x, y, 0.0), yaw)
+        if piece.surface is not None:
+            self.tops.append((x, y, yaw, width, depth, piece.surface))
+        return True
+
+    def toned(self, piece: Piece) -> Piece:
+        """The piece, or what is exchanged for it, its wood and its paint in the room's colours."""
+        piece = piece if self.swap is None else self.swap(piece)
+        return replace(piece, parts=tuple(replace(part, material=self._toned(part.material)) for part in piece.parts))
+
+    def _toned(self, material: Row) -> Row:
+        kind = int(material[t.KIND])
+        if kind == t.WOOD:
+            colours = self.palette.wood, self.palette.dark
+        elif kind == t.PLAIN and material[t.FINE] <= 0.04 and 0 < material[t.GLOSS] <= 0.35:
+            colours = self.palette.paint, self.palette.paint
+        else:
+            return material
+        material = material.copy()
+        material[t.COLOUR_A : t.COLOUR_A + 3] = material[t.COLOUR_B : t.COLOUR_B + 3] = colours[0]
+        material[t.COLOUR_C : t.COLOUR_C + 3] = colours[1]
+        return material
+
+    def zone(self, zone: str, start: float, length: float) -> None:
+        """Furnish a stretch of the room, `start` being the smallest x of it [m]."""
+        middle = start + length / 2
+        side = ALONG if self.rng.random() < 0.65 else OPPOSITE
+        getattr(self, f"_{zone}")(middle, length, side)
+
+    def at_wall(self, maker: Maker | Piece, middle: float, side: int, off: float = 0.04) -> Piece | None:
+        """A piece with its back to a long wall, its middle at an x; None if there was no room."""
+        piece = maker if isinstance(maker, Piece) else maker(self.rng)
+        off += 0.1 if piece.name in ("bed", "sofa") else 0.0
+        wall = self.walls[side]
+        along = (middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle) - piece.size[0] / 2
+        if not wall.free(along, along + piece.size[0], 0.0, piece.size[2]):
+            return None
+        if not self.stand(piece, *wall.at(along, off), wall.yaw):
+            return None
+        wall.taken.append((along, along + piece.size[0], 0.0, piece.size[2]))
+        return piece
+
+    def facing(self, maker: Maker | Piece, middle: float, side: int, off: float) -> None:
+        """A piece that looks at a long wall from a distance [m] of its front."""
+        piece = maker if isinstance(maker, Piece) else maker(self.rng)
+        wall = self.walls[side]
+        along = (middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle) + piece.size[0] / 2
+        self.stand(piece, *wall.at(along, off + piece.size[1]), wall.yaw + np.pi)
+
+    def in_line(self, makers: Sequence[Maker], start: float, end: float, side: int) -> None:
+        """Pieces side by side along a long wall, as many as fit."""
+        x = start
+        for maker in makers:
+            piece = maker(self.rng)
+            if x + piece.size[0] > end:
+                continue
+            if self.at_wall(piece, x + piece.size[0] / 2, side):
+                x += piece.size[0] + self.rng.uniform(0.02, 0.1)
+
+    def _sleeping(self, middle: float, length: float, side: int) -> None:
+        bed = self.at_wall(furniture.bed, middle, side)
+        reach = (bed.size[0] if bed else 1.0) / 2 + 0.32
+        make = int(self.rng.integers(1 << 30))
+        for sign in (-1, 1):
+            self.at_wall(fittings.nightstand(np.random.default_rng(make)), middle + sign * reach, side)
+        self.at_wall(fittings.cabinet, middle, OPPOSITE - side)
+
+    def _sitting(self, middle: float, length: float, side: int) -> None:
+        sofa = self.at_wall(furniture.sofa, middle, side)
+        depth = (sofa.size[1] if sofa else 0.9) + 0.14
+        self.facing(furniture.coffee_table, middle, side, depth + 0.35)
+        if self.rng.random() < 0.5:
+            chair = furniture.armchair(self.rng)
+            for sign in (-1, 1):
+                self.facing(chair, middle + sign * 0.55, side, depth + 1.35)
+        else:
+            self.at_wall(fittings.other, middle, OPPOSITE - side)
+        if self.rng.random() < 0.7:
+            y = (-1 if side == ALONG else 1) * (self.size[1] / 2 - depth - 0.6)
+            self.parts.append(block(IGNORE, m.rug(self.rng), (middle - 0.9, y - 0.7, 0), (middle + 0.9, y + 0.7, 0.01)))
+
+    def _working(self, middle: float, length: float, side: int) -> None:
+        desk = self.at_wall(furniture.desk, middle, side)
+        self.facing(furniture.chair, middle, side, (desk.size[1] if desk else 0.7) + 0.15)
+        self.in_line(
+            (fittings.bookshelf, fittings.bookshelf), middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side
+        )
+
+    def _eating(self, middle: float, length: float, side: int) -> None:
+        table = furniture.dining_table(self.rng)
+        chair, half = furniture.chair(self.rng), table.size[1] / 2
+        if self.stand(table, middle - table.size[0] / 2, -half, 0.0):
+            for along in np.linspace(-0.3, 0.3, 2) * table.size[0]:
+                self.stand(chair, middle + along - chair.size[0] / 2, -half - 0.12 - chair.size[1], 0.0)
+                self.stand(chair, middle + along + chair.size[0] / 2, half + 0.12 + chair.size[1], np.pi)
+        self.at_wall(fittings.cabinet, middle, side)
+
+    def _cooking(self, middle: float, length: float, side: int) -> None:
+        self.in_line(
+            (fittings.refrigerator, fittings.counter, fittings.other),
+            middle - length / 2 + 0.05,
+            middle + length / 2,
+            side,
+        )
+        self.at_wall(fittings.island, middle, OPPOSITE - side)
+
+    def _bathing(self, middle: float, length: float, side: int) -> None:
+        tub = self.at_wall(fittings.bathtub, middle, side)
+        if tub and self.rng.random() < 0.8:
+            drape = openings.shower_curtain(self.rng, tub.size[0] * 0.6, self.size[2])
+            wall = self.walls[side]
+            along = middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle
+            self.stand(drape, *wall.at(along - tub.size[0] / 2, tub.size[1] + 0.06), wall.yaw)
+        self.in_line(
+            (fittings.toilet, fittings.washbasin, fittings.cabinet),
+            middle - length / 2 + 0.1,
+            middle + length / 2,
+            OPPOSITE - side,
+        )
+
+    def _storing(self, middle: float, length: float, side: int) -> None:
+        makers = (fittings.cabinet, fittings.bookshelf, fittings.cabinet)
+        self.in_line(makers, middle - length / 2 + 0.05, middle + length / 2, side)
+        self.at_wall(furniture.armchair, middle, OPPOSITE - side)
+
+    def row_of_pictures(self) -> None:
+        """Pictures of one size in a row, on each wall that has room at eye height."""
+        rng = self.rng
+        for wall in self.walls:
+            piece = openings.picture(rng)
+            gap, low = rng.uniform(0.08, 0.3), max(1.55 - piece.size[2] / 2, self.rail + 0.03)
+            left = rng.uniform(0.2, 0.8)
+            for _ in range(int(rng.integers(1, 5))):
+                right = left + piece.size[0]
+                if right > wall.length - 0.15 or low + piece.size[2] > self.size[2] - 0.1:
+                    break
+                if wall.free(left - 0.04, right + 0.04, low - 0.04, low + piece.size[2] + 0.04):
+                    parts = tuple(self._other_art(part) for part in piece.parts)
+                    self.hang(wall, replace(piece, parts=parts), left, low)
+                left = right + gap
+
+    def _other_art(self, part: Part) -> Part:
+        """The part, with another picture if it is one."""
+        art = part.material[t.KIND] in (t.LANDSCAPE, t.ABSTRACT)
+        return replace(part, material=m.artwork(self.rng)) if art else part
+
+    def lamps(self) -> None:
+        """Globes in a row along the middle of the ceiling."""
+        rng, (x, _, z) = self.rng, self.size
+        lit = rng.random() < 0.5
+        shade = m.row(rng, a=(0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
+        radius, drop = rng.uniform(0.08, 0.16), rng.uniform(0.35, 0.7)
+        for along in np.linspace(-x / 2, x / 2, int(rng.integers(3, 5)))[1:-1]:
+            self.parts.append(
+                block(
+                    IGNORE,
+                    shade,
+                    (along - radius, -radius, z - drop),
+                    (along + radius, radius, z - drop + 2 * radius),
+                    CYLINDER,
+                )
+            )
+            if lit:
+                self.lit.append(Lamp((float(along), 0.0, z - drop - 0.08), float(rng.uniform(1.0, 3.0))))
+            self.parts.append(block(IGNORE, m.metal(rng), (along - 0.006, -0.006, z - drop), (along + 0.006, 0.006, z)))
+
+    def things(self) -> None:
+        """Small things in rows on flat tops, a few on the floor along the walls."""
+        rng = self.rng
+        for x, y, yaw, width, depth, height in self.tops:
+            left = 0.05
+            while rng.random() < 0.75:
+                thing = things.clutter(rng, rng.uniform(0.1, 0.3))
+                if left + thing.size[0] > width - 0.05 or thing.size[1] > depth - 0.06:
+                    break
+                a, b = left, (depth - thing.size[1]) * rng.uniform(0.2, 0.8)
+                cosine, sine = np.cos(yaw), np.sin(yaw)
+                thing = thing if self.swap is None else self.swap(thing)
+                self.parts += moved(thing.parts, (x + cosine * a - sine * b, y + sine * a + cosine * b, height), yaw)
+                left += thing.size[0] + rng.uniform(0.04, 0.25)
+        for _ in range(int(rng.integers(0, 4))):
+            self.at_wall(
+                things.clutter(rng, rng.uniform(0.2, 0.5)),
+                rng.uniform(-0.45, 0.45) * self.size[0],
+                int(rng.choice([ALONG, OPPOSITE])),
+            )

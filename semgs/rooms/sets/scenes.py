@@ -1,0 +1,183 @@
+"""Rooms as folders that any reader of `transforms.json` opens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from semgs.data.classes import IGNORE
+from semgs.data.terms import ROOM
+from semgs.data.views import Views
+from semgs.files.atomic import write_bytes, write_json
+from semgs.files.folders import own_folder
+from semgs.files.pictures import jpeg_bytes, write_png
+from semgs.rooms.assets.library import Library
+from semgs.rooms.drawing.room import build_room
+from semgs.rooms.plans.floor_plan import FloorPlan
+from semgs.rooms.plans.style import Style
+from semgs.rooms.sets.cameras import draw_intrinsics, draw_path
+from semgs.rooms.sets.stream import fitted, generator, shoot
+
+MILLIMETRE = 0.001
+"""Unit of depth files [m]."""
+SHADED = "shaded"
+"""How rooms are lit. Data sets of releases that could also trace rooms differ by this entry, so files still have it."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What a camera saw on its way through a room.
+
+    Attributes:
+        views: with labels and depths.
+        plan: of the room.
+        files: of the assets that are in the room.
+    """
+
+    views: Views
+    plan: FloorPlan
+    files: tuple[str, ...] = ()
+
+
+def draw_scene(
+    seed: int,
+    index: int,
+    *,
+    size: tuple[int, int],
+    frames: int,
+    library: Library | None = None,
+    style: Style = "home",
+) -> Walk:
+    """A walk through the room of sample (seed, index) of the stream; the same arguments give the same bits.
+
+    Raises:
+        ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or no such style.
+        InputError: a file of the library cannot be read.
+        ImportError: embreex is not installed; names the extra that brings it.
+    """
+    if frames < 2 or min(size) < 1:
+        raise ValueError(f"frames = {frames}, size = {size}; expected at least two frames and positive sides")
+    rng = generator(seed, index)
+    room = build_room(rng, library, style)
+    intrinsics = draw_intrinsics(rng, size)
+    reach = (frames - 1) / 2
+    path = fitted(rng, room, draw_path(rng, room, intrinsics, size, reach), intrinsics, size)
+    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, frames)]
+    return Walk(shoot(rng, room, poses, intrinsics, size), room.plan, room.files)
+
+
+def write_scene(
+    folder: str | Path,
+    seed: int,
+    *,
+    size: tuple[int, int],
+    frames: int = 12,
+    index: int = 0,
+    library: Library | None = None,
+    style: Style = "home",
+    quality: int = 92,
+    overwrite: bool = False,
+) -> None:
+    """Write a room as a `transforms.json` folder, complete or not at all.
+
+    Pictures are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20
+    classes in `labels/`, 255 = ignore. `room.json` says which room it is and how many pixels each class has, and
+    with a library which of its files are in it.
+
+    Args:
+        folder: where; a new folder, or with `overwrite` one of ours.
+        seed: the stream of rooms.
+        size: image (height, width) [px].
+        frames: number of frames, at least 2.
+        index: which room of the stream.
+        library: meshes and pictures to draw from, None for none.
+        style: the world that the room is of.
+        quality: of the JPEGs, 1 to 95.
+        overwrite: replace a scene that was written there before.
+
+    Raises:
+        ValueError: as `draw_scene`.
+        InputError: the folder is not ours, or is there already and `overwrite` is not set.
+        OSError: the disk is full.
+    """
+    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style)
+    length, width, height = (round(float(side), 3) for side in walk.plan.size)
+    record: dict[str, Any] = {
+        "style": style,
+        "render": SHADED,
+        "seed": seed,
+        "index": index,
+        "kind": walk.plan.kind,
+        "size_m": [length, width, height],
+        "pixels": class_pixels(walk.views),
+    }
+    if library is not None:
+        record["assets"] = list(walk.files)
+    with own_folder(folder, overwrite) as fresh:
+        write_views(fresh, walk.views, quality)
+        write_json(fresh / ROOM, record)
+
+
+def class_pixels(views: Views) -> dict[str, int]:
+    """Number of pixels of each class, and of those without one as "ignored".
+
+    Raises:
+        ValueError: the views have no labels.
+    """
+    if views.labels is None:
+        raise ValueError("the views have no labels; expected some to count")
+    counts = torch.bincount(views.labels.flatten().long(), minlength=IGNORE + 1)
+    named = {name: int(counts[label]) for label, name in enumerate(views.classes.names)}
+    return {**named, "ignored": int(counts[IGNORE])}
+
+
+def write_views(folder: Path, views: Views, quality: int) -> None:
+    """Write unbatched views with labels and depths into an existing folder.
+
+    Raises:
+        ValueError: labels or depths are missing.
+    """
+    if views.labels is None or views.depths is None:
+        raise ValueError("the views have no labels or no depths; expected both")
+    for name in ("images", "depth", "labels"):
+        (folder / name).mkdir()
+    listed = []
+    for i in range(len(views)):
+        picture = (views.images[i].permute(1, 2, 0) * 255).round().byte().numpy()
+        stem = f"{i:03d}"
+        write_bytes(folder / "images" / f"{stem}.jpg", jpeg_bytes(picture, quality))
+        write_png(folder / "depth" / f"{stem}.png", np.round(views.depths[i].numpy() / MILLIMETRE).astype(np.uint16))
+        write_png(folder / "labels" / f"{stem}.png", views.labels[i].numpy())
+        pose = views.cameras.world_from_camera[i].clone()
+        pose[:3, 1:3] *= -1  # OpenGL axes, as the format wants
+        listed.append(
+            {
+                "file_path": f"images/{stem}.jpg",
+                "depth_file_path": f"depth/{stem}.png",
+                "label_file_path": f"labels/{stem}.png",
+                "transform_matrix": [[round(x, 9) for x in line] for line in pose.tolist()],
+            }
+        )
+    intrinsics = views.cameras.intrinsics[0]
+    height, width = views.size
+    write_json(
+        folder / "transforms.json",
+        {
+            "camera_model": "PINHOLE",
+            "w": width,
+            "h": height,
+            "fl_x": round(float(intrinsics[0, 0]), 6),
+            "fl_y": round(float(intrinsics[1, 1]), 6),
+            "cx": round(float(intrinsics[0, 2]), 6),
+            "cy": round(float(intrinsics[1, 2]), 6),
+            "metric": True,
+            "depth_unit_scale_factor": MILLIMETRE,
+            "label_set": views.classes.name,
+            "label_ignore": IGNORE,
+            "frames": listed,
+        },
+    )

@@ -1,0 +1,64 @@
+"""Contact sheets: random frames of many rooms beside their labels, to be looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageDraw
+
+from semgs.data.classes import IGNORE, SCANNET20
+from semgs.rooms.assets.library import Library
+from semgs.rooms.plans.style import Style
+from semgs.rooms.sets.stream import sample
+
+FRAMES = 48
+COLUMNS = 6
+FRAME_SIZE = (120, 160)
+LEGEND_PX = 20
+
+
+def contact_sheet(
+    seed: int,
+    style: Style = "home",
+    library: Library | None = None,
+    *,
+    done: Callable[[int], None] = lambda count: None,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """48 frames of 48 rooms, eight rows of six, each with its labels to its right, over a legend of the classes.
+
+    Args:
+        seed: the stream of rooms, of which the first 48 are shown.
+        style: the world that they are of.
+        library: meshes and pictures to draw from, None for none.
+        done: told how many frames are drawn, after each.
+
+    Raises:
+        ValueError: the seed is negative.
+        ImportError: embreex is not installed; names the extra that brings it.
+    """
+    colours = np.zeros((IGNORE + 1, 3), np.uint8)
+    colours[: len(SCANNET20)] = SCANNET20.colours
+    tiles = []
+    for index in range(FRAMES):
+        views, _ = sample(seed, index, size=FRAME_SIZE, contexts=1, targets=0, library=library, style=style)
+        assert views.labels is not None
+        picture = (views.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
+        tiles.append(np.concatenate((picture, colours[views.labels[0].numpy()]), axis=1))
+        done(index + 1)
+    rows = [np.concatenate(tiles[start : start + COLUMNS], axis=1) for start in range(0, FRAMES, COLUMNS)]
+    return np.concatenate((*rows, _legend(rows[0].shape[1])))
+
+
+def _legend(width: int) -> UInt8[np.ndarray, "h w 3"]:
+    """Two lines of class names on their colours."""
+    per_line = len(SCANNET20) // 2
+    cell = width // per_line
+    strip = Image.new("RGB", (width, 2 * LEGEND_PX), "white")
+    draw = ImageDraw.Draw(strip)
+    for label, (name, colour) in enumerate(zip(SCANNET20.names, SCANNET20.colours, strict=True)):
+        x, y = (label % per_line) * cell, (label // per_line) * LEGEND_PX
+        draw.rectangle((x, y, x + LEGEND_PX - 2, y + LEGEND_PX - 2), fill=colour)
+        draw.text((x + LEGEND_PX + 4, y + 4), name, fill="black")
+    return np.array(strip)

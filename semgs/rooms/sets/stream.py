@@ -1,0 +1,188 @@
+"""An endless stream of labelled views of rooms, each a pure function of (seed, index).
+
+Streams of different seeds have nothing in common: rooms, ways and cameras are drawn from a hash of (seed, index). So
+training and validation differ by their seeds alone; neither may use the other's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float64
+from torch.utils.data import Dataset
+
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
+from semgs.geometry.cameras import Cameras
+from semgs.rooms.assets.library import Library
+from semgs.rooms.drawing.film import develop, draw_film
+from semgs.rooms.drawing.room import Room, build_room
+from semgs.rooms.drawing.shading import photograph
+from semgs.rooms.plans.style import Style
+from semgs.rooms.sets.cameras import Path, draw_intrinsics, draw_path, overlap
+
+OVERLAP = (0.6, 0.9)
+"""What neighbouring context views share of what they see, where the way allows it."""
+
+Count = int | tuple[int, int]
+"""A number of views, or its lowest and highest value."""
+
+
+def sample(
+    seed: int,
+    index: int,
+    *,
+    size: tuple[int, int],
+    contexts: int,
+    targets: int,
+    library: Library | None = None,
+    style: Style = "home",
+) -> tuple[Views, Views]:
+    """Context and target views of one room, with labels and depths.
+
+    Contexts are one to four steps of a hand-held camera apart, fewer where neighbours would share less than 60 to 90 % of
+    what they see; targets lie between them and a little beyond. The same arguments give the same bits.
+
+    Args:
+        seed: the stream.
+        index: which sample of it.
+        size: image (height, width) [px].
+        contexts: number of context views, at least 1.
+        targets: number of target views, may be 0.
+        library: meshes and pictures to draw from, None for none.
+        style: the world that the room is of.
+
+    Raises:
+        ValueError: a count or a side is too small, seed or index is negative, or there is no such style.
+        InputError: a file of the library cannot be read.
+        ImportError: embreex is not installed; names the extra that brings it.
+    """
+    if contexts < 1 or targets < 0 or min(size) < 1:
+        raise ValueError(
+            f"contexts = {contexts}, targets = {targets}, size = {size}; expected at least one context, no negative number "
+            "of targets and positive sides"
+        )
+    rng = generator(seed, index)
+    room = build_room(rng, library, style)
+    intrinsics = draw_intrinsics(rng, size)
+    span = (contexts - 1) / 2
+    gap = float(rng.integers(1, 5))
+    path = draw_path(rng, room, intrinsics, size, reach=gap * (span + 0.5)).paced(gap)
+    path = fitted(rng, room, path, intrinsics, size)
+    places = np.arange(contexts) - span
+    strata = (np.arange(targets) + rng.uniform(0, 1, targets)) / max(targets, 1)
+    between = -span - 0.3 + strata * (2 * span + 0.6)
+    rng.shuffle(between)
+    poses = [path.pose(float(s)) for s in (*places, *between)]
+    views = shoot(rng, room, poses, intrinsics, size)
+    return views.select(range(contexts)), views.select(range(contexts, contexts + targets))
+
+
+def generator(seed: int, index: int) -> np.random.Generator:
+    """The random numbers of a sample.
+
+    Raises:
+        ValueError: seed or index is negative.
+    """
+    if seed < 0 or index < 0:
+        raise ValueError(f"seed is {seed} and index {index}; expected numbers from 0")
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+
+
+def fitted(
+    rng: np.random.Generator, room: Room, path: Path, intrinsics: Float64[np.ndarray, "3 3"], size: tuple[int, int]
+) -> Path:
+    """The way, slowed down until views one unit of s apart share enough of what they see."""
+    wanted = rng.uniform(*OVERLAP)
+    for _ in range(6):
+        if overlap(room, path.pose(-0.5), path.pose(0.5), intrinsics, size) >= wanted:
+            break
+        path = path.paced(0.75)
+    return path
+
+
+def shoot(
+    rng: np.random.Generator,
+    room: Room,
+    poses: Sequence[Float64[np.ndarray, "4 4"]],
+    intrinsics: Float64[np.ndarray, "3 3"],
+    size: tuple[int, int],
+) -> Views:
+    """Views from poses, all with one camera whose exposure suits the first."""
+    frames = [photograph(room, pose, intrinsics, size) for pose in poses]
+    film = draw_film(rng, frames[0].radiance)
+    pictures = np.stack([develop(rng, film, frame.radiance) for frame in frames])
+    count = len(frames)
+    return Views(
+        images=torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255,
+        cameras=Cameras(np.stack(poses), np.broadcast_to(intrinsics, (count, 3, 3)).copy(), size),
+        depth_range=np.broadcast_to(INDOOR_DEPTH_RANGE, (count, 2)).copy(),
+        labels=torch.from_numpy(np.stack([frame.labels for frame in frames])),
+        depths=torch.from_numpy(np.stack([frame.depths for frame in frames])),
+    )
+
+
+class RoomSamples(Dataset):
+    """The first `length` samples of a stream as a data set for loaders; item k is (context, target), a pure function of k.
+
+    Args:
+        seed: the stream.
+        size: image (height, width) [px].
+        contexts: number of context views, or a (lowest, highest) range.
+        targets: number of target views, or a range.
+        length: number of samples.
+        group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
+            size of a batch that is filled in order.
+        library: meshes and pictures to draw from, None for none.
+
+    Raises:
+        ValueError: a range is empty, or length or group is not positive.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        size: tuple[int, int],
+        contexts: Count,
+        targets: Count,
+        length: int,
+        group: int = 1,
+        library: Library | None = None,
+    ) -> None:
+        self.seed, self.size, self.length, self.group, self.library = seed, size, length, group, library
+        self.contexts, self.targets = ranged(contexts), ranged(targets)
+        if length < 1 or group < 1:
+            raise ValueError(f"length is {length} and group {group}; expected positive numbers")
+        for name, (low, high) in (("contexts", self.contexts), ("targets", self.targets)):
+            if low > high:
+                raise ValueError(f"{name} goes from {low} to {high}; expected (lowest, highest)")
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __getitem__(self, k: int) -> tuple[Views, Views]:
+        """Context and target views of sample k.
+
+        Raises:
+            IndexError: k is not in 0 .. length - 1.
+        """
+        contexts, targets = self.counts(k)
+        return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library)
+
+    def counts(self, k: int) -> tuple[int, int]:
+        """How many context and target views sample k has.
+
+        Raises:
+            IndexError: k is not in 0 .. length - 1.
+        """
+        if not 0 <= k < self.length:
+            raise IndexError(f"sample {k} of {self.length}")
+        draws = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k // self.group, 1))))
+        contexts, targets = (int(draws.integers(low, high + 1)) for low, high in (self.contexts, self.targets))
+        return contexts, targets
+
+
+def ranged(count: Count) -> tuple[int, int]:
+    """Lowest and highest value."""
+    return (count, count) if isinstance(count, int) else count

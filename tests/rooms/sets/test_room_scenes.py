@@ -1,0 +1,96 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("embreex")
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import back_project, project
+from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.scenes import draw_scene, write_scene
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("rooms") / "room"
+    write_scene(path, 7, size=(48, 64), frames=4, index=2)
+    return path
+
+
+def test_a_written_room_reads_back_as_it_was_drawn(folder):
+    drawn = draw_scene(7, 2, size=(48, 64), frames=4).views
+    scene = open_scene(folder)
+    read = scene.read(range(4))
+    assert scene.unit == "metric"
+    assert read.classes.name == "scannet20"
+    assert torch.equal(read.labels, drawn.labels)
+    assert (read.depths - drawn.depths).abs().max() <= 0.00051
+    torch.testing.assert_close(read.cameras.world_from_camera, drawn.cameras.world_from_camera, atol=1e-8, rtol=0)
+    torch.testing.assert_close(read.cameras.intrinsics, drawn.cameras.intrinsics, atol=1e-5, rtol=0)
+    assert (read.images - drawn.images).abs().mean() < 0.03  # what JPEG costs on noisy pictures of 48x64
+
+
+def test_poses_are_written_with_opengl_axes(folder):
+    """The camera looks along its -z, and its y goes up."""
+    for frame in json.loads((folder / "transforms.json").read_text())["frames"]:
+        pose = np.array(frame["transform_matrix"])
+        assert pose[2, 1] > 0.5
+        assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
+
+
+def test_the_same_seed_writes_the_same_bytes(folder, tmp_path):
+    write_scene(tmp_path / "again", 7, size=(48, 64), frames=4, index=2)
+    names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    assert len(names) == 3 * 4 + 3
+    for name in names:
+        assert (folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+
+
+def test_a_folder_that_is_there_is_kept_unless_it_may_be_replaced(folder, tmp_path):
+    foreign = tmp_path / "photos"
+    foreign.mkdir()
+    (foreign / "mine.jpg").write_bytes(b"1")
+    with pytest.raises(InputError):
+        write_scene(foreign, 1, size=(8, 12), frames=2, overwrite=True)
+    with pytest.raises(InputError):
+        write_scene(folder, 7, size=(48, 64), frames=4, index=2)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photos"]
+
+
+def test_one_frame_is_no_scene(tmp_path):
+    with pytest.raises(ValueError, match="two frames"):
+        write_scene(tmp_path / "room", 1, size=(8, 12), frames=1)
+    assert not (tmp_path / "room").exists()
+
+
+def test_the_embedded_scene_is_small_and_complete():
+    folder = demo_scene()
+    assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) <= 1_000_000
+    scene = open_scene(folder)
+    assert len(scene) == 8
+    assert not scene.absent
+    assert scene.unit == "metric"
+    views = scene.read(range(len(scene)))
+    assert views.size == (240, 320)
+    shares = torch.bincount(views.labels.flatten().long(), minlength=256)[:20] / views.labels.numel()
+    assert (shares > 0.01).sum() >= 6
+
+
+def test_the_embedded_scenes_frames_agree_on_where_things_are():
+    """Points of one frame fall on pixels of the next that have their label and, to a few millimetres, their depth."""
+    views = open_scene(demo_scene()).read(range(8))
+    height, width = views.size
+    for i in range(7):
+        points = back_project(views.depths.double(), views.cameras)[i].reshape(-1, 3)
+        x, y, z = project(points, views.cameras[i + 1]).unbind(-1)
+        inside = (z > 0) & (x > 0) & (y > 0) & (x < width) & (y < height)
+        assert inside.double().mean() > 0.6
+        column, row = x[inside].long(), y[inside].long()
+        same = views.labels[i].flatten()[inside] == views.labels[i + 1][row, column]
+        gap = (views.depths[i + 1][row, column] - z[inside]).abs()
+        assert same.double().mean() > 0.93
+        assert (gap < 0.02).double().mean() > 0.85

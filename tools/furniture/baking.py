@@ -1,0 +1,214 @@
+"""Baking a library of furniture: pieces of a seed, one after the other, into a folder of assets with a lock of its own."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from threading import Event
+
+from semgs import __version__
+from semgs.files.atomic import write_json, write_text
+from semgs.files.claims import is_begun
+from semgs.files.errors import InputError
+from semgs.files.strict_json import parse_json
+from semgs.rooms.assets.lock import LISTS, NAME, make_lock, write_lock
+from tools.furniture.finish import finish
+from tools.furniture.kinds import Job, make_job
+from tools.furniture.raw import RawMesh, Torn
+from tools.furniture.runner import OutOfTime, run_job
+
+SETTINGS, RECORDS, MODELS, WORK = "bake.json", "pieces", "models", "work"
+
+RECIPE = "e68229d504d60207"
+"""What decides, beside the version, which pieces a seed has. Change it whenever a piece of a seed would come out otherwise: folders of
+another recipe are refused. It does not follow from the source, whose comments would then count."""
+
+
+@dataclass(frozen=True)
+class Baked:
+    """What a folder holds.
+
+    Attributes:
+        rows: of `catalog.json`.
+        left_out: why a piece is not among them, by its name.
+        late: pieces that were not done in time, by name; the next call tries them again.
+    """
+
+    rows: tuple[dict, ...]
+    left_out: dict[str, str]
+    late: dict[str, str]
+
+
+def bake(
+    folder: str | Path,
+    seed: int,
+    pieces: int,
+    *,
+    python: Path,
+    environment: Path,
+    limit: float = 1200.0,
+    workers: int = 1,
+    done: Callable[[int], None] = lambda count: None,
+) -> Baked:
+    """Make pieces 0 .. pieces - 1 of a seed that a folder does not hold yet, then write its lists and its lock.
+
+    Piece i depends on the seed, on i and on the versions alone. Every piece appears whole or not at all, so the same call goes
+    on where an earlier one was cut short, and a larger number adds. What came out torn is remembered and left out.
+
+    Args:
+        folder: a new or empty one, or one that holds pieces of the same seed.
+        seed: the stream of pieces.
+        pieces: how many to try; some are left out, and a kitchen makes two.
+        python: interpreter of the environment.
+        environment: its folder.
+        limit: longest that one piece may take [s].
+        workers: pieces that are made at once, each in a process of its own.
+        done: told how many pieces were tried, at the start and after each.
+
+    Raises:
+        ValueError: a number is too small, or the folder holds pieces of another seed or version, or more of them.
+        InputError: the folder is not ours, or the environment does not work or hands over something else than pieces.
+        ImportError: embreex is not installed; names the extra that brings it.
+        OSError: the disk is full.
+    """
+    target = Path(folder)
+    claim(target, seed, pieces)
+    if limit <= 0 or workers < 1:
+        raise ValueError(f"limit is {limit} and workers {workers}; expected a positive time and at least one process")
+    jobs = [make_job(seed, number) for number in range(pieces)]
+    missing = [job for job in jobs if not record_of(target, job).is_file()]
+    late: dict[str, str] = {}
+    count = pieces - len(missing)
+    done(count)
+    with _working_folder(target) as work:
+        stop = Event()
+
+        def make(job: Job) -> None:
+            try:
+                _record(target, job, lambda: run_job(python, environment, job, work, limit, stop))
+            except OutOfTime as error:
+                late[job.name] = str(error)
+
+        try:
+            for _ in _side_by_side(make, missing, workers):
+                count += 1
+                done(count)
+        finally:
+            stop.set()  # what is still being made ends now
+    return _listed(target, jobs, late)
+
+
+def claim(folder: Path, seed: int, pieces: int) -> None:
+    """Make the folder a library of this seed.
+
+    Raises:
+        ValueError: the seed or the number cannot be, or it holds pieces of another seed or version, or more of them.
+        InputError: it holds something else.
+    """
+    if seed < 0 or pieces < 1:
+        raise ValueError(f"seed is {seed} and pieces {pieces}; expected 0 or more and at least one piece")
+    settings = {"semgs": __version__, "recipe": RECIPE, "seed": seed}
+    if is_begun(folder / SETTINGS, settings, "a library of furniture"):
+        most = max((int(path.stem.rsplit("_", 1)[1]) for path in (folder / RECORDS).glob("bake_*.json")), default=-1)
+        if most >= pieces:
+            raise ValueError(
+                f"{folder} holds pieces up to number {most}, so more than the {pieces} asked for; ask for as many"
+            )
+    else:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(folder / SETTINGS, settings)
+    for part in (RECORDS, MODELS):
+        (folder / part).mkdir(exist_ok=True)
+
+
+def record_of(folder: Path, job: Job) -> Path:
+    """What is known of a piece that was tried: its rows, or why it is left out."""
+    return folder / RECORDS / f"{job.name}.json"
+
+
+def _record(folder: Path, job: Job, make: Callable[[], list[RawMesh]]) -> None:
+    """Make, finish and record one piece.
+
+    Raises:
+        OutOfTime: it was not done in time.
+        InputError, ImportError, OSError: as `bake`.
+    """
+    try:
+        made = finish(job, make())
+    except OutOfTime:
+        raise
+    except Torn as error:
+        write_json(record_of(folder, job), {"left_out": str(error)})
+        return
+    rows = []
+    for piece in made:
+        file = f"{MODELS}/{piece.name}.glb"
+        piece.write(folder / file)
+        rows.append(piece.row(file, (folder / file).stat().st_size, _pinned("infinigen")))
+    write_json(record_of(folder, job), {"rows": rows})
+
+
+def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Baked:
+    """Write both lists and the lock."""
+    rows: list[dict] = []
+    left_out = {}
+    for job in jobs:
+        path = record_of(folder, job)
+        if not path.is_file():
+            continue
+        try:
+            record = parse_json(path.read_bytes())
+            rows += record.get("rows", [])
+        except (ValueError, AttributeError, TypeError) as error:
+            raise InputError(
+                path, "the record of a piece", str(error), advice="remove it to make the piece anew"
+            ) from error
+        if "left_out" in record:
+            left_out[job.name] = str(record["left_out"])
+    write_json(folder / LISTS[0], rows)
+    write_text(folder / LISTS[1], "[]\n")
+    write_lock(folder / NAME, make_lock(folder))
+    return Baked(tuple(rows), left_out, late)
+
+
+@contextmanager
+def _working_folder(folder: Path) -> Iterator[Path]:
+    """An empty folder in it that is gone afterwards, whatever an earlier call left in it."""
+    work = folder / WORK
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir()
+    try:
+        yield work
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _side_by_side(make: Callable[[Job], None], jobs: list[Job], workers: int) -> Iterator[None]:
+    """Make all jobs, some at once, and tell of each that is done; the first that fails ends the others' waiting."""
+    if workers == 1 or len(jobs) < 2:
+        for job in jobs:
+            make(job)
+            yield
+        return
+    crew = ThreadPoolExecutor(workers)
+    try:
+        open_ones: set[Future[None]] = {crew.submit(make, job) for job in jobs}
+        while open_ones:
+            ended, open_ones = wait(open_ones, return_when=FIRST_COMPLETED)
+            for one in ended:
+                yield one.result()
+    finally:
+        crew.shutdown(wait=False, cancel_futures=True)
+
+
+def _pinned(package: str) -> str:
+    """The version of a package in the environment."""
+    found = re.search(rf"^{package}==(\S+)", (files("tools.furniture") / "requirements.txt").read_text(), re.M)
+    assert found is not None
+    return found[1]

@@ -1,0 +1,144 @@
+"""Rows of books for the boards of a shelf: boxes with spines of our own."""
+
+from __future__ import annotations
+
+import colorsys
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from jaxtyping import Float64, Int, UInt8
+
+from tools.furniture.surfaces import Surface, box
+from tools.furniture.tints import Random
+
+SPINES, ROWS = 32, 2
+"""Kinds of spine in one picture, in so many rows."""
+SIDE, SPINE_HEIGHT = 256, 96
+"""Of the picture, and of a spine in it [px]."""
+PAPER = (228, 220, 200)
+STEP = 0.01
+"""Between the places along a shelf where its boards are looked for [m]."""
+LOWEST = 0.16
+"""Height that a row of books needs [m]."""
+NARROWEST = 0.15
+"""Width that a row of books needs [m]."""
+FULL = 0.9
+"""Share of the boards that hold books."""
+
+
+def books_on(shelf: Surface, rng: Random) -> Surface | None:
+    """Books on the boards of a shelf that stands with its front to -y; None if there is no board for them."""
+    lowest, highest = box([shelf])
+    vertices: list[np.ndarray] = []
+    faces: list[np.ndarray] = []
+    uv: list[np.ndarray] = []
+    for left, right, board, roof in compartments(shelf):
+        if rng.random() > FULL:
+            continue
+        tallest = min(roof - board - 0.02, rng.uniform(0.2, 0.31))
+        deepest = min(highest[1] - lowest[1] - 0.05, rng.uniform(0.14, 0.22))
+        front = lowest[1] + 0.02 + rng.uniform(0, 0.03)
+        end = left + (right - left) * (rng.uniform(0.55, 1) if rng.random() < 0.6 else 1) - 0.02
+        x = left + 0.012
+        while (thick := rng.uniform(0.012, 0.05)) + x <= end:
+            size = np.array([thick, deepest * rng.uniform(0.85, 1), tallest * rng.uniform(0.72, 1)])
+            corner = np.array([x, front + rng.uniform(0, 0.012), board + 0.001])
+            faces.append(BOOK_FACES + 16 * len(vertices))
+            vertices.append(corner + BOOK * size)
+            uv.append(_spine_uv(int(rng.integers(SPINES))))
+            x += thick + 0.001 + (rng.uniform(0.03, 0.1) if rng.random() < 0.05 else 0)
+    if not vertices:
+        return None
+    return Surface("books", np.concatenate(vertices), np.concatenate(faces), np.concatenate(uv), spines(rng))
+
+
+def compartments(shelf: Surface) -> list[tuple[float, float, float, float]]:
+    """Free rectangles between boards and uprights, seen from the front: left, right, board, roof [m].
+
+    A vertical line through the shelf is free between two surfaces that are farther apart than a book is high; neighbouring lines with
+    the same gap make a rectangle, and uprights that cross it cut it.
+    """
+    lowest, highest = box([shelf])
+    corners = shelf.vertices[shelf.faces]
+    depth = float(lowest[1] + 0.45 * (highest[1] - lowest[1]))
+    found: list[tuple[float, float, float, float]] = []
+    open_ones: dict[tuple[float, float], tuple[float, float]] = {}
+    for x in np.arange(lowest[0] + STEP, highest[0] - STEP / 2, STEP).tolist():
+        still = {}
+        for board, roof in pairwise(_crossings(corners, (x, depth, None))):
+            if roof - board <= LOWEST:
+                continue
+            before = next((gap for gap in open_ones if abs(gap[0] - board) + abs(gap[1] - roof) < 0.02), (board, roof))
+            still[before] = (open_ones[before][0] if before in open_ones else x, x)
+        found += [(*span, *gap) for gap, span in open_ones.items() if gap not in still]
+        open_ones = still
+    found += [(*span, *gap) for gap, span in open_ones.items()]
+    pieces = []
+    for left, right, board, roof in found:
+        cuts = [x for x in _crossings(corners, (None, depth, (board + roof) / 2)) if left < x < right]
+        pieces += [
+            (start, end, board, roof) for start, end in pairwise((left, *cuts, right)) if end - start > NARROWEST
+        ]
+    return pieces
+
+
+def _crossings(
+    corners: Float64[np.ndarray, "t 3 3"], line: tuple[float | None, float | None, float | None]
+) -> list[float]:
+    """Where a line along one axis, the one that is None, meets triangles, ascending and rounded to millimetres [m]."""
+    along = line.index(None)
+    u, v = (axis for axis in range(3) if axis != along)
+    flat = corners[..., (u, v)] - np.array((line[u], line[v]), dtype=np.float64)
+    a, b, c = flat[:, 0], flat[:, 1], flat[:, 2]
+    weights = np.stack([p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))], axis=1)
+    area = weights.sum(axis=1)
+    met = (np.abs(area) > 1e-12) & ((weights >= 0).all(axis=1) | (weights <= 0).all(axis=1))
+    places = (weights[met] * corners[met][..., along]).sum(axis=1) / area[met]
+    return np.unique(np.round(places, 3)).tolist()
+
+
+def _book() -> tuple[Float64[np.ndarray, "16 3"], Int[np.ndarray, "8 3"]]:
+    """Spine, two covers and the top of a unit book whose spine looks to -y."""
+    spine = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]
+    left = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)]
+    right = [(1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)]
+    top = [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    faces = [(4 * k, 4 * k + j, 4 * k + j + 1) for k in range(4) for j in (1, 2)]
+    return np.array([*spine, *left, *right, *top], dtype=np.float64), np.array(faces)
+
+
+BOOK, BOOK_FACES = _book()
+
+
+def _spine_uv(number: int) -> Float64[np.ndarray, "16 2"]:
+    """Where the corners of a book lie in the picture: its spine, one colour of it on the covers, paper on top."""
+    per_row = SPINES // ROWS
+    left, right = (np.array([number % per_row, number % per_row + 1]) / per_row) + [0.004, -0.004]
+    top = (number // per_row) * SPINE_HEIGHT / SIDE + 0.01
+    bottom = top + SPINE_HEIGHT / SIDE - 0.02
+    spine = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    cover = [(left + 0.002, bottom - 0.01)] * 8
+    paper = [(0.1, 0.98), (0.3, 0.98), (0.3, 0.8), (0.1, 0.8)]
+    return np.array([*spine, *cover, *paper])
+
+
+def spines(rng: Random) -> UInt8[np.ndarray, "h w 3"]:
+    """A picture of spines, with paper below them."""
+    picture = np.full((SIDE, SIDE, 3), PAPER, np.uint8)
+    picture[ROWS * SPINE_HEIGHT + 2 :: 3] = [round(0.9 * c) for c in PAPER]
+    width = SIDE * ROWS // SPINES
+    for number in range(SPINES):
+        x, y = number % (SPINES // ROWS) * width, number // (SPINES // ROWS) * SPINE_HEIGHT
+        colour = np.array(colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.05, 0.8), rng.uniform(0.15, 0.95))) * 255
+        if rng.random() < 0.2:
+            colour[:] = rng.uniform(200, 245)
+        spine = picture[y : y + SPINE_HEIGHT, x : x + width]
+        spine[:] = colour
+        ink = (235, 225, 190) if colour.sum() < 380 else (40, 36, 34)
+        if rng.random() < 0.8:
+            spine[20 + int(rng.integers(10)) : 55 + int(rng.integers(25)), 5:10] = ink
+        for band, share in ((8, 0.5), (84, 0.5)):
+            if rng.random() < share:
+                spine[band : band + 4] = ink
+    return cv2.GaussianBlur(picture, (0, 0), 0.5)

@@ -1,0 +1,385 @@
+"""From what Infinigen made to pieces as rooms take them: coloured, cut, turned, of real sizes, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from semgs.rooms.assets.glb import read_glb, write_glb
+from tools.furniture import surfaces as s
+from tools.furniture.books import books_on
+from tools.furniture.cloth import cloth_picture
+from tools.furniture.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
+from tools.furniture.raw import RawMesh, Torn, check_whole
+from tools.furniture.surfaces import Surface
+from tools.furniture.tints import (
+    CERAMICS,
+    CLOTH,
+    FABRICS,
+    LEATHERS,
+    METAL,
+    METALS,
+    NATURAL,
+    PAINTED,
+    STONES,
+    WOODS,
+    Colour,
+    Tint,
+    grain,
+    linear,
+    pick,
+    tinted,
+)  # fmt: skip
+
+MOST_TRIANGLES = 12_000
+"""Of a finished piece."""
+NEARLY = 1.02
+"""How much beyond its bounds a finished side may be."""
+ORIGIN = {
+    "licence": "BSD-3-Clause (Infinigen; generated output)",
+    "source_repo": "princeton-vl/infinigen",
+    "author": "Infinigen authors (Princeton Vision & Learning Lab)",
+}
+NOTE = "generated with Infinigen, base colour baked and retinted"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A finished piece: metres, z up, base on z = 0, centred in x and y, front = -y.
+
+    Attributes:
+        name: of its files.
+        kind: what it is.
+        surfaces: its triangles.
+        source: the factory's module, in Infinigen's repository.
+    """
+
+    name: str
+    kind: Kind
+    surfaces: tuple[Surface, ...]
+    source: str
+
+    def row(self, file: str, size: int, version: str) -> dict:
+        """Its row of `catalog.json`."""
+        parts = {
+            s.node_name(number, one): one.label for number, one in enumerate(self.surfaces) if one.label is not None
+        }
+        row = {
+            "name": self.name, "class": self.kind.label, "subtype": self.kind.subtype,
+            "scannet20_strict": self.kind.strict, "file": file,
+            "triangles": sum(len(one.faces) for one in self.surfaces),
+            "extents_m": [round(float(side), 3) for side in s.sides(self.surfaces)], "up": "z", "front": "-y",
+            "mount": self.kind.mount, "textured": any(one.picture is not None for one in self.surfaces),
+            "licence": ORIGIN["licence"], "source_repo": ORIGIN["source_repo"], "commit": version, "path": self.source,
+            "bytes": size, "author": ORIGIN["author"], "note": NOTE,
+        }  # fmt: skip
+        return row | ({"part_classes": parts} if parts else {})
+
+    def write(self, path: Path) -> None:
+        """Write its .glb file, and see that it reads back.
+
+        Raises:
+            OSError: the disk is full.
+            InputError: it does not read back.
+        """
+        written = s.primitives(self.surfaces)
+        write_glb(path, written)
+        assert len(read_glb(path)) == len(written)
+
+
+def finish(job: Job, meshes: Sequence[RawMesh]) -> list[Piece]:
+    """The pieces that a job makes, one for most kinds.
+
+    Raises:
+        Torn: it came apart, or is of no real size.
+        ImportError: embreex is not installed.
+    """
+    kind = KINDS[job.kind]
+    for number, mesh in enumerate(meshes):
+        check_whole(mesh, kind if number == 0 else DRAWERS)
+    rng = job.random()
+    source = f"{OBJECTS}/{job.makes[0].factory.rsplit('.', 1)[0].replace('.', '/')}.py"
+    pieces = []
+    for suffix, made, surfaces in MAKERS[job.kind](kind, meshes, rng):
+        sized = _sized(surfaces, made, rng)
+        count = sum(len(one.faces) for one in sized)
+        if count > MOST_TRIANGLES:
+            raise Torn(f"{count} triangles are left")
+        pieces.append(Piece(job.name + suffix, made, tuple(sized), source))
+    return pieces
+
+
+DRAWERS = replace(KINDS["cabinet"], low=(0.3, 0.3, 0.4), high=(0.6, 0.7, 0.8))
+"""The chest below a desk."""
+
+Made = list[tuple[str, Kind, list[Surface]]]
+"""What is to be put after the name, the kind, and the surfaces, with the front to -y."""
+
+
+def _sized(surfaces: Sequence[Surface], kind: Kind, rng: Random) -> list[Surface]:
+    """Scaled to the kind's sizes.
+
+    Raises:
+        Torn: one axis would be scaled much more than another.
+    """
+    sides = s.sides(surfaces)
+    low, high = np.array(kind.low), np.array(kind.high)
+    factors = (rng.uniform(low, high) if kind.drawn else np.clip(sides, low, high)) / sides
+    if factors.max() > kind.stretch * factors.min():
+        wide, deep, tall = sides
+        raise Torn(f"{wide:.2f} x {deep:.2f} x {tall:.2f} m is no {kind.subtype.replace('_', ' ')}")
+    return s.scaled(surfaces, factors)
+
+
+def _fronted(surfaces: list[Surface], kind: Kind) -> list[Surface]:
+    return s.turned(surfaces) if kind.turned else surfaces
+
+
+def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Callable[..., Made]:
+    """A maker of pieces in one picture; of hollow ones what is inside is left out."""
+
+    def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+        one = s.surface(meshes[0], "body", picture=tinted(meshes[0], tints(rng)))
+        return [("", kind, _fronted([s.seen_from_outside(one) if hollow else one], kind))]
+
+    return make
+
+
+def _plain(names: Sequence[tuple[str, tuple[str, ...], Sequence[Colour]]]) -> Callable[..., Made]:
+    """A maker of pieces in flat colours: name, words in the materials' names and colours of each surface."""
+
+    def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+        mesh, left = meshes[0], np.ones(len(meshes[0].faces), bool)
+        surfaces = []
+        for name, words, colours in names:
+            wanted = left & _of(mesh, words)
+            left &= ~wanted
+            if wanted.any():
+                surfaces.append(s.surface(mesh, name, wanted, colour=linear(pick(rng, colours))))
+        return [("", kind, _fronted(surfaces, kind))]
+
+    return make
+
+
+def _of(mesh: RawMesh, words: Sequence[str]) -> np.ndarray:
+    """Which triangles have a material with one of some words in its name."""
+    numbers = [number for number, name in enumerate(mesh.materials) if any(word in name.lower() for word in words)]
+    return np.isin(mesh.material, numbers)
+
+
+# Colours by kind.
+
+
+def _metal(rng: Random, colours: Sequence[Colour] = METALS) -> Tint:
+    return Tint(METAL, pick(rng, colours), 0.4)
+
+
+def _boards(rng: Random) -> list[Tint]:
+    wood = pick(rng, WOODS)
+    return [_metal(rng), Tint(("",), wood, grain(wood))]
+
+
+def _bed(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    mesh, wood = meshes[0], pick(rng, (*NATURAL, PAINTED[0], PAINTED[3]))
+    as_baked = rng.random() < 0.25
+    tints = []
+    for name in sorted(mesh.materials):
+        if any(word in name.lower() for word in CLOTH):
+            colour = pick(rng, FABRICS[:4] + FABRICS)
+            printed = "art" in name.lower()
+            own = printed and (as_baked or rng.random() < 0.45)
+            tints.append(Tint((name.lower(),), None if own else colour, 0.8 if own and as_baked else 0.5))
+    tints.sort(key=lambda tint: -len(tint.words[0]))
+    tints += [_metal(rng), Tint(("",), wood, grain(wood, 0.5))]
+    return [("", kind, _fronted([s.surface(mesh, "bed", picture=tinted(mesh, tints))], kind))]
+
+
+def _seat(rng: Random) -> list[Tint]:
+    return [
+        Tint(("leather",), pick(rng, LEATHERS), 0.8),
+        Tint(("wood", *METAL), (70, 52, 42), 0.6),
+        Tint(("",), pick(rng, FABRICS), 0.4),
+    ]
+
+
+def _chair(rng: Random) -> list[Tint]:
+    return [
+        Tint(CLOTH, pick(rng, FABRICS), 0.5),
+        _metal(rng),
+        Tint(("",), pick(rng, NATURAL + PAINTED[:1] + PAINTED[3:4]), 0.7),
+    ]
+
+
+OFFICE: tuple[Colour, ...] = (
+    (48, 48, 52), (60, 74, 104), (120, 124, 128), (112, 46, 54), (70, 96, 84), (200, 196, 190), (40, 40, 42), (150, 120, 90),
+)  # fmt: skip
+
+
+def _office_chair(rng: Random) -> list[Tint]:
+    return [_metal(rng, ((60, 60, 62), (150, 152, 155), (40, 40, 42))), Tint(("",), pick(rng, OFFICE), 0.5)]
+
+
+def _table_tints(rng: Random) -> list[Tint]:
+    return [Tint(("glass",), (170, 190, 195), 0.3), Tint(("marble",), pick(rng, STONES), 0.8), *_boards(rng)]
+
+
+def _table(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    """Its longer side to the front."""
+    one = [s.surface(meshes[0], "table", picture=tinted(meshes[0], _table_tints(rng)))]
+    wide, deep, _ = s.sides(one)
+    return [("", kind, one if wide >= deep else s.turned(one))]
+
+
+def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    """At times with a chest of drawers below, or two."""
+    wood = pick(rng, WOODS)
+    leg = pick(rng, (*METALS, (60, 60, 62), (235, 235, 235), wood, wood))
+    tints = [Tint(METAL, leg, 0.2), Tint(("",), wood, grain(wood))]
+    desk = _sized(s.turned([s.surface(meshes[0], "desk", picture=tinted(meshes[0], tints))]), kind, rng)
+    if len(meshes) == 1:
+        return [("", kind, desk)]
+    width, depth, height = s.sides(desk)
+    paint = wood if rng.random() < 0.7 else PAINTED[0]
+    picture = tinted(meshes[1], [Tint(METAL, (170, 172, 175), 0.4), Tint(("",), paint, grain(paint))])
+    chest = s.turned([s.seen_from_outside(s.surface(meshes[1], "drawers", picture=picture))])
+    chest = s.scaled(chest, np.array([0.4, 0.88 * depth, height - 0.075]) / s.sides(chest))
+    places = (-1, 1) if width > 1.5 and rng.random() < 0.4 else (int(rng.choice((-1, 1))),)
+    drawers = [s.moved(chest[0], (side * (width / 2 - 0.28), 0, 0)) for side in places]
+    office = replace(kind, subtype="office_desk")
+    return [("", office, [*desk, *drawers])]
+
+
+def _bookshelf(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    """Four of five hold books."""
+    picture = tinted(meshes[0], _boards(rng))
+    shelf = _sized(s.turned([s.surface(meshes[0], "shelf", picture=picture)]), kind, rng)
+    books = books_on(shelf[0], rng) if rng.random() < 0.8 else None
+    if books is None:
+        return [("", kind, shelf)]
+    return [("", replace(kind, subtype="bookshelf", strict="bookshelf"), [*shelf, books])]
+
+
+FRIDGES: tuple[Colour, ...] = (
+    (236, 236, 234), (178, 181, 184), (228, 228, 226), (60, 62, 64), (190, 192, 194), (240, 240, 238), (150, 154, 158),
+    (222, 216, 200), (40, 41, 43), (170, 60, 56),
+)  # fmt: skip
+
+
+def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    """One door, a freezer above, two doors side by side, or a low one."""
+    picture = tinted(meshes[0], [Tint(("",), pick(rng, FRIDGES), 0.35)])
+    body = s.turned([s.seen_from_outside(s.surface(meshes[0], "refrigerator", picture=picture))])
+    width, depth, height = rng.uniform(kind.low, kind.high)
+    form = rng.choice(("one", "freezer", "double", "low"), p=(0.35, 0.35, 0.2, 0.1))
+    size: Triple = {"double": (0.91, depth, height), "low": (0.55, 0.58, 0.86)}.get(form, (width, depth, height))
+    wide, deep, tall = size
+
+    def door(*extents: float) -> Surface:
+        return s.scaled(body, np.array(extents) / s.sides(body))[0]
+
+    if form == "freezer":
+        doors = [door(wide, deep, 0.66 * tall), s.moved(door(wide, deep, 0.335 * tall), (0, 0, 0.665 * tall))]
+    elif form == "double":
+        half = door(0.497 * wide, deep, tall)
+        doors = [s.moved(s.mirrored(half), (-0.2515 * wide, 0, 0)), s.moved(half, (0.2515 * wide, 0, 0))]
+    else:
+        doors = [door(*size)]
+    one = s.merged(doors)
+    if len(one.faces) > MOST_TRIANGLES:
+        one = doors[0]
+    sides = tuple(s.sides([one]))
+    return [("", replace(kind, low=sides, high=sides), [one])]
+
+
+def _door_tints(rng: Random) -> list[Tint]:
+    wood = pick(rng, (*WOODS, PAINTED[0], PAINTED[4]))
+    return [Tint(("glass",), (180, 195, 205), 0.3), Tint(METAL, pick(rng, METALS), 0.5), Tint(("",), wood, grain(wood))]
+
+
+def _curtain(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    """Drapes with a picture of our own, and their rod; Infinigen hangs them upside down."""
+    mesh = meshes[0]
+    cloth, rod = _of(mesh, ("cloth",)), _of(mesh, ("rod",))
+    if not cloth.any():
+        raise Torn("no cloth hangs before the window")
+    found = s.surface(mesh, "cloth", cloth)
+    upright = found.vertices * [-1, 1, -1]
+    lowest, extent = upright.min(axis=0), np.ptp(upright, axis=0)
+    uv = ((upright - lowest) / extent)[:, (0, 2)] * [0.98, -0.98] + [0.01, 0.99]
+    drapes = replace(found, vertices=upright, uv=uv, picture=cloth_picture(rng, float(extent[0]), float(extent[2])))
+    surfaces = [drapes]
+    if rod.any():
+        colour = linear(pick(rng, (*METALS, (70, 52, 42), (235, 235, 232))))
+        bar = s.surface(mesh, "rod", rod, colour=colour)
+        surfaces.append(replace(bar, vertices=bar.vertices * [-1, 1, -1]))
+    return [("", kind, surfaces)]
+
+
+CUPBOARDS: tuple[Colour, ...] = (
+    (240, 240, 238), (196, 164, 120), (110, 76, 52), (150, 158, 160), (70, 90, 84), (222, 200, 165), (60, 74, 94), (45, 43, 42),
+)  # fmt: skip
+WALL_CABINET = Kind(
+    "cabinet", "kitchen_wall_cabinet", "cabinet", 0, KINDS["kitchen"].makes, (1.2, 0.3, 0.6), (2.7, 0.42, 0.95), mount="wall",
+)  # fmt: skip
+
+
+def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
+    """A row of base cabinets, which are cabinets below a counter, and the row that hangs above it, if there is one; or an island."""
+    mesh = meshes[0]
+    paint = pick(rng, CUPBOARDS)
+    stone = Tint(("marble",), pick(rng, STONES), 0.8)
+    picture = tinted(mesh, [stone, Tint(METAL, (170, 172, 175), 0.4), Tint(("",), paint, grain(paint, 0.35))])
+    heights = mesh.vertices[mesh.faces][..., 2].mean(axis=1)
+    levels = np.unique(np.round(heights, 2))
+    gap = int(np.diff(levels).argmax())
+    hung = levels[gap + 1] - levels[gap] > HANGS
+    above = heights > (levels[gap] + levels[gap + 1]) / 2 if hung else np.zeros(len(heights), bool)
+    top = _of(mesh, ("marble",)) & ~above
+    found: Made = []
+    label = "cabinet" if kind is KINDS["kitchen"] else None  # an island is a counter as a whole
+    body = s.surface(mesh, "body", ~above & ~top, picture=picture, label=label)
+    surfaces = [s.seen_from_outside(body)]
+    if top.any():
+        surfaces.append(s.surface(mesh, "worktop", top, picture=picture))
+    found.append(("", kind, s.turned(surfaces)))
+    if above.any():
+        wall = s.seen_from_outside(s.surface(mesh, "cabinet", above, picture=picture))
+        found.append(("_wall", WALL_CABINET, s.turned([wall])))
+    return found
+
+
+HANGS = 0.25
+"""Height without a triangle between what stands and what hangs in a kitchen [m]."""
+
+WARE = (("metal", METAL, METALS), ("ceramic", ("",), CERAMICS))
+MAKERS: dict[str, Callable[[Kind, Sequence[RawMesh], Random], Made]] = {
+    "bed": _bed,
+    "sofa": _coloured(_seat),
+    "armchair": _coloured(_seat),
+    "chair": _coloured(_chair),
+    "officechair": _coloured(_office_chair),
+    "table": _table,
+    "coffeetable": _table,
+    "sidetable": _table,
+    "desk": _desk,
+    "bookshelf": _bookshelf,
+    "wardrobe": _coloured(_boards, hollow=True),
+    "cabinet": _coloured(_boards, hollow=True),
+    "tvstand": _coloured(_boards),
+    "refrigerator": _refrigerator,
+    "stove": _coloured(lambda rng: [], hollow=True),
+    "toilet": _plain(WARE),
+    "bathtub": _plain(WARE),
+    "washbasin": _plain(WARE),
+    "door": _coloured(_door_tints),
+    "window": _plain(
+        (("glass", ("pane",), ((190, 205, 215),)), ("frame", ("",), (*PAINTED, (150, 106, 70), (60, 60, 62))))
+    ),
+    "curtain": _curtain,
+    "kitchen": _kitchen,
+    "island": _kitchen,
+}
+"""How each kind becomes pieces."""

@@ -1,0 +1,175 @@
+"""Surfaces of a piece that is being finished: triangles of one material, turned, scaled, cut and written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float64, Int, UInt8
+
+from semgs.data.raycast import Raycaster
+from semgs.rooms.assets.glb import Primitive
+from tools.furniture.raw import RawMesh
+
+QUALITY = 85
+"""Of the JPEG pictures in the files."""
+DIRECTIONS, NEAR = 40, 1e-4
+"""Ways from which a triangle may be seen, and how far from it the ray starts, in sides of the piece."""
+PLACES = np.array([[1, 1, 1], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3
+"""Where on a triangle it is looked for (barycentric)."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles of one material, z up.
+
+    Attributes:
+        name: of the node and, within, of the material.
+        vertices: [m].
+        faces: three vertex numbers a triangle.
+        uv: texture coordinates of the vertices, (0, 0) at the picture's upper left.
+        picture: sRGB, None where the colour is all there is.
+        colour: linear RGB that the picture is multiplied with.
+        label: the class of this part, None for that of the whole.
+    """
+
+    name: str
+    vertices: Float64[np.ndarray, "n 3"]
+    faces: Int[np.ndarray, "t 3"]
+    uv: Float64[np.ndarray, "n 2"]
+    picture: UInt8[np.ndarray, "h w 3"] | None = None
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    label: str | None = None
+
+
+def surface(
+    mesh: RawMesh,
+    name: str,
+    wanted: Bool[np.ndarray, " t"] | None = None,
+    *,
+    picture: UInt8[np.ndarray, "h w 3"] | None = None,
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    label: str | None = None,
+) -> Surface:
+    """Some triangles of a make, or all; without a picture its atlas is left out."""
+    chosen = np.ones(len(mesh.faces), bool) if wanted is None else wanted
+    corners = mesh.faces[chosen].reshape(-1)
+    uv = mesh.uv[chosen].reshape(-1, 2).astype(np.float64) * [1, -1] + [0, 1]
+    if picture is None:
+        uv = np.zeros_like(uv)
+    keys = np.concatenate((corners[:, None], np.round(uv * 8192).astype(np.int64)), axis=1)
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    vertices = mesh.vertices[corners[first]].astype(np.float64)
+    return Surface(name, vertices, inverse.reshape(-1, 3), uv[first], picture, colour, label)
+
+
+def sides(surfaces: Sequence[Surface]) -> Float64[np.ndarray, " 3"]:
+    """Of the box around them [m]."""
+    lowest, highest = box(surfaces)
+    return highest - lowest
+
+
+def box(surfaces: Sequence[Surface]) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
+    """Lowest and highest corner of the box around them [m]."""
+    points = np.concatenate([one.vertices[one.faces.reshape(-1)] for one in surfaces])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def turned(surfaces: Sequence[Surface]) -> list[Surface]:
+    """A quarter to the right, seen from above: what looked along +x looks along -y."""
+    return [replace(one, vertices=one.vertices[:, (1, 0, 2)] * [1, -1, 1]) for one in surfaces]
+
+
+def scaled(surfaces: Sequence[Surface], factors: Float64[np.ndarray, " 3"]) -> list[Surface]:
+    """Scaled along the axes, then set on z = 0 with the middle of their width and depth at 0."""
+    lowest, highest = box(surfaces)
+    foot = np.array([*((lowest + highest) / 2)[:2], lowest[2]])
+    return [replace(one, vertices=(one.vertices - foot) * factors) for one in surfaces]
+
+
+def moved(one: Surface, by: Sequence[float]) -> Surface:
+    """Moved by a vector [m]."""
+    return replace(one, vertices=one.vertices + np.array(by))
+
+
+def mirrored(one: Surface) -> Surface:
+    """Left and right exchanged."""
+    return replace(one, vertices=one.vertices * [-1, 1, 1], faces=one.faces[:, ::-1])
+
+
+def merged(surfaces: Sequence[Surface]) -> Surface:
+    """Surfaces of one material as one."""
+    starts = np.cumsum([0, *(len(one.vertices) for one in surfaces)])
+    return replace(
+        surfaces[0],
+        vertices=np.concatenate([one.vertices for one in surfaces]),
+        faces=np.concatenate([one.faces + start for one, start in zip(surfaces, starts, strict=False)]),
+        uv=np.concatenate([one.uv for one in surfaces]),
+    )
+
+
+def seen_from_outside(one: Surface) -> Surface:
+    """Without the triangles that nobody sees from any side: drawers behind fronts, boards between boards.
+
+    Raises:
+        ImportError: embreex is not installed.
+    """
+    rays = Raycaster(one.vertices, one.faces)
+    corners = one.vertices[one.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    off = NEAR * float(np.ptp(one.vertices, axis=0).max())
+    seen = np.zeros(len(corners), bool)
+    for way in _sphere(DIRECTIONS):
+        for place in PLACES:
+            hidden = np.flatnonzero(~seen)
+            side = np.where(normals[hidden] @ way < 0, -1.0, 1.0)[:, None]
+            starts = np.einsum("tvc,v->tc", corners[hidden], place) + off * side * normals[hidden]
+            seen[hidden[rays.reached(starts, np.tile(way, (len(hidden), 1)))]] = True
+    used, faces = np.unique(one.faces[seen], return_inverse=True)
+    return replace(one, vertices=one.vertices[used], faces=faces.reshape(-1, 3), uv=one.uv[used])
+
+
+def _sphere(count: int) -> Float64[np.ndarray, "c 3"]:
+    """Directions that lie evenly on the sphere (Fibonacci's spiral)."""
+    index = np.arange(count) + 0.5
+    z, turn = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
+    flat = np.sqrt(1 - z**2)
+    return np.stack((flat * np.cos(turn), flat * np.sin(turn), z), axis=1)
+
+
+def primitives(surfaces: Sequence[Surface]) -> list[Primitive]:
+    """As a .glb file holds them: one node and one material each; equal pictures are encoded once."""
+    encoded: dict[int, bytes] = {}
+    found = []
+    for number, one in enumerate(surfaces):
+        texture = None
+        if one.picture is not None:
+            if id(one.picture) not in encoded:
+                encoded[id(one.picture)] = _jpeg(one.picture)
+            texture = encoded[id(one.picture)]
+        found.append(
+            Primitive(
+                node_name(number, one),
+                f"m{number}_{one.name}",
+                one.vertices.astype(np.float32),
+                one.faces.astype(np.int64),
+                one.uv.astype(np.float32),
+                one.colour,
+                texture,
+                clear=False,
+            )
+        )
+    return found
+
+
+def node_name(number: int, one: Surface) -> str:
+    """The node that holds a surface."""
+    return f"n{number}_{one.name}"
+
+
+def _jpeg(picture: UInt8[np.ndarray, "h w 3"]) -> bytes:
+    bgr = np.ascontiguousarray(picture[..., ::-1])
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
