@@ -812,8 +812,8 @@ MUTANTS = (
         "tracks of COLMAP points are read by the points of images", COLMAP, '"<u4")[::2]', '"<u4")[1::2]', OF_COLMAP,
     ),
     Mutant(
-        "another aspect is cropped from the left, not about the middle", "semgs/data/views.py",
-        "(views.size[1] - columns) // 2", "0",
+        "another aspect is cropped from the left, not about the middle", "semgs/data/resampling.py",
+        "(old[1] - columns) // 2", "0",
         ("tests/data/test_views.py::test_another_aspect_is_cropped_about_the_middle_and_never_stretched",),
     ),
     Mutant(

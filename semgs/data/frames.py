@@ -11,7 +11,8 @@ from jaxtyping import Float32, UInt8
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.lens import Lens
-from semgs.data.views import Views, reframed, resized
+from semgs.data.resampling import reframed, resized
+from semgs.data.views import Views
 from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
@@ -72,8 +73,8 @@ class Frame:
         Args:
             depth_range: near and far to give the view.
             classes: the table of its labels; None leaves labels out.
-            size: (height, width) to resize to, as `semgs.data.views.resized`; None leaves the picture at its own size.
-            crop: where the size has another aspect, crop to it, as `semgs.data.views.reframed`; else the picture is stretched.
+            size: (height, width) to resize to, as `semgs.data.resampling.resized`; None leaves the picture at its own size.
+            crop: where the size has another aspect, crop to it, as `semgs.data.resampling.reframed`; else the picture is stretched.
             maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
 
         Raises:

@@ -32,9 +32,10 @@ from semgs.data.classes import IGNORE
 from semgs.data.frames import SATURATED, Frame
 from semgs.data.lens import Lens
 from semgs.data.prepared_record import RECORD
+from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
 from semgs.data.terms import terms_of
-from semgs.data.views import INDOOR_DEPTH_RANGE, Views, reframed
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError
 from semgs.files.pictures import png_bytes

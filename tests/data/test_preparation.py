@@ -23,9 +23,9 @@ from semgs.data.prepared_set import (
     prepare_set,
     sources,
 )
+from semgs.data.resampling import cropped, resized
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scene, open_scenes
-from semgs.data.views import cropped, resized
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.rooms.demo import demo_scene
