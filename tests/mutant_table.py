@@ -53,6 +53,7 @@ METRICS = "semgs/objectives/metrics.py"
 FOLDERS = "semgs/files/folders.py"
 CHOICE = "semgs/data/choice.py"
 COVISIBILITY = "semgs/data/covisibility.py"
+MAPS = "semgs/data/maps.py"
 VIEW_SCORES = "semgs/reconstruction/scores.py"
 SCANNET = "semgs/data/layouts/scannet.py"
 SCANNETPP = "semgs/data/layouts/scannetpp.py"
@@ -683,8 +684,9 @@ MUTANTS = (
         of_scannet("a_point_is_where_scannets_own_formula_puts_it"),
     ),
     Mutant(
-        "ScanNet's depth is taken to be the colour camera's", "semgs/data/layouts/recordings.py",
-        "return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)", "return self.fitted(self.depth_path, depths)",
+        "ScanNet's depth is taken to be the colour camera's", MAPS,
+        "carried_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
+        "fitted(self.map.path, self.map.metres(), pixels.lens.size)",
         of_scannet("a_recording_is_read_as_it_was_written"),
     ),
     Mutant(
@@ -715,7 +717,7 @@ MUTANTS = (
     ),
     Mutant(
         "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/fisheye.py",
-        "(self.centre[0] - half, self.centre[1] - half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
+        "(self.centre[0] - self._half, self.centre[1] - self._half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
     ),
     Mutant(
         "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp_mesh.py",
@@ -759,12 +761,22 @@ MUTANTS = (
         of_layout("frame_files", "7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle"),
     ),
     Mutant(
-        "the largest count of a depth map is a depth", "semgs/data/frames.py",
+        "the largest count of a depth map is a depth", MAPS,
         "depths[counts == SATURATED] = 0", "pass", of_layout("frame_files", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
-        "SUN3D's depth stays rotated", "semgs/data/layouts/rgbd.py",
-        "(rotated >> 3) | (rotated << 13)", "rotated", of_layout("rgbd", "what_is_read_equals_what_was_written"),
+        "maps are cropped from the corner, pictures about the middle", MAPS,
+        "values[top : top + height, left : left + width]", "values[:height, :width]",
+        ("tests/data/test_maps.py::test_a_map_is_cropped_and_resized_as_the_picture_is",),
+    ),
+    Mutant(
+        "a mask hides labels, but not depth", "semgs/data/frames.py",
+        "depths.masked_fill(hidden, 0)", "depths",
+        ("tests/data/test_maps.py::test_a_mask_hides_depth_and_labels_of_any_source",),
+    ),
+    Mutant(
+        "SUN3D's depth stays rotated", MAPS,
+        "(counts >> 3) | (counts << 13)", "counts", of_layout("rgbd", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
         "a moving frame has the pose before, not one between", "semgs/data/layouts/ros_frames.py",

@@ -99,7 +99,7 @@ def test_scenes_without_metres_keep_their_unit_and_have_no_depth(tmp_path: Path)
     prepare_scene(scene, tmp_path / "a.zip", SMALL)
     small = open_scene(tmp_path / "a.zip")
     assert (small.unit, small.applied_scale) == ("unknown", 0.5)
-    assert all(frame.depth_path is None for frame in small.frames)
+    assert all(frame.depth is None for frame in small.frames)
     assert small.read([0, 1], "native").labels is not None
 
 

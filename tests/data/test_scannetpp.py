@@ -236,7 +236,7 @@ def test_what_the_toolbox_undistorted_is_read_as_it_is(tmp_path):
     (dslr / "nerfstudio" / "transforms_undistorted.json").write_text(json.dumps(told))
     scene = open_scene(folder)
     assert scene.frames[0].lens.is_pinhole
-    assert scene.frames[0].picture_path.parent.name == "undistorted_images"
+    assert scene.frames[0].picture.parent.name == "undistorted_images"
     np.testing.assert_allclose(scene.cameras[0].intrinsics.numpy(), k)
     assert offsets(scene, landmarks()).max() < 1  # the toolbox's half pixel
     shutil.rmtree(dslr / "undistorted_images")
