@@ -729,8 +729,8 @@ MUTANTS = (
         "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(
-        "what a mask hides keeps its depth", SCANNETPP,
-        "depths=None if depths is None else depths.masked_fill(hidden, 0)", "depths=depths",
+        "what a mask hides keeps its depth", "semgs/data/frames.py",
+        "depths.masked_fill(hidden, 0)", "depths",
         of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(
@@ -768,11 +768,6 @@ MUTANTS = (
         "maps are cropped from the corner, pictures about the middle", MAPS,
         "values[top : top + height, left : left + width]", "values[:height, :width]",
         ("tests/data/test_maps.py::test_a_map_is_cropped_and_resized_as_the_picture_is",),
-    ),
-    Mutant(
-        "a mask hides labels, but not depth", "semgs/data/frames.py",
-        "depths.masked_fill(hidden, 0)", "depths",
-        ("tests/data/test_maps.py::test_a_mask_hides_depth_and_labels_of_any_source",),
     ),
     Mutant(
         "SUN3D's depth stays rotated", MAPS,
