@@ -19,8 +19,8 @@ import numpy as np
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.frames import Frame
-from semgs.data.layouts.fields import parsed
-from semgs.data.layouts.poses import checked_poses
+from semgs.data.layouts.parts.fields import parsed
+from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MaskMap
 from semgs.data.scene import Scene

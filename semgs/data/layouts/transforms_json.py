@@ -17,8 +17,8 @@ import numpy as np
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import IGNORE, ClassTable, class_table
 from semgs.data.frames import Frame
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.poses import checked_poses
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene

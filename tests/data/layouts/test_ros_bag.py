@@ -33,8 +33,8 @@ from bags import (
 )
 from miniatures import back_projected, check_projection, check_read, miniature
 
-from semgs.data.layouts.ros_bag import lens_of
-from semgs.data.layouts.ros_images import as_file, ending_of
+from semgs.data.layouts.ros.bag import lens_of
+from semgs.data.layouts.ros.images import as_file, ending_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError

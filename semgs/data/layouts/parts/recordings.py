@@ -10,7 +10,7 @@ import numpy as np
 
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
-from semgs.data.layouts.poses import checked_poses
+from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.maps import MapSource
 from semgs.data.scene import Scene

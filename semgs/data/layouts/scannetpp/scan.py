@@ -3,7 +3,7 @@
     DATA/SCAN/dslr/    resized_images/, resized_anon_masks/, colmap/, nerfstudio/transforms.json, train_test_lists.json
                        undistorted_images/ and nerfstudio/transforms_undistorted.json, where the toolbox made them
     DATA/SCAN/iphone/  rgb/, rgb_masks/ and depth/ as the toolbox extracts them, colmap/, nerfstudio/transforms.json
-    DATA/SCAN/scans/   see `scannetpp_mesh`
+    DATA/SCAN/scans/   see `semgs.data.layouts.scannetpp.mesh`
 
 COLMAP's poses are in the mesh's world, in metres. `transforms.json` has them camera to world with OpenGL axes in a world whose first two
 axes change places and whose third is turned round; all that is undone here. Intrinsics count from the corner of the first pixel. The
@@ -24,12 +24,12 @@ import numpy as np
 from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.poses import checked_poses
-from semgs.data.layouts.scannet_labels import find_table, read_table
-from semgs.data.layouts.scannetpp_labels import labels_of
-from semgs.data.layouts.scannetpp_mesh import MESH, LabelledMesh, MeshDepth, MeshLabels, object_names
+from semgs.data.layouts.colmap.files import PARAMETERS, ColmapCamera, read_cameras, read_images
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.scannet.labels import find_table, read_table
+from semgs.data.layouts.scannetpp.labels import labels_of
+from semgs.data.layouts.scannetpp.mesh import MESH, LabelledMesh, MeshDepth, MeshLabels, object_names
 from semgs.data.lens import AbstractLens, Lens
 from semgs.data.maps import DepthMap, MaskMap
 from semgs.data.peers import READINGS, TOOLBOX_UNDISTORTION

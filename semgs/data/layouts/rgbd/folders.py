@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.asked import Asked
-from semgs.data.layouts.association import associated
-from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.recordings import PICTURES, Shot, recorded, sequence_name
-from semgs.data.layouts.trajectories import Trajectory, read_pose, read_trajectory
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import Trajectory, read_pose, read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene

@@ -12,8 +12,13 @@ import pytest
 import torch
 
 from semgs.data.asked import Asked
-from semgs.data.preparation import Preparation, estimated_bytes, prepare_scene, prepared_view
-from semgs.data.prepared_set import (
+from semgs.data.resampling import cropped, resized
+from semgs.data.scene_lists import read_list
+from semgs.data.scenes import open_scene, open_scenes
+from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
+from semgs.preparation.archive import Preparation, estimated_bytes, prepare_scene, prepared_view
+from semgs.preparation.prepared_set import (
     INDEX,
     SUMS,
     Reading,
@@ -23,11 +28,6 @@ from semgs.data.prepared_set import (
     prepare_set,
     sources,
 )
-from semgs.data.resampling import cropped, resized
-from semgs.data.scene_lists import read_list
-from semgs.data.scenes import open_scene, open_scenes
-from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.rooms.demo import demo_scene
 
 SMALL = Preparation((48, 64))

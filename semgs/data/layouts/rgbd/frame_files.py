@@ -16,9 +16,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
-from semgs.data.layouts.trajectories import read_pose
+from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene

@@ -23,8 +23,8 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int, Num, UInt8, UInt16
 
 from semgs.data.classes import IGNORE
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.scannet_labels import normal
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.scannet.labels import normal
 from semgs.data.maps import Pixels
 from semgs.data.raycast import Raycaster
 from semgs.files.atomic import write_bytes

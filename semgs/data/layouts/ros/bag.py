@@ -26,10 +26,10 @@ import numpy as np
 
 from semgs.data.asked import Asked
 from semgs.data.frames import Frame
-from semgs.data.layouts.association import associated
-from semgs.data.layouts.calibrations import asked_calibration
-from semgs.data.layouts.ros_frames import Motion, above, along, motion
-from semgs.data.layouts.ros_images import GREYS, as_file, encoding_of, ending_of, is_depth
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.calibrations import asked_calibration
+from semgs.data.layouts.ros.images import GREYS, as_file, encoding_of, ending_of, is_depth
+from semgs.data.layouts.ros.motions import Motion, above, along, motion
 from semgs.data.lens import HALF, Lens
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene

@@ -1,7 +1,7 @@
 """Replica as Semantic-NeRF rendered it: `rgb/rgb_0.png`, `depth/depth_0.png`, `semantic_class/semantic_class_0.png`, `traj_w_c.txt`.
 
 Line k of `traj_w_c.txt` is the pose of the pictures with number k: a row-major 4x4 matrix, camera to world, OpenCV axes [m]. Depth is 16-bit
-PNG in millimetres. A class map holds Replica's ids (0: none), which become ScanNet's 20 classes by `replica_classes`; where an
+PNG in millimetres. A class map holds Replica's ids (0: none), which become ScanNet's 20 classes by `semgs.data.layouts.replica.classes`; where an
 `info_semantic.json` lies near, its names count.
 
 The renderer had 90 degrees across the picture, so fx = fy = W / 2, and its principal point at ((W - 1) / 2, (H - 1) / 2) counts from the
@@ -18,12 +18,12 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
-from semgs.data.layouts.calibrations import asked_calibration
-from semgs.data.layouts.fields import parsed
-from semgs.data.layouts.recordings import Shot, numbered, recorded, sequence_name
-from semgs.data.layouts.replica_classes import IDS, NYU40
-from semgs.data.layouts.scannet_labels import labels_of_ids
-from semgs.data.layouts.trajectories import read_trajectory
+from semgs.data.layouts.parts.calibrations import asked_calibration
+from semgs.data.layouts.parts.fields import parsed
+from semgs.data.layouts.parts.recordings import Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import read_trajectory
+from semgs.data.layouts.replica.classes import IDS, NYU40
+from semgs.data.layouts.scannet.labels import labels_of_ids
 from semgs.data.lens import HALF, Lens
 from semgs.data.maps import DepthMap, IdMap
 from semgs.data.peers import READINGS, ROW_229

@@ -3,7 +3,7 @@
 Poses are camera to world with OpenCV axes, in metres; where tracking was lost they are not finite, and such frames are dropped, so
 that frames count as in the peers' code. Intrinsics are pixels with the *centre* of the first pixel at (0, 0) (ScanNet's own tools
 project and undistort so), and get half a pixel here. Depth is 16 bits, in millimetres unless a recording says otherwise, of a camera
-of its own at the place of the colour camera; it is brought to the colour camera by both K. Labels are ids of `scannet_labels`.
+of its own at the place of the colour camera; it is brought to the colour camera by both K. Labels are ids of `semgs.data.layouts.scannet.labels`.
 http://www.scan-net.org, https://github.com/ScanNet/ScanNet
 """
 
@@ -18,10 +18,10 @@ import numpy as np
 
 from semgs.data.classes import SCANNET20
 from semgs.data.frames import Frame
-from semgs.data.layouts.poses import checked_poses
-from semgs.data.layouts.scannet_files import read_fields, read_numbers
-from semgs.data.layouts.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
-from semgs.data.layouts.sens import read_recording
+from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.scannet.files import read_fields, read_numbers
+from semgs.data.layouts.scannet.labels import FILE_NAME, find_table, labels_of_ids, read_table
+from semgs.data.layouts.scannet.sens import read_recording
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MapSource, read_ids
 from semgs.data.nyu40 import NAMES
