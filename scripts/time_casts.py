@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import trimesh
 
-from semgs.data.layouts import scannetpp_mesh
+from semgs.data.layouts.scannetpp import mesh as scannetpp_mesh
 
 ROOM = (6.0, 5.0, 3.0)
 SIZES = {"240x320": (240, 320), "1168x1752 (DSLR)": (1168, 1752), "1440x1920 (iPhone)": (1440, 1920)}

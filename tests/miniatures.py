@@ -12,9 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from semgs.data.resampling import resized
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.data.views import resized
 from semgs.rooms.sets.demo import demo_scene
 
 SIZE = (48, 64)

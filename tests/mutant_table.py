@@ -53,11 +53,12 @@ METRICS = "semgs/objectives/metrics.py"
 FOLDERS = "semgs/files/folders.py"
 CHOICE = "semgs/data/choice.py"
 COVISIBILITY = "semgs/data/covisibility.py"
+MAPS = "semgs/data/maps.py"
 VIEW_SCORES = "semgs/reconstruction/scores.py"
-SCANNET = "semgs/data/layouts/scannet.py"
-SCANNETPP = "semgs/data/layouts/scannetpp.py"
+SCANNET = "semgs/data/layouts/scannet/scan.py"
+SCANNETPP = "semgs/data/layouts/scannetpp/scan.py"
 
-COLMAP = "semgs/data/layouts/colmap_files.py"
+COLMAP = "semgs/data/layouts/colmap/files.py"
 
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
@@ -683,25 +684,26 @@ MUTANTS = (
         of_scannet("a_point_is_where_scannets_own_formula_puts_it"),
     ),
     Mutant(
-        "ScanNet's depth is taken to be the colour camera's", "semgs/data/layouts/recordings.py",
-        "return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)", "return self.fitted(self.depth_path, depths)",
+        "ScanNet's depth is taken to be the colour camera's", MAPS,
+        "carried_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
+        "fitted(self.map.path, self.map.metres(), pixels.lens.size)",
         of_scannet("a_recording_is_read_as_it_was_written"),
     ),
     Mutant(
-        "width and height of a recording change places", "semgs/data/layouts/sens.py",
+        "width and height of a recording change places", "semgs/data/layouts/scannet/sens.py",
         "(depth_height, depth_width),", "(depth_width, depth_height),", of_scannet("a_recording_is_read_as_it_was_written"),
     ),
     Mutant(
-        "a count of depth is a millimetre in every recording", "semgs/data/layouts/sens.py",
+        "a count of depth is a millimetre in every recording", "semgs/data/layouts/scannet/sens.py",
         "        1 / shift,\n", "        1e-3,\n", of_scannet("depth_in_fifths_of_a_millimetre_is_read_as_it_was_written"),
     ),
     Mutant(
-        "a cut recording is read beyond its end", "semgs/data/layouts/sens.py",
+        "a cut recording is read beyond its end", "semgs/data/layouts/scannet/sens.py",
         "if not colour or start + colour + depth > length:", "if not colour:",
         of_scannet("a_truncated_recording_gives_the_frames_before_the_cut"),
     ),
     Mutant(
-        "of rows that share an id the first counts", "semgs/data/layouts/scannet_labels.py",
+        "of rows that share an id the first counts", "semgs/data/layouts/scannet/labels.py",
         "by_id[identity] = _whole(", "by_id[identity] = by_id.get(identity) or _whole(",
         ("tests/data/test_nyu40.py::test_of_rows_that_share_an_id_the_last_counts",),
     ),
@@ -715,91 +717,96 @@ MUTANTS = (
     ),
     Mutant(
         "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/fisheye.py",
-        "(self.centre[0] - half, self.centre[1] - half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
+        "(self.centre[0] - self._half, self.centre[1] - self._half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
     ),
     Mutant(
-        "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp_mesh.py",
+        "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp/mesh.py",
         "groups.append((-int(sizes", "groups.append((int(sizes",
         of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
     ),
     Mutant(
-        "rays are cast through the corners of pixels", "semgs/data/layouts/scannetpp_mesh.py",
+        "rays are cast through the corners of pixels", "semgs/data/layouts/scannetpp/mesh.py",
         "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(
-        "what a mask hides keeps its depth", SCANNETPP,
-        "depths=None if depths is None else depths.masked_fill(hidden, 0)", "depths=depths",
+        "what a mask hides keeps its depth", "semgs/data/frames.py",
+        "depths.masked_fill(hidden, 0)", "depths",
         of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(
-        "quaternions of trajectories are read with w first", "semgs/data/layouts/trajectories.py",
+        "quaternions of trajectories are read with w first", "semgs/data/layouts/parts/trajectories.py",
         "x, y, z, w = np.where(", "w, x, y, z = np.where(", of_layout("tum", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
-        "the centre of the first pixel of a calibration stays at 0", "semgs/data/layouts/calibrations.py",
+        "the centre of the first pixel of a calibration stays at 0", "semgs/data/layouts/parts/calibrations.py",
         "(cx + HALF, cy + HALF)", "(cx, cy)", of_layout("tum", "a_point_is_where_the_benchmarks_formula_puts_it"),
     ),
     Mutant(
-        "association takes the first in time, not the nearest", "semgs/data/layouts/association.py",
+        "association takes the first in time, not the nearest", "semgs/data/layouts/parts/association.py",
         "(abs(first[i] - second[j]), i, int(j))", "(second[j], i, int(j))",
         of_layout("tum", "association_takes_the_nearest_first_and_each_once"),
     ),
     Mutant(
-        "the principal point of Replica counts from the centre of the first pixel", "semgs/data/layouts/replica.py",
+        "the principal point of Replica counts from the centre of the first pixel", "semgs/data/layouts/replica/sequence.py",
         "(width / 2, row * height)", "((width - 1) / 2, row * height)", of_layout("replica", "a_point_is_where_the_renderer_puts_it"),
     ),
     Mutant(
-        "files are sorted by name, 10 before 2", "semgs/data/layouts/recordings.py",
+        "files are sorted by name, 10 before 2", "semgs/data/layouts/parts/recordings.py",
         "for number in sorted(found)}", "for number in sorted(found, key=str)}",
         ("tests/data/layouts/test_recordings.py::test_files_are_in_the_order_of_their_numbers",),
     ),
     Mutant(
-        "depth of 7-Scenes is taken to be the colour camera's", "semgs/data/layouts/frame_files.py",
+        "depth of 7-Scenes is taken to be the colour camera's", "semgs/data/layouts/rgbd/frame_files.py",
         "        depth_lens = KINECT_DEPTH\n", "        depth_lens = None\n",
         of_layout("frame_files", "7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle"),
     ),
     Mutant(
-        "the largest count of a depth map is a depth", "semgs/data/frames.py",
+        "the largest count of a depth map is a depth", MAPS,
         "depths[counts == SATURATED] = 0", "pass", of_layout("frame_files", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
-        "SUN3D's depth stays rotated", "semgs/data/layouts/rgbd.py",
-        "(rotated >> 3) | (rotated << 13)", "rotated", of_layout("rgbd", "what_is_read_equals_what_was_written"),
+        "maps are cropped from the corner, pictures about the middle", MAPS,
+        "values[top : top + height, left : left + width]", "values[:height, :width]",
+        ("tests/data/test_maps.py::test_a_map_is_cropped_and_resized_as_the_picture_is",),
     ),
     Mutant(
-        "a moving frame has the pose before, not one between", "semgs/data/layouts/ros_frames.py",
+        "SUN3D's depth stays rotated", MAPS,
+        "(counts >> 3) | (counts << 13)", "counts", of_layout("rgbd", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "a moving frame has the pose before, not one between", "semgs/data/layouts/ros/motions.py",
         "np.where(span > 0, (times - self.times[before]) / np.maximum(span, 1), 0.0)[:, None]", "np.zeros((len(times), 1))",
         of_layout("ros_bag", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
-        "frames are chained from the world down", "semgs/data/layouts/ros_frames.py",
+        "frames are chained from the world down", "semgs/data/layouts/ros/motions.py",
         "poses = step.at(times) @ poses", "poses = poses @ step.at(times)",
         of_layout("ros_bag", "odometry_moves_the_base_that_the_camera_stands_on"),
     ),
     Mutant(
-        "pictures of a bag are at the time at which they were recorded", "semgs/data/layouts/ros_bag.py",
+        "pictures of a bag are at the time at which they were recorded", "semgs/data/layouts/ros/bag.py",
         "found.setdefault(_stamp(message), logged)", "found.setdefault(logged, logged)",
         of_layout("ros_bag", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
-        "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros_bag.py",
+        "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros/bag.py",
         "p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)", "p.reshape(3, 4)[:, :3]",
         of_layout("ros_bag", "a_point_is_where_opencvs_formula_puts_it"),
     ),
     Mutant(
-        "a region of interest leaves the principal point where it was", "semgs/data/layouts/ros_bag.py",
+        "a region of interest leaves the principal point where it was", "semgs/data/layouts/ros/bag.py",
         "(matrix[0, 2] + HALF - x) / bins[0]", "(matrix[0, 2] + HALF) / bins[0]",
         of_layout("ros_bag", "binning_and_regions_of_interest_move_the_camera"),
     ),
     Mutant(
-        "red and blue change places in a bag", "semgs/data/layouts/ros_images.py",
+        "red and blue change places in a bag", "semgs/data/layouts/ros/images.py",
         '"rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None)', '"rgb8": (3, None), "bgr8": (3, None)',
         of_layout("ros_bag", "pixels_of_all_encodings_are_what_they_say"),
     ),
     Mutant(
-        "prepared poses keep OpenCV's axes", "semgs/data/preparation.py",
+        "prepared poses keep OpenCV's axes", "semgs/preparation/archive.py",
         "pose[:3, 1:3] *= -1", "pose[:3, 1:3] *= 1",
-        ("tests/data/test_preparation.py::test_a_prepared_scene_is_the_scene_resized_with_its_camera",),
+        ("tests/preparation/test_preparation.py::test_a_prepared_scene_is_the_scene_resized_with_its_camera",),
     ),
     Mutant(
         "the translation of a COLMAP pose is that of the camera in the world", COLMAP,
@@ -812,8 +819,8 @@ MUTANTS = (
         "tracks of COLMAP points are read by the points of images", COLMAP, '"<u4")[::2]', '"<u4")[1::2]', OF_COLMAP,
     ),
     Mutant(
-        "another aspect is cropped from the left, not about the middle", "semgs/data/views.py",
-        "(views.size[1] - columns) // 2", "0",
+        "another aspect is cropped from the left, not about the middle", "semgs/data/resampling.py",
+        "(old[1] - columns) // 2", "0",
         ("tests/data/test_views.py::test_another_aspect_is_cropped_about_the_middle_and_never_stretched",),
     ),
     Mutant(

@@ -15,13 +15,24 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = (
     ("files", "geometry"),
     ("data", "rendering"),
-    ("model", "rooms", "capture"),
+    ("model", "rooms", "capture", "preparation"),
     ("weights", "objectives", "figures"),
     ("training", "reconstruction", "export"),
     ("evaluation", "viewer", "bench"),
     ("cli",),
 )
 """From the ground up; `semgs` itself, which resolves the public names, stands above them all."""
+
+LAYOUTS = "semgs.data.layouts"
+LAYOUT_FLOORS = (
+    ("parts",),
+    ("colmap", "scannet"),
+    ("scannetpp", "replica", "ros", "rgbd", "transforms_json"),
+)
+"""Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, and the rest, which know nothing of one another."""
+
+READERS_OF_LAYOUTS = ("semgs.data.scenes", "semgs.data.terms", "semgs.preparation.prepared_set")
+"""Outside of that package only these import from it: what opens scenes, what knows the data sets' terms, and what names prepared scenes."""
 
 FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
 
@@ -115,6 +126,22 @@ def wrong_arrows_inside(root: Path, package: str) -> list[str]:
     return wrong
 
 
+def wrong_arrows_of_layouts(root: Path) -> list[str]:
+    """Every import inside `semgs.data.layouts` that points up or sideways, and every import of it by somebody who may not."""
+    floor = {name: number for number, names in enumerate(LAYOUT_FLOORS) for name in names}
+    wrong = []
+    for name, path in modules(root).items():
+        inside = name.startswith(f"{LAYOUTS}.")
+        for target in imported(name, path):
+            if not target.startswith(f"{LAYOUTS}."):
+                continue
+            home, there = (one.removeprefix(f"{LAYOUTS}.").split(".")[0] for one in (name, target))
+            may = home == there or floor[there] < floor[home] if inside else name in READERS_OF_LAYOUTS
+            if not may:
+                wrong.append(f"{name} imports {target}")
+    return wrong
+
+
 @pytest.mark.parametrize("package", FOLDERS)
 def test_folders_of_a_package_form_no_ring(package: str):
     assert wrong_arrows_inside(ROOT, package) == []
@@ -144,6 +171,40 @@ def test_the_package_knows_nothing_of_the_repositorys_tools():
         if any(one.split(".")[0] == "tools" for one in imported(name, path))
     ]
     assert users == []
+
+
+def test_layouts_share_parts_and_know_nothing_of_one_another():
+    assert wrong_arrows_of_layouts(ROOT) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "line"),
+    [
+        ("data/layouts/parts/poses.py", "from semgs.data.layouts.colmap.files import read_images"),
+        ("data/layouts/replica/sequence.py", "from semgs.data.layouts.rgbd.tum import open_tum"),
+        ("training/survey.py", "from semgs.data.layouts.scannet.scan import open_scan"),
+    ],
+)
+def test_a_planted_arrow_between_layouts_is_found(tmp_path: Path, module: str, line: str):
+    planted = tmp_path / "semgs" / module
+    planted.parent.mkdir(parents=True)
+    planted.write_text(line)
+    assert len(wrong_arrows_of_layouts(tmp_path)) == 1
+
+
+def test_modules_of_the_data_package_import_one_another_one_way():
+    """No ring, but for names that moved and that a module still gives away when it is asked."""
+    below: dict[str, set[str]] = {}
+    known = modules(ROOT)
+    for name, path in known.items():
+        if name.startswith("semgs.data."):
+            heads = [node for node in tree(path.read_text()).body if isinstance(node, ast.ImportFrom) and node.module]
+            targets = {f"{node.module}.{alias.name}" for node in heads for alias in node.names}
+            below[name] = {one for target in targets for one in (target, target.rpartition(".")[0]) if one in known}
+    while leaves := [name for name, targets in below.items() if not targets & below.keys()]:
+        for name in leaves:
+            del below[name]
+    assert below == {}
 
 
 def test_every_folder_has_its_floor():

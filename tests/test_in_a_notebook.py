@@ -108,7 +108,7 @@ def test_a_scene_shows_some_of_its_frames_and_names_those_that_cannot_be_read(sc
     assert len(pictures(html)) == notebook.MOST
     assert f"0: {scene.frames[0].name}" in html
     (tmp_path / "broken.png").write_bytes(b"\x89PNG")
-    broken = replace(scene.frames[0], picture_path=tmp_path / "broken.png")
+    broken = replace(scene.frames[0], picture=tmp_path / "broken.png")
     html = replace(scene, frames=(broken, *scene.frames[1:]))._repr_html_()
     assert len(pictures(html)) == notebook.MOST - 1
     assert "broken.png" in html

@@ -67,9 +67,17 @@ class Prepare:
         self.reading.check()
         existing_folder(self.src)
         with show_stage("Looking for scenes"):
-            from semgs.data.preparation import Preparation
-            from semgs.data.prepared_set import INDEX, Reading, check, free_space, needed_space, prepare_set, sources
             from semgs.data.scene_lists import read_list
+            from semgs.preparation.archive import Preparation
+            from semgs.preparation.prepared_set import (
+                INDEX,
+                Reading,
+                check,
+                free_space,
+                needed_space,
+                prepare_set,
+                sources,
+            )
 
             found = sources(self.src, read_list(self.scenes) if self.scenes else None)
         settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked)

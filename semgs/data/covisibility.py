@@ -57,7 +57,7 @@ class Surfaces:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._found: dict[int, Surface | None] = {}
-        self.measured = any(frame.depth_path is not None for frame in scene.frames)
+        self.measured = any(frame.depth is not None for frame in scene.frames)
         """Whether depth maps are read, which takes milliseconds a frame."""
 
     def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[Surface]:
@@ -78,13 +78,11 @@ class Surfaces:
 def _from_depth_map(frame: Frame) -> Surface | None:
     """The surface that a frame's own depth map shows, None if there is none or it is nearly empty."""
     try:
-        depths = frame.read_depths()
+        depths = frame.measured()
     except InputError:
         return None  # a damaged map of a frame that is not used does no harm; if it is used, reading it says so
     if depths is None:
         return None
-    if not frame.lens.is_pinhole:
-        depths = frame.lens.undistorted(depths, frame.lens.maps(), nearest=True)
     height, width = depths.shape
     row, column = ((2 * np.arange(GRID) + 1) * side // (2 * GRID) for side in (height, width))
     middles = depths[row[:, None], column].astype(np.float64).ravel()

@@ -1,8 +1,10 @@
-"""Lenses: a pinhole with the distortion of OpenCV's radial-tangential model, and how it is undone on reading."""
+"""Lenses: what bends the rays of a pinhole, and how that is undone on reading."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import final
 
 import cv2
 import numpy as np
@@ -26,14 +28,13 @@ _MOST_ENLARGED = 4.0
 
 
 @dataclass(frozen=True)
-class Lens:
-    """The camera as the file describes it, before its distortion is undone.
+class AbstractLens(ABC):
+    """A camera as its file describes it, before its distortion is undone.
 
     Attributes:
         size: (height, width) of its pictures [px].
         focal: (fx, fy) [px].
         centre: (cx, cy) [px], the centre of the first pixel at (0.5, 0.5).
-        distortion: (k1, k2, p1, p2, k3), all 0 for a pinhole.
 
     Raises:
         ValueError: the size is not positive or beyond `MOST_PIXELS`, a number is not finite, a focal length or the principal point
@@ -44,16 +45,15 @@ class Lens:
     size: tuple[int, int]
     focal: tuple[float, float]
     centre: tuple[float, float]
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if min(self.size) < 1 or not min(self.focal) > 0:
             raise ValueError(
                 f"size {self.size} (height, width) and focal lengths {self.focal} px; expected positive ones"
             )
-        if not np.isfinite((*self.focal, *self.centre, *self.distortion)).all():
+        if not np.isfinite((*self.focal, *self.centre, *self.coefficients)).all():
             raise ValueError(
-                f"focal {self.focal}, centre {self.centre}, distortion {self.distortion}; expected finite numbers"
+                f"focal {self.focal}, centre {self.centre}, distortion {self.coefficients}; expected finite numbers"
             )
         if self.size[0] * self.size[1] > MOST_PIXELS:
             raise ValueError(f"size {self.size} (height, width); expected at most {MOST_PIXELS:,} pixels")
@@ -67,13 +67,87 @@ class Lens:
                 f"principal point {self.centre} px; expected it within {FURTHEST_CENTRE:g} times the longer side of {longer} px"
             )
         if not self.is_pinhole and not self._can_be_undone():
-            raise ValueError(
-                f"the distortion {self.distortion} (k1, k2, p1, p2, k3) cannot be undone over the whole picture"
-            )
+            raise ValueError(f"the distortion {self.coefficients} cannot be undone over the whole picture")
+
+    @property
+    @abstractmethod
+    def coefficients(self) -> tuple[float, ...]:
+        """The numbers of its distortion."""
+
+    @property
+    @abstractmethod
+    def is_pinhole(self) -> bool:
+        """Whether there is nothing to undo."""
+
+    @property
+    @abstractmethod
+    def intrinsics(self) -> np.ndarray:
+        """K [3 3] of the pictures as they are read: after undistortion, at the same size [px]."""
+
+    @property
+    @abstractmethod
+    def invents_nothing(self) -> bool:
+        """Whether every pixel after undistortion has to come from one in the picture."""
+
+    @abstractmethod
+    def directions(self, positions: np.ndarray) -> np.ndarray:
+        """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
+
+    @abstractmethod
+    def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Where in the stored picture the pixels of a pinhole K [3 3] of (height, width) come from, in OpenCV's positions."""
+
+    def maps(self) -> tuple[np.ndarray, np.ndarray]:
+        """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each."""
+        return self.sources(self.intrinsics, self.size)
+
+    def undistorted(
+        self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
+    ) -> np.ndarray:
+        """A picture [h w 3] or map [h w] with the distortion undone by `maps()`; interpolated, or from the nearest pixel."""
+        method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
+        return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
+
+    def _can_be_undone(self) -> bool:
+        """Whether every pixel after undistortion has one source in the picture: the model does not fold over before its edge."""
+        if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:
+            return False
+        if not self.invents_nothing:
+            return True
+        if (np.diagonal(self.intrinsics)[:2] > _MOST_ENLARGED * np.array(self.focal)).any():
+            return False
+        height, width = self.size
+        coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
+        x, y = self.sources(coarse, (_GRID, _GRID))
+        slack = 0.01 * max(
+            self.size
+        )  # OpenCV finds the pinhole from a grid of points, so an edge may be off by a little
+        inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
+        return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
+
+
+@final
+@dataclass(frozen=True)
+class Lens(AbstractLens):
+    """A pinhole with the distortion of OpenCV's radial-tangential model.
+
+    Attributes:
+        distortion: (k1, k2, p1, p2, k3), all 0 for a pinhole.
+
+    Raises:
+        ValueError: as `AbstractLens`.
+    """
+
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """(k1, k2, p1, p2, k3)."""
+        return self.distortion
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether there is nothing to undo."""
+        """Whether all of them are 0."""
         return not any(self.distortion)
 
     @property
@@ -91,16 +165,10 @@ class Lens:
         )
         return matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + HALF, ideal[1, 2] + HALF))
 
-    def maps(self) -> tuple[np.ndarray, np.ndarray]:
-        """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each."""
-        return self._sources(self.intrinsics, self.size)
-
-    def undistorted(
-        self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
-    ) -> np.ndarray:
-        """A picture [h w 3] or map [h w] with the distortion undone by `maps()`; interpolated, or from the nearest pixel."""
-        method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
-        return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
+    @property
+    def invents_nothing(self) -> bool:
+        """It always has to."""
+        return True
 
     def directions(self, positions: np.ndarray) -> np.ndarray:
         """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
@@ -110,26 +178,10 @@ class Lens:
         plane = cv2.undistortPoints(points, self._opencv_matrix, np.array(self.distortion))[:, 0]
         return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 
-    def _can_be_undone(self) -> bool:
-        """Whether every pixel after undistortion has one source in the picture: the model does not fold over before its edge."""
-        if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:
-            return False
-        if (np.diagonal(self.intrinsics)[:2] > _MOST_ENLARGED * np.array(self.focal)).any():
-            return False
-        height, width = self.size
-        coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
-        x, y = self._sources(coarse, (_GRID, _GRID))
-        slack = 0.01 * max(
-            self.size
-        )  # OpenCV finds the pinhole from a grid of points, so an edge may be off by a little
-        inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
-        return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
-
-    def _sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Where in the stored picture the pixels of a pinhole K [3 3] of (height, width) come from, in OpenCV's positions."""
-        shifted = pinhole - HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
         x, y = cv2.initUndistortRectifyMap(
-            self._opencv_matrix, np.array(self.distortion), np.eye(3), shifted, size[::-1], cv2.CV_32FC1
+            self._opencv_matrix, np.array(self.distortion), np.eye(3), shifted(pinhole, -HALF), size[::-1], cv2.CV_32FC1
         )
         return np.asarray(x), np.asarray(y)
 
@@ -143,7 +195,12 @@ def matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarra
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
 
 
-def carried_over(values: np.ndarray, source: Lens, target: Lens) -> np.ndarray:
+def shifted(pinhole: np.ndarray, pixels: float) -> np.ndarray:
+    """K [3 3] with its principal point moved along both axes [px]."""
+    return pinhole + pixels * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+
+
+def carried_over(values: np.ndarray, source: AbstractLens, target: AbstractLens) -> np.ndarray:
     """A map [h w] of one pinhole as another sees it from the same place, looking the same way; 0 where it sees beyond.
 
     Each pixel gets the value of the pixel that its ray meets; nothing is mixed, so that z-depths stay what they are.

@@ -46,7 +46,7 @@ def seen(frame: Frame) -> Seen:
     Raises:
         InputError: its picture cannot be read.
     """
-    grey = read_grey(frame.picture_path, frame.lens.size, LONGEST_SIDE)
+    grey = read_grey(frame.picture, frame.lens.size, LONGEST_SIDE)
     keypoints, descriptors = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(grey, None)
     scale = np.array([frame.lens.size[1] / grey.shape[1], frame.lens.size[0] / grey.shape[0]])
     # OpenCV's positions have the first pixel's centre at 0.

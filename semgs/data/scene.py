@@ -15,7 +15,8 @@ from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
 from semgs.data.parallax import Seen
-from semgs.data.views import FAR_OUT, Views, default_size, joined
+from semgs.data.resampling import default_size
+from semgs.data.views import FAR_OUT, Views, joined
 from semgs.files.errors import InputError
 from semgs.files.notebook import MOST, Row, html, small
 from semgs.geometry.cameras import Cameras
@@ -183,7 +184,7 @@ class Scene:
 
         Args:
             frames: positions or names, in the order wanted.
-            size: (height, width) to bring them to, as `semgs.data.views.reframed`: other aspects are cropped. None is what `semgs reconstruct`
+            size: (height, width) to bring them to, as `semgs.data.resampling.reframed`: other aspects are cropped. None is what `semgs reconstruct`
                 takes: `default_size` of the first frame, at most 76,800 pixels. "native" leaves the pictures at their own size.
             depth_range: near and far to give them; None is `depth_range` of these frames.
 

@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts import colmap, frame_files, replica, rgbd, ros_bag, scannet, scannetpp, transforms_json, tum
+from semgs.data.layouts import transforms_json
+from semgs.data.layouts.colmap import model as colmap
+from semgs.data.layouts.replica import sequence as replica
+from semgs.data.layouts.rgbd import folders as rgbd
+from semgs.data.layouts.rgbd import frame_files, tum
+from semgs.data.layouts.ros import bag as ros_bag
+from semgs.data.layouts.scannet import scan as scannet
+from semgs.data.layouts.scannetpp import scan as scannetpp
 from semgs.data.peers import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls

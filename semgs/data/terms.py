@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from semgs.data.layouts import replica, scannet, scannetpp
+from semgs.data.layouts.replica import sequence as replica
+from semgs.data.layouts.scannet import scan as scannet
+from semgs.data.layouts.scannetpp import scan as scannetpp
 from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
 from semgs.files.strict_json import parse_json

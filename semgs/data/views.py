@@ -9,23 +9,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64, Int64, UInt8
+from jaxtyping import Float, Float64, UInt8
 from torch import Tensor
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 from semgs.files.notebook import class_row, depth_row, html, photo_row
-from semgs.geometry.cameras import Arrays, Cameras, as_float64, checked_size
+from semgs.geometry.cameras import Arrays, Cameras, as_float64
 from semgs.geometry.summaries import array_of, summary
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
 """Near and far of rooms in metres, where nothing better is known."""
-
-DEFAULT_PIXELS = 76_800
-"""Pictures are reduced to at most so many pixels unless the user asks for a size: 240 x 320."""
-
-
-STRETCH = 0.01
-"""Pictures whose aspect is off by no more than this are stretched where others are cropped."""
 
 FAR_OUT = 1000.0
 """Coordinates may be so large in float32, whose steps there are 0.06 mm where they are metres; beyond, an origin is subtracted."""
@@ -284,123 +277,6 @@ def joined(views: Sequence[Views]) -> Views:
     return views[0].arranged(lambda *arrays: torch.cat(arrays, dim=axis), *views[1:])
 
 
-def resized(views: Views, size: Sequence[int]) -> Views:
-    """The same views at another size: pictures, labels, depths and cameras together; the aspect need not be kept.
-
-    Along an axis that shrinks, a new pixel is the mean of the area it covers, whatever the ratio; along one that grows, it
-    is interpolated linearly between pixel centres. Labels and depths are never mixed: each comes from the pixel that its
-    new centre lies in (`cv2.INTER_NEAREST` takes the one at its new corner instead).
-
-    Args:
-        views: with any leading axes.
-        size: the new (height, width) [px].
-
-    Raises:
-        ValueError: the size is not two positive integers.
-    """
-    size = height, width = checked_size(size)
-    if size == views.size:
-        return views
-    stretch = torch.diag(torch.tensor([width / views.size[1], height / views.size[0], 1.0], dtype=torch.float64))
-    rows, columns = (_resampling(old, new).to(views.images) for old, new in zip(views.size, size, strict=True))
-    nearest = [_nearest(old, new) for old, new in zip(views.size, size, strict=True)]
-
-    def picked(maps: Tensor) -> Tensor:
-        row, column = (index.to(maps.device) for index in nearest)
-        return maps.index_select(-2, row).index_select(-1, column)
-
-    return views.map(
-        picked,
-        images=lambda images: (rows @ images @ columns.mT).clamp(0, 1),
-        cameras=views.cameras.adjusted(stretch, size),
-    )
-
-
-def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
-    """A window of the views: pictures, labels, depths and cameras (cx and cy move) together.
-
-    Args:
-        views: with any leading axes.
-        top: rows cut off above.
-        left: columns cut off at the left.
-        size: (height, width) of what is kept [px].
-
-    Raises:
-        ValueError: the window is empty or reaches outside the pictures.
-    """
-    height, width = size
-    if (height, width) == views.size and top == left == 0:
-        return views
-    if not (0 <= top < top + height <= views.size[0] and 0 <= left < left + width <= views.size[1]):
-        raise ValueError(
-            f"the window has rows {top}..{top + height} and columns {left}..{left + width}; "
-            f"expected a part of pictures of {views.size} (height, width)"
-        )
-    window = (..., slice(top, top + height), slice(left, left + width))
-    shift = torch.eye(3, dtype=torch.float64)
-    shift[0, 2], shift[1, 2] = -left, -top
-    return views.map(lambda maps: maps[window], cameras=views.cameras.adjusted(shift, (height, width)))
-
-
-def reframed(views: Views, size: Sequence[int]) -> Views:
-    """The views at another size without distortion: cropped about the middle to its aspect, then resized.
-
-    Args:
-        views: with any leading axes.
-        size: the new (height, width) [px].
-
-    Raises:
-        ValueError: the size is not two positive integers.
-    """
-    size = checked_size(size)
-    rows, columns = kept_size(views.size, size)
-    return resized(cropped(views, (views.size[0] - rows) // 2, (views.size[1] - columns) // 2, (rows, columns)), size)
-
-
-def kept_size(old: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
-    """(height, width) of the part that `reframed` keeps: all of it where the aspects differ by no more than `STRETCH` [px]."""
-    (rows, columns), (height, width) = old, size
-    if abs(rows * width / (columns * height) - 1) <= STRETCH:
-        return old
-    return max(1, min(rows, round(columns * height / width))), max(1, min(columns, round(rows * width / height)))
-
-
-def default_size(size: Sequence[int]) -> tuple[int, int]:
-    """The size that pictures of `size` are read at when nobody asks for one.
-
-    Reduced, never enlarged, to at most `DEFAULT_PIXELS` with their aspect, sides rounded to multiples of 16 (what the
-    networks work in without padding); a side shorter than 16 is left alone.
-
-    Args:
-        size: (height, width) of the pictures [px].
-    """
-    scale = min(1.0, (DEFAULT_PIXELS / (size[0] * size[1])) ** 0.5)
-    wanted = [side * scale / 16 for side in size]
-    most = DEFAULT_PIXELS // 256
-    units = [max(1, min(round(want), side // 16, most)) for want, side in zip(wanted, size, strict=True)]
-    while units[0] * units[1] > most:  # of the sides that can, the one that rounding lengthened most gives way
-        longer = max((0, 1), key=lambda axis: (units[axis] > 1, units[axis] / wanted[axis]))
-        units[longer] -= 1
-    height, width = (min(16 * unit, side) for unit, side in zip(units, size, strict=True))
-    return height, width
-
-
-def _resampling(old: int, new: int) -> Float64[Tensor, "new old"]:
-    """The matrix that resamples an axis of `old` pixels to `new`: means of areas when it shrinks, linear when it grows."""
-    pixels = torch.arange(old, dtype=torch.float64)
-    if new <= old:
-        edges = torch.arange(new + 1, dtype=torch.float64)[:, None] * (old / new)
-        covered = torch.minimum(edges[1:], pixels + 1) - torch.maximum(edges[:-1], pixels)
-        return covered.clamp(min=0) * (new / old)
-    centres = ((torch.arange(new, dtype=torch.float64)[:, None] + 0.5) * (old / new) - 0.5).clamp(0, old - 1)
-    return (1 - (centres - pixels).abs()).clamp(min=0)
-
-
-def _nearest(old: int, new: int) -> Int64[Tensor, " new"]:
-    """The old pixel that the centre of each new pixel lies in, along an axis."""
-    return (2 * torch.arange(new) + 1) * old // (2 * new)
-
-
 def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
     """One picture as float CHW.
 
@@ -415,3 +291,12 @@ def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
     raise ValueError(
         f"a picture is {tensor.dtype} {tuple(tensor.shape)}; expected uint8 [h w 3] or float [3 h w] in 0..1"
     )
+
+
+def __getattr__(name: str) -> Any:
+    """What moved to `semgs.data.resampling`, for one release more."""
+    from semgs.data import resampling
+
+    if name in ("DEFAULT_PIXELS", "STRETCH", "cropped", "default_size", "kept_size", "reframed", "resized"):
+        return getattr(resampling, name)
+    raise AttributeError(f"module {__name__} has no attribute {name}")

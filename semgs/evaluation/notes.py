@@ -53,8 +53,8 @@ def _without_truth(plan: Plan) -> list[str]:
     """Scenes without labels or depth."""
     found = []
     for attribute, what, left in (
-        ("label_path", "labels", "they count in metrics of colour and depth only"),
-        ("depth_path", "depth", "they count in no metric of depth, and the row of warped contexts is without them"),
+        ("labels", "labels", "they count in metrics of colour and depth only"),
+        ("depth", "depth", "they count in no metric of depth, and the row of warped contexts is without them"),
     ):
         bare = [scene.name for scene in plan.scenes if not any(getattr(frame, attribute) for frame in scene.frames)]
         if bare:

@@ -14,7 +14,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
-from semgs.data.frames import read_labels
+from semgs.data.maps import read_labels
 from semgs.evaluation.plan import Plan, Task
 from semgs.evaluation.predictions import Inputs, Prediction
 from semgs.files.errors import InputError
@@ -102,7 +102,7 @@ class SavedPredictions:
     def _missing(self, kind: str, tasks: tuple[Task, ...]) -> tuple[int, list[str]]:
         """Of how many targets a kind is asked for, and the files that are absent."""
         if kind != "colour":
-            attribute = "label_path" if kind == "labels" else "depth_path"
+            attribute = "labels" if kind == "labels" else "depth"
             tasks = tuple(task for task in tasks if getattr(task.scene.frames[task.sample.target], attribute))
         return len(tasks), [f"{task.stem}{KINDS[kind][0]}" for task in tasks if self._file(kind, task) is None]
 

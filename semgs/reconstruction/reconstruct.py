@@ -11,8 +11,9 @@ import torch
 from semgs.data.choice import Choice
 from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange
+from semgs.data.resampling import default_size, kept_size
 from semgs.data.scene import Scene
-from semgs.data.views import Views, default_size, kept_size
+from semgs.data.views import Views
 from semgs.geometry.cameras import back_project, project
 from semgs.model.encoding import Encoding
 from semgs.model.plan import Plan

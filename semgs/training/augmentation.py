@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from semgs.data.classes import IGNORE
-from semgs.data.views import Views, cropped, resized
+from semgs.data.resampling import cropped, resized
+from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
 from semgs.training.camera import photographed
 from semgs.training.settings import Augmentation

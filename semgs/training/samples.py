@@ -189,7 +189,7 @@ class Samples:
         """Frames of a scene at one size, which those of the first are brought to."""
         chosen = [scene.frames[index] for index in frames]
         if not with_depths:
-            chosen = [replace(frame, depth_path=None) for frame in chosen]
+            chosen = [replace(frame, depth=None) for frame in chosen]
         maps = {frame.lens: frame.lens.maps() for frame in chosen if not frame.lens.is_pinhole}
         views = [frame.view((bounds.near, bounds.far), scene.classes, maps=maps.get(frame.lens)) for frame in chosen]
         return scene.local(joined([window(view, views[0].size) for view in views])).checked()

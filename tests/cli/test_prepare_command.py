@@ -11,8 +11,8 @@ from conftest import write_scene
 
 from semgs.cli.main import main
 from semgs.cli.prepare import _size
-from semgs.data import preparation, prepared_set
 from semgs.data.scenes import open_scene
+from semgs.preparation import archive, prepared_set
 
 
 @pytest.fixture
@@ -88,18 +88,18 @@ def test_a_disk_that_fills_up_leaves_what_is_complete_and_no_part(
 ) -> None:
     out = tmp_path / "out"
     monkeypatch.setattr(prepared_set, "needed_space", lambda *given: 0)
-    written = preparation._write
+    written = archive._write
 
     def until_the_second_scene(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
         if (out / "a.zip").exists():
             raise OSError(errno.ENOSPC, "No space left on device", "b.zip")
         written(archive, name, data)
 
-    monkeypatch.setattr(preparation, "_write", until_the_second_scene)
+    monkeypatch.setattr(archive, "_write", until_the_second_scene)
     line = refused(capsys, scenes, out, "--size", "32x48", "--workers", 0)
     assert "the disk is full (b.zip); free some space or write elsewhere" in line
     assert {path.name for path in out.iterdir()} == {"a.zip", "settings.json"}
-    monkeypatch.setattr(preparation, "_write", written)
+    monkeypatch.setattr(archive, "_write", written)
     assert main(["prepare", str(scenes), str(out), "--size", "32x48", "--workers", "0"]) == 0
 
 

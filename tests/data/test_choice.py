@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from landmarks import looking
@@ -14,6 +13,7 @@ from landmarks import looking
 from semgs.data.choice import _preference, choose, drawn, given
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
+from semgs.data.maps import InMemory
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
@@ -122,31 +122,31 @@ def test_contexts_leave_a_frame_that_they_cover():
     assert (choice.context, choice.targets) == ((1, 2), (0,))
 
 
-def measured(folder: Path, wall: float, places: Sequence[float]) -> Scene:
+def measured(wall: float, places: Sequence[float]) -> Scene:
     """Cameras side by side at these metres that measured a wall [m]."""
-    cv2.imwrite(str(folder / "depth.png"), np.full(LENS.size, round(1000 * wall), np.uint16))
+    depths = np.full(LENS.size, wall, np.float32)
     poses = [looking((place, 0.1, 0), (place, 0.1, 5), roll=0.0) for place in places]
     bare = scene(poses)
-    return replace(bare, frames=tuple(replace(frame, depth_path=folder / "depth.png") for frame in bare.frames))
+    return replace(bare, frames=tuple(replace(frame, depth=InMemory(depths)) for frame in bare.frames))
 
 
-def test_the_baseline_is_judged_by_measured_depth(tmp_path):
+def test_the_baseline_is_judged_by_measured_depth():
     """Near a wall at 1 m 0.09 m is 9 %; where nothing is measured the depth of rooms, 2.2 m, wants 0.2 m."""
-    near = measured(tmp_path, 1.0, (0.0, 0.05, 0.09, 0.25))
+    near = measured(1.0, (0.0, 0.05, 0.09, 0.25))
     choice = choose(near, 2)
     assert (choice.context, choice.targets) == ((0, 2), (1,))
     assert "by measured depth with a median of 1 m, and are 0.09 m (9% of it) apart" in choice.reason
-    bare = replace(near, frames=tuple(replace(frame, depth_path=None) for frame in near.frames))
+    bare = replace(near, frames=tuple(replace(frame, depth=None) for frame in near.frames))
     assert choose(bare, 2).context == (1, 3)
 
 
-def test_without_two_frames_that_share_enough_there_is_one_clear_error(tmp_path):
+def test_without_two_frames_that_share_enough_there_is_one_clear_error():
     """A picture is 170 / 150 m wide at 1 m: 0.5 m to the side leaves 56 %, 1 m 12 %."""
-    assert choose(measured(tmp_path, 1.0, (0.0, 0.5)), 2).context == (0, 1)
+    assert choose(measured(1.0, (0.0, 0.5)), 2).context == (0, 1)
     with pytest.raises(
         InputError, match=r"expected two frames that share 30% of what they see, found \d+% at most; .*--context"
     ):
-        choose(measured(tmp_path, 1.0, (0.0, 1.0)), 2)
+        choose(measured(1.0, (0.0, 1.0)), 2)
 
 
 def test_the_office_holds_out_what_its_input_views_cover(shared):

@@ -12,6 +12,7 @@ import pytest
 from semgs.data.covisibility import Covisibility, Surfaces, flat
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
+from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 
 LENS = Lens((120, 170), (150.0, 140.0), (91.3, 55.2))
@@ -33,7 +34,8 @@ def scene(folder: Path, maps: Sequence[np.ndarray | None], rights: Sequence[floa
         path = folder / f"{number}.png"
         if depths is not None:
             cv2.imwrite(str(path), np.rint(1000 * depths).astype(np.uint16))
-        frames.append(Frame(f"{number}.jpg", Path("nowhere"), lens, posed(right), None if depths is None else path))
+        source = None if depths is None else DepthMap(path)
+        frames.append(Frame(f"{number}.jpg", Path("nowhere"), lens, posed(right), source))
     return Scene(folder, "scene", "transforms.json", "metric", tuple(frames))
 
 

@@ -7,7 +7,7 @@ import pytest
 from scannet_writer import tsv
 
 from semgs.data.classes import SCANNET20
-from semgs.data.layouts.scannet_labels import read_table
+from semgs.data.layouts.scannet.labels import read_table
 from semgs.data.nyu40 import NAMES, scannet20_labels
 
 IGNORED = (

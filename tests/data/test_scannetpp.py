@@ -40,10 +40,11 @@ from scannetpp_writer import (
 
 from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
-from semgs.data.layouts import scannetpp, scannetpp_mesh
-from semgs.data.layouts.scannetpp import in_mesh_world
-from semgs.data.layouts.scannetpp_labels import BY_SCANNET, BY_US, NYU40_OF, TOP_100, labels_of
-from semgs.data.layouts.scannetpp_mesh import Cast, object_names, vertex_labels
+from semgs.data.layouts.scannetpp import mesh as scannetpp_mesh
+from semgs.data.layouts.scannetpp import scan as scannetpp
+from semgs.data.layouts.scannetpp.labels import BY_SCANNET, BY_US, NYU40_OF, TOP_100, labels_of
+from semgs.data.layouts.scannetpp.mesh import Cast, object_names, vertex_labels
+from semgs.data.layouts.scannetpp.scan import in_mesh_world
 from semgs.data.nyu40 import NAMES as NYU40_NAMES
 from semgs.data.raycast import Raycaster
 from semgs.data.scenes import open_scene, open_scenes
@@ -236,7 +237,7 @@ def test_what_the_toolbox_undistorted_is_read_as_it_is(tmp_path):
     (dslr / "nerfstudio" / "transforms_undistorted.json").write_text(json.dumps(told))
     scene = open_scene(folder)
     assert scene.frames[0].lens.is_pinhole
-    assert scene.frames[0].picture_path.parent.name == "undistorted_images"
+    assert scene.frames[0].picture.parent.name == "undistorted_images"
     np.testing.assert_allclose(scene.cameras[0].intrinsics.numpy(), k)
     assert offsets(scene, landmarks()).max() < 1  # the toolbox's half pixel
     shutil.rmtree(dslr / "undistorted_images")
@@ -322,7 +323,7 @@ def test_the_top_100_are_a_hundred_and_each_name_has_one_class():
 
 
 def test_scannets_own_table_comes_first(tmp_path):
-    from semgs.data.layouts.scannet_labels import LabelTable
+    from semgs.data.layouts.scannet.labels import LabelTable
 
     table = LabelTable(tmp_path, {}, {"rack": 3, "swivel stool": 5})
     known, missed = labels_of({"rack": 2, "Swivel  Stool": 1, "crate": 4, "gizmo": 9}, table)

@@ -12,8 +12,8 @@ import torch
 from landmarks import looking
 from PIL import Image
 
+from semgs.data.resampling import reframed
 from semgs.data.scenes import open_scene, open_scenes
-from semgs.data.views import reframed
 from semgs.files.errors import InputError
 
 SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from semgs.data.preparation import Preparation, prepare_scene
 from semgs.data.prepared_record import RECORD
 from semgs.data.scenes import open_scene
 from semgs.data.terms import (
@@ -26,6 +25,7 @@ from semgs.data.terms import (
     terms_of,
     terms_text,
 )  # fmt: skip
+from semgs.preparation.archive import Preparation, prepare_scene
 from semgs.rooms.sets.demo import demo_scene
 
 SMALL = Preparation((24, 32), every=4)

@@ -137,7 +137,7 @@ def test_paths_are_found_however_they_are_spelt(tmp_path, spelling):
     frames = [{"file_path": spelling.format(*arguments, index)} for index in range(3)]
     scene = open_scene(write(tmp_path, PINHOLE, frames))
     assert len(scene) == 3
-    assert scene.frames[1].picture_path.samefile(tmp_path / "images" / "001.png")
+    assert scene.frames[1].picture.samefile(tmp_path / "images" / "001.png")
 
 
 def test_the_synthetic_nerf_dialect_is_read(tmp_path):

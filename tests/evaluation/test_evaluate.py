@@ -198,7 +198,7 @@ def test_progress_is_told_after_every_target_and_a_broken_file_ends_the_work(pla
     told: list[int] = []
     evaluate(plan, Oracle(), tmp_path, save=False, done=told.append)
     assert told == list(range(1, len(plan.tasks) + 1))
-    picture = plan.tasks[3].scene.frames[2].picture_path
+    picture = plan.tasks[3].scene.frames[2].picture
     picture.write_bytes(picture.read_bytes()[:200])
     with pytest.raises(InputError, match=r"hall.*images.*002\.png"):
         evaluate(plan, Oracle(), tmp_path, save=False)
@@ -300,7 +300,7 @@ def test_reports_of_other_frames_sizes_or_truth_are_not_compared(plan: Plan, mak
         check_comparable([base, of(Plan("n", tasks[1:5]), "fewer")])
     with pytest.raises(InputError, match=r"target attic/images/002\.png instead of attic/images/001\.png"):
         check_comparable([base, of(Plan("n", (tasks[1], tasks[0], *tasks[2:5])), "other")])
-    labels = tasks[0].scene.frames[1].label_path
+    labels = tasks[0].scene.frames[1].labels.path
     assert labels is not None
     Image.fromarray(np.zeros((36, 48), np.uint8)).save(labels)
     with pytest.raises(InputError, match=r"changed.*the same targets as .*base.*other true labels or depths"):

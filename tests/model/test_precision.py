@@ -9,7 +9,8 @@ from networks import preset
 from posed import posed_cameras, posed_views
 
 from semgs import load, open_scene
-from semgs.data.views import Views, resized
+from semgs.data.resampling import resized
+from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.camera_attention import token_transforms

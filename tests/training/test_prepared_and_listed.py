@@ -10,10 +10,10 @@ import pytest
 import torch
 from scenes_on_disk import SIZE, write_labelled
 
-from semgs.data.preparation import Preparation
-from semgs.data.prepared_set import Reading, prepare_set, sources
 from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
+from semgs.preparation.archive import Preparation
+from semgs.preparation.prepared_set import Reading, prepare_set, sources
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.survey.record import RECORD, scenes_of

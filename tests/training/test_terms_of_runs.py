@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from scenes_on_disk import SIZE, write_labelled
 
-from semgs.data.preparation import Preparation, prepare_scene
 from semgs.data.scenes import open_scene
 from semgs.data.terms import REPLICA, ROOMS, SCANNET, Terms, terms_text
+from semgs.preparation.archive import Preparation, prepare_scene
 from semgs.training.batches import surveyed
 from semgs.training.settings import TrainingSettings
 from semgs.training.survey.record import RECORD, UNSTATED, data_terms_of

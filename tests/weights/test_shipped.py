@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from semgs import load, open_scene, render
-from semgs.data.views import resized
+from semgs.data.resampling import resized
 from semgs.evaluation.protocols import neighbours
 from semgs.objectives.metrics import confusion_matrix, miou, psnr
 from semgs.rendering.rendering import likeliest

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.class_files import LabelSet, read_class_file
+from semgs.data.class_files import read_class_file
 from semgs.data.classes import IGNORE, ClassTable, class_table
 from semgs.data.frames import Frame
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.poses import checked_poses
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.lens import Lens
+from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
 from semgs.files.archives import Archive, Member, members
 from semgs.files.errors import InputError
@@ -95,32 +96,28 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
     )
     poses[:, :3, 1:3] *= -1
     lenses: dict[Lens, Lens] = {}
-    frames, absent, notes = [], [], _Notes()
+    frames, labels, absent, notes = list[Frame](), dict[int, Stored](), [], _Notes()
     for fields, name, pose in zip(listed, names, poses, strict=True):
         picture = _found(beside, name, ENDINGS)
         if picture is None:
             absent.append(name)
             continue
         lens = _lens(fields, picture, notes)
-        frames.append(
-            Frame(
-                name=name,
-                picture_path=picture,
-                lens=lenses.setdefault(lens, lens),
-                world_from_camera=pose,
-                depth_path=_map(fields, "depth_file_path", (".png", ".npy", ".pgm"), notes, beside),
-                depth_unit=fields.positive("depth_unit_scale_factor") or DEPTH_UNIT,
-                label_path=_map(fields, "label_file_path", (".png",), notes, beside),
-            )
-        )
-    unread = None
+        held = _map(fields, "depth_file_path", (".png", ".npy", ".pgm"), notes, beside)
+        unit = fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
+        label = _map(fields, "label_file_path", (".png",), notes, beside)
+        if label is not None:
+            labels[len(frames)] = label
+        frames.append(Frame(name, picture, lenses.setdefault(lens, lens), pose, DepthMap(held, unit) if held else None))
+    unread, classes = None, None
     try:
-        classes = _classes(shared, frames, beside)
+        if labels:
+            classes, meaning = _classes(shared, beside)
+            for index, label in labels.items():
+                source = ClassMap(label, classes, meaning, f"frame {frames[index].name}")
+                frames[index] = replace(frames[index], labels=source)
     except InputError as error:
-        classes, unread = None, error
-    if isinstance(classes, LabelSet):
-        frames = [replace(frame, meaning=classes.meaning) for frame in frames]
-        classes = classes.table
+        unread = error
     return Scene(
         path=path,
         name=name_of_scene,
@@ -291,14 +288,12 @@ def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
     return "metric" if metric else "unknown"
 
 
-def _classes(shared: Fields, frames: Sequence[Frame], beside: Beside) -> ClassTable | LabelSet | None:
-    """The table that labels refer to, by its name or in a file (`*.json`, beside the scene's or from there); None where no frame has any.
+def _classes(shared: Fields, beside: Beside) -> tuple[ClassTable, tuple[int | None, ...] | None]:
+    """The table that labels refer to, by its name or in a file (`*.json`, beside the scene's or from there), and their meaning there.
 
     Raises:
-        InputError: there are labels and `label_set` names no known table or file, or `label_ignore` is not 255.
+        InputError: `label_set` names no known table or file, or `label_ignore` is not 255.
     """
-    if not any(frame.label_path for frame in frames):
-        return None
     name, ignore = shared.text("label_set"), shared.number("label_ignore")
     if ignore not in (None, IGNORE):
         raise shared.refused("label_ignore", f"{IGNORE}", f"{ignore:g}")
@@ -306,9 +301,10 @@ def _classes(shared: Fields, frames: Sequence[Frame], beside: Beside) -> ClassTa
         file = beside(name)
         if file is None:
             raise shared.refused("label_set", "a file with a table of classes", f"{name}, which is not there")
-        return read_class_file(file)
+        held = read_class_file(file)
+        return held.table, held.meaning
     try:
-        return class_table(name or "")
+        return class_table(name or ""), None
     except ValueError as error:
         raise shared.refused("label_set", "the table of classes that the label files refer to", str(error)) from error
 

@@ -57,7 +57,7 @@ def check_depth(settings: TrainingSettings, scenes: Sequence[Scene]) -> None:
         InputError: there are some and depth is to be learned; the first one is named.
     """
     advice = supervision_of(replace(settings, class_weights=None)).without_depth
-    without = [scene for scene in scenes if all(frame.depth_path is None for frame in scene.frames)]
+    without = [scene for scene in scenes if all(frame.depth is None for frame in scene.frames)]
     if advice is not None and without:
         raise InputError(
             without[0].path, "frames with depth, to learn depth from",

@@ -11,7 +11,7 @@ from miniatures import Miniature, back_projected, check_projection, check_read, 
 from replicas import ID_OF, write_replica
 
 from semgs.data.classes import IGNORE, SCANNET20
-from semgs.data.layouts.replica_classes import IDS, NYU40
+from semgs.data.layouts.replica.classes import IDS, NYU40
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 

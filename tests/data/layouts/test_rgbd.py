@@ -153,7 +153,7 @@ def test_what_is_read_equals_what_was_written(tmp_path: Path, manner: str):
 def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: str):
     scene = open_scene(MANNERS[manner](tmp_path, miniature(frames=3)))
     assert scene.unit == "unknown"
-    assert all(frame.depth_path is None for frame in scene.frames)
+    assert all(frame.depth is None for frame in scene.frames)
     assert scene.notes[0].startswith(
         "3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001"
     )

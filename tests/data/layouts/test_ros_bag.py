@@ -33,8 +33,8 @@ from bags import (
 )
 from miniatures import back_projected, check_projection, check_read, miniature
 
-from semgs.data.layouts.ros_bag import lens_of
-from semgs.data.layouts.ros_images import as_file, ending_of
+from semgs.data.layouts.ros.bag import lens_of
+from semgs.data.layouts.ros.images import as_file, ending_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
@@ -385,7 +385,7 @@ def test_a_depth_map_that_is_missing_is_counted(tmp_path: Path):
     bag.messages.remove(next(one for one in bag.messages if one[1] == DEPTH))
     scene = open_scene(bag.write(tmp_path / "bag"))
     assert scene.notes[-1] == f"1 of 3 pictures have no depth map of {DEPTH} at their time."
-    assert [frame.depth_path is None for frame in scene.frames] == [True, False, False]
+    assert [frame.depth is None for frame in scene.frames] == [True, False, False]
 
 
 # What cannot be read.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from miniatures import Miniature, back_projected, check_projection, check_read, miniature, quaternion, write_picture
 
-from semgs.data.layouts.association import associated
+from semgs.data.layouts.parts.association import associated
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 
@@ -93,7 +93,7 @@ def test_frames_without_depth_or_pose_are_counted_and_work_goes_on(tmp_path: Pat
     (folder / "groundtruth.txt").write_text("\n".join(poses[3:]))
     (folder / "rgb.txt").write_text((folder / "rgb.txt").read_text() + "1311868199.0 rgb/late.png\n")
     scene = open_scene(folder)
-    assert [frame.depth_path is None for frame in scene.frames] == [False, True, False, False, False, False]
+    assert [frame.depth is None for frame in scene.frames] == [False, True, False, False, False, False]
     assert [note.split(",")[0] for note in scene.notes] == [
         "1 of 9 frames have a pose that is no number and are left out",
         "2 of 9 frames have no pose and are left out",

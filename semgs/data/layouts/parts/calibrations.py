@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from semgs.data.asked import Asked
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.numbers import lines, rows
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.numbers import lines, rows
 from semgs.data.lens import HALF, Lens
 from semgs.files.errors import InputError
 

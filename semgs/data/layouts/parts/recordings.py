@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
-from semgs.data.layouts.poses import checked_poses
-from semgs.data.lens import Lens, carried_over
+from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.lens import Lens
+from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
-from semgs.files.pictures import decode_map, is_turned, read_header
-from semgs.files.stored import Stored
+from semgs.files.pictures import is_turned, read_header
 
 PICTURES = (".png", ".jpg", ".jpeg")
 """Endings of pictures, in lower case."""
@@ -34,66 +33,16 @@ class Shot:
         picture: where its picture should be.
         pose: world from camera [4 4], NaN in it where tracking was lost, or None where there is no pose at all.
         posed_by: the file with the pose, and the place in it.
-        depth: where its depth map should be, or None.
-        label: where its class map should be, or None.
+        depth: where its z-depths come from, or None.
+        labels: where its labels come from, or None.
     """
 
     name: str
     picture: Path
     pose: np.ndarray | None
     posed_by: tuple[Path, str]
-    depth: Path | None = None
-    label: Path | None = None
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RecordedFrame(Frame):
-    """A frame as sensors record it: depth may be of a camera of its own, and the class map holds ids of the data set.
-
-    Attributes:
-        depth_lens: the pinhole that depth maps are of, at the colour camera's place; None where it is the colour camera.
-        colour_lens: the colour camera where `lens` is what peers take it for; None where `lens` is it.
-        labels_of_ids: the label of every id that 16 bits hold; None where there are no labels.
-    """
-
-    depth_lens: Lens | None = None
-    colour_lens: Lens | None = None
-    labels_of_ids: UInt8[np.ndarray, 65536] | None = field(default=None, repr=False)
-
-    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
-        """The z-depth that the colour camera's rays meet [m], 0 where unknown; as `Frame.read_depths`.
-
-        Raises:
-            InputError: as `Frame.read_depths`.
-        """
-        if self.depth_path is None:
-            return None
-        depths = self.depth_map(self.depth_path)
-        if self.depth_lens is None:
-            return self.fitted(self.depth_path, depths)
-        return carried_over(depths, self.depth_lens, self.colour_lens or self.lens)
-
-    def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
-        """The class that each pixel's id means, 255 = none; as `Frame.read_labels`.
-
-        Raises:
-            InputError: as `Frame.read_labels`.
-        """
-        if self.label_path is None or self.labels_of_ids is None:
-            return None
-        return self.fitted(self.label_path, self.labels_of_ids[read_ids(self.label_path)])
-
-
-def read_ids(path: Stored) -> np.ndarray:
-    """The ids that a label map holds, uint8 or uint16 [h w].
-
-    Raises:
-        InputError: it cannot be read, or is no map.
-    """
-    try:
-        return decode_map(path.read_bytes(), path)
-    except OSError as error:
-        raise InputError(path, "a label map", error.strerror or str(error)) from error
+    depth: MapSource | None = None
+    labels: MapSource | None = None
 
 
 def recorded(
@@ -104,7 +53,6 @@ def recorded(
     *,
     name: str,
     unit: str,
-    frame: Callable[..., Frame] = Frame,
     classes: ClassTable | None = None,
     notes: Iterable[str] = (),
 ) -> Scene:
@@ -117,7 +65,6 @@ def recorded(
         lens: the lens of a picture (path, size).
         name: of the scene.
         unit: "metric" or "unknown".
-        frame: makes the frames: `Frame` or a class derived from it, perhaps with fields of the layout filled in.
         classes: the table of its labels, where it has any.
         notes: what else the user should be told.
 
@@ -138,21 +85,11 @@ def recorded(
         is_turned(shot.picture, header, header.size)  # refuses an EXIF rotation, which nobody says whether to apply
         if header.size not in lenses:
             lenses[header.size] = lens(shot.picture, header.size)
-        depth, label = (one if one is not None and one.is_file() else None for one in (shot.depth, shot.label))
-        if depth is None:
+        if shot.depth is None:
             mapless.append(shot.name)
-        if label is None:
+        if shot.labels is None:
             unlabelled.append(shot.name)
-        frames.append(
-            frame(
-                name=shot.name,
-                picture_path=shot.picture,
-                lens=lenses[header.size],
-                world_from_camera=pose,
-                depth_path=depth,
-                label_path=label,
-            )
-        )
+        frames.append(Frame(shot.name, shot.picture, lenses[header.size], pose, shot.depth, shot.labels))
     counted = [
         (lost, "have a pose that is no number and are left out"),
         (unposed, "have no pose and are left out"),

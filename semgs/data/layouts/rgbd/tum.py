@@ -12,19 +12,18 @@ lens's distortion would part the two. https://cvg.cit.tum.de/data/datasets/rgbd-
 from __future__ import annotations
 
 import re
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from semgs.data.asked import Asked
-from semgs.data.frames import Frame
-from semgs.data.layouts.association import associated
-from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.numbers import lines
-from semgs.data.layouts.recordings import Shot, recorded, sequence_name
-from semgs.data.layouts.trajectories import Trajectory, read_trajectory
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.numbers import lines
+from semgs.data.layouts.parts.recordings import Shot, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import Trajectory, read_trajectory
 from semgs.data.lens import HALF
+from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -67,6 +66,12 @@ def open_tum(path: Path, asked: Asked) -> Scene:
     if (path / DEPTH).is_file():
         depth_times, depths = _listed(path / DEPTH)
         mapped = associated(times, depth_times)
+    unit = asked.depth_unit or 1 / COUNTS_PER_METRE
+    maps = {
+        index: DepthMap(path / depths[other], unit)
+        for index, other in mapped.items()
+        if (path / depths[other]).is_file()
+    }
     calibration, why = _calibration(path, asked)
     return recorded(
         path,
@@ -77,14 +82,13 @@ def open_tum(path: Path, asked: Asked) -> Scene:
                 path / name,
                 _pose(trajectory, posed.get(index)),
                 (path / POSES, trajectory.places[posed[index]] if index in posed else ""),
-                path / depths[mapped[index]] if index in mapped else None,
+                maps.get(index),
             )
             for index, name in enumerate(names)
         ],
         calibration.lens,
         name=sequence_name(path),
         unit="metric",
-        frame=partial(Frame, depth_unit=asked.depth_unit or 1 / COUNTS_PER_METRE),
         notes=why,
     )
 

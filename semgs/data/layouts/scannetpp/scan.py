@@ -3,7 +3,7 @@
     DATA/SCAN/dslr/    resized_images/, resized_anon_masks/, colmap/, nerfstudio/transforms.json, train_test_lists.json
                        undistorted_images/ and nerfstudio/transforms_undistorted.json, where the toolbox made them
     DATA/SCAN/iphone/  rgb/, rgb_masks/ and depth/ as the toolbox extracts them, colmap/, nerfstudio/transforms.json
-    DATA/SCAN/scans/   see `scannetpp_mesh`
+    DATA/SCAN/scans/   see `semgs.data.layouts.scannetpp.mesh`
 
 COLMAP's poses are in the mesh's world, in metres. `transforms.json` has them camera to world with OpenGL axes in a world whose first two
 axes change places and whose third is turned round; all that is undone here. Intrinsics count from the corner of the first pixel. The
@@ -20,24 +20,22 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-import torch
-from jaxtyping import Float32, UInt8
 
-from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.poses import checked_poses
-from semgs.data.layouts.scannet_labels import find_table, read_table
-from semgs.data.layouts.scannetpp_labels import labels_of
-from semgs.data.layouts.scannetpp_mesh import MESH, LabelledMesh, object_names
-from semgs.data.lens import Lens
+from semgs.data.layouts.colmap.files import PARAMETERS, ColmapCamera, read_cameras, read_images
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.scannet.labels import find_table, read_table
+from semgs.data.layouts.scannetpp.labels import labels_of
+from semgs.data.layouts.scannetpp.mesh import MESH, LabelledMesh, MeshDepth, MeshLabels, object_names
+from semgs.data.lens import AbstractLens, Lens
+from semgs.data.maps import DepthMap, MaskMap
 from semgs.data.peers import READINGS, TOOLBOX_UNDISTORTION
 from semgs.data.scene import Scene
-from semgs.data.views import Views
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_header, read_uint8
+from semgs.files.pictures import read_header
 
 LAYOUT = "ScanNet++"
 """Of `Scene.layout`, with the device behind it."""
@@ -47,8 +45,6 @@ APPLICABLE = (TOOLBOX_UNDISTORTION,)
 LISTS = "train_test_lists.json"
 TRANSFORMS, UNDISTORTED = "nerfstudio/transforms.json", "nerfstudio/transforms_undistorted.json"
 CAMERAS, IMAGES = "colmap/cameras.txt", "colmap/images.txt"
-VISIBLE = 128
-"""Masks are 255 where a picture may be looked at and 0 where it may not; a film's in between."""
 NAMED = 12
 """So many unknown names are told one by one."""
 
@@ -95,67 +91,6 @@ IPHONE = _Device(
 )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ScannedFrame(Frame):
-    """A picture of a scan whose labels and depth are its mesh's, cast at the camera and the size that it is read at.
-
-    Attributes:
-        mesh: of the scan, None where it has none; then depth is the sensor's and there are no labels.
-        mask_path: where the picture may not be looked at, 8-bit PNG, or None.
-    """
-
-    mesh: LabelledMesh | None = None
-    mask_path: Path | None = None
-
-    def view(
-        self,
-        depth_range: tuple[float, float],
-        classes: ClassTable | None = None,
-        *,
-        size: Sequence[int] | None = None,
-        crop: bool = False,
-        maps: tuple[np.ndarray, np.ndarray] | None = None,
-    ) -> Views:
-        """As `Frame.view`; labels and depth are exact at the centres of the pixels that are read.
-
-        Raises:
-            InputError: as `Frame.view`, and where a file of the scan cannot be used.
-            ImportError: embreex or trimesh is not installed.
-        """
-        view = super().view(depth_range, classes or SCANNET20, size=size, crop=crop, maps=maps)
-        hidden = torch.zeros(1, *view.size, dtype=torch.bool) if view.labels is None else view.labels == IGNORE
-        labels, depths = None, view.depths
-        if self.mesh is not None:
-            cast = self.mesh.seen(
-                view.cameras.world_from_camera[0].numpy(), view.cameras.intrinsics[0].numpy(), view.size
-            )
-            labels, depths = (torch.from_numpy(one)[None] for one in cast)
-        wanted = classes is not None and self.label_path is not None and labels is not None
-        return view.changed(
-            labels=labels.masked_fill(hidden, IGNORE) if wanted and labels is not None else None,
-            depths=None if depths is None else depths.masked_fill(hidden, 0),
-        )
-
-    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
-        """The sensor's depth, as `Frame.read_depths`; None where the mesh's is taken.
-
-        Raises:
-            InputError: as `Frame.read_depths`.
-        """
-        return super().read_depths() if self.mesh is None else None
-
-    def read_labels(self, classes: ClassTable) -> UInt8[np.ndarray, "h w"] | None:
-        """The mask, in the form of a class map so that it is undistorted and resized as one: 255 where the picture is hidden, else 0.
-
-        Raises:
-            InputError: the mask cannot be used.
-        """
-        if self.mask_path is None:
-            return None
-        mask = self.fitted(self.mask_path, read_uint8(self.mask_path))
-        return np.where(mask < VISIBLE, IGNORE, 0).astype(np.uint8)
-
-
 def recognises(path: Path) -> bool:
     """Whether a path is a scan's folder, or its `dslr` or `iphone`."""
     return path.is_dir() and _found(path) is not None
@@ -199,15 +134,14 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
         mask = masks / f"{Path(name).stem}.png" if masks else None
         depth = sensor / f"{Path(name).stem}.png" if sensor else None
         frames.append(
-            ScannedFrame(
+            Frame(
                 name=base,
-                picture_path=picture,
+                picture=picture,
                 lens=lens,
                 world_from_camera=pose,
-                depth_path=mesh.path if mesh else depth if depth and depth.is_file() else None,
-                label_path=mesh.annotations if mesh else None,
-                mesh=mesh,
-                mask_path=mask if mask and mask.is_file() else None,
+                depth=MeshDepth(mesh) if mesh else DepthMap(depth) if depth and depth.is_file() else None,
+                labels=MeshLabels(mesh) if mesh and mesh.annotations else None,
+                mask=MaskMap(mask) if mask and mask.is_file() else None,
             )
         )
     marked = sum(Path(name).name in bad for name in posed.names)
@@ -256,7 +190,7 @@ class _Posed:
 
     device: _Device
     names: tuple[str, ...]
-    lenses: tuple[Lens, ...]
+    lenses: tuple[AbstractLens, ...]
     poses: np.ndarray
     splits: Mapping[str, Collection[str]]
     notes: tuple[str, ...] = ()
@@ -361,7 +295,7 @@ def in_mesh_world(poses: np.ndarray) -> np.ndarray:
     return back
 
 
-def _shared_lens(fields: Fields, as_toolbox: bool) -> Lens:
+def _shared_lens(fields: Fields, as_toolbox: bool) -> AbstractLens:
     """The lens of a frame of `transforms.json`, mostly that of all frames.
 
     Raises:
@@ -390,7 +324,7 @@ def _shared_lens(fields: Fields, as_toolbox: bool) -> Lens:
     )
 
 
-def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> Lens:
+def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> AbstractLens:
     """The lens of a camera.
 
     Raises:
@@ -460,7 +394,7 @@ def _pictures(folder: Path, device: _Device, names: Iterable[str]) -> Path:
     )
 
 
-def _check_size(picture: Path, lens: Lens) -> None:
+def _check_size(picture: Path, lens: AbstractLens) -> None:
     """See that pictures are those that the cameras are for.
 
     Raises:
@@ -521,9 +455,9 @@ def _mesh(scan: Path) -> _Scanned:
     return _Scanned(replace(bare, labels=known), tuple(notes))
 
 
-def _unmasked(frames: Sequence[ScannedFrame], masks: Path | None) -> list[str]:
+def _unmasked(frames: Sequence[Frame], masks: Path | None) -> list[str]:
     """What to say of pictures without a mask."""
-    without = [frame.name for frame in frames if frame.mask_path is None]
+    without = [frame.name for frame in frames if frame.mask is None]
     if not without:
         return []
     if masks is None:
@@ -531,9 +465,9 @@ def _unmasked(frames: Sequence[ScannedFrame], masks: Path | None) -> list[str]:
     return [f"{len(without)} of {len(frames)} pictures have no mask in {masks.name}, the first is {without[0]}."]
 
 
-def _sensor_notes(frames: Sequence[ScannedFrame], device: _Device) -> list[str]:
+def _sensor_notes(frames: Sequence[Frame], device: _Device) -> list[str]:
     """What to say of depth where there is no mesh."""
-    with_depth = sum(frame.depth_path is not None for frame in frames)
+    with_depth = sum(frame.depth is not None for frame in frames)
     if not with_depth:
         return ["There is no depth."]
     if with_depth < len(frames):

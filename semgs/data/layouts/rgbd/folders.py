@@ -16,22 +16,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32
 
 from semgs.data.asked import Asked
-from semgs.data.frames import SATURATED, Frame
-from semgs.data.layouts.association import associated
-from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.recordings import PICTURES, Shot, recorded, sequence_name
-from semgs.data.layouts.trajectories import Trajectory, read_pose, read_trajectory
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import Trajectory, read_pose, read_trajectory
 from semgs.data.lens import HALF
+from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_uint16
 
 LAYOUT = "RGB-D folders"
 LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"
@@ -112,12 +109,14 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
         notes.append(
             f"{len(files.depths)} depth maps are left out: nothing says what a count is worth (--depth-unit 0.001 for millimetres)."
         )
-    make = partial(RotatedDepthFrame if files.source == "SUN3D" else Frame, depth_unit=unit or MILLIMETRE)
+    maps = {
+        picture: DepthMap(path, unit or MILLIMETRE, rotated=files.source == "SUN3D") for picture, path in depths.items()
+    }
     return recorded(
         path,
         LAYOUT,
         [
-            replace(shot, depth=depths.get(shot.picture))
+            replace(shot, depth=maps.get(shot.picture))
             for shot in (
                 _shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses)
             )
@@ -125,28 +124,8 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
         calibration.lens,
         name=sequence_name(path),
         unit="metric" if depths else "unknown",
-        frame=make,
         notes=notes,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class RotatedDepthFrame(Frame):
-    """A frame of SUN3D, whose depth maps have their millimetres rotated by three bits to the left."""
-
-    def read_depths(self) -> Float32[np.ndarray, "h w"] | None:
-        """As `Frame.read_depths`.
-
-        Raises:
-            InputError: as `Frame.read_depths`.
-        """
-        if self.depth_path is None:
-            return None
-        rotated = read_uint16(self.depth_path)
-        counts = (rotated >> 3) | (rotated << 13)
-        depths = counts.astype(np.float32) * np.float32(self.depth_unit)
-        depths[counts == SATURATED] = 0
-        return self.fitted(self.depth_path, depths)
 
 
 def _files(path: Path) -> Files | None:

@@ -1,7 +1,7 @@
 """Prepared data sets: a folder of prepared scenes that is filled by worker processes and goes on where it was left.
 
 settings.json     what all scenes were prepared with
-SCENE.zip         one each, as `semgs.data.preparation` has them
+SCENE.zip         one each, as `semgs.preparation.archive` has them
 SHA256SUMS        their hashes, as `sha256sum -c` takes them
 index.json        what is in each, those that could not be prepared and why, and the pixels of every class
 """
@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from semgs.data.asked import Asked
-from semgs.data.layouts.recordings import sequence_name
-from semgs.data.preparation import Preparation, estimated_bytes, fingerprint, prepare_scene
+from semgs.data.layouts.parts.recordings import sequence_name
 from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
@@ -35,6 +34,7 @@ from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
+from semgs.preparation.archive import Preparation, estimated_bytes, fingerprint, prepare_scene
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
 SAMPLED_SCENES = 3

@@ -1,6 +1,6 @@
 """COLMAP models: `cameras`, `images` and perhaps `points3D`, binary or text, with the pictures beside them.
 
-Lengths are in a unit of COLMAP's choice. `colmap_files` has the format and its conventions.
+Lengths are in a unit of COLMAP's choice. `semgs.data.layouts.colmap.files` has the format and its conventions.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap_files import ColmapCamera, ColmapPoints, read_cameras, read_images, read_points
-from semgs.data.layouts.poses import checked_poses
+from semgs.data.layouts.colmap.files import ColmapCamera, ColmapPoints, read_cameras, read_images, read_points
+from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError

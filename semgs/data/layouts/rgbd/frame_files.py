@@ -13,14 +13,14 @@ colour by some 6 px at 2 m. https://www.microsoft.com/en-us/research/project/rgb
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.recordings import PICTURES, RecordedFrame, Shot, numbered, recorded, sequence_name
-from semgs.data.layouts.trajectories import read_pose
+from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.lens import Lens
+from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -79,16 +79,22 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
                 colour,
                 read_pose(poses[number]) if number in poses else None,
                 (poses.get(number, path), ""),
-                depths.get(number),
+                _depth(depths.get(number), unit, depth_lens),
             )
             for number, colour in colours.items()
         ],
         (calibration or KINECT_COLOUR).lens,
         name=sequence_name(path),
         unit="metric",
-        frame=partial(RecordedFrame, depth_unit=unit, depth_lens=depth_lens),
         notes=notes,
     )
+
+
+def _depth(path: Path | None, unit: float, lens: Lens | None) -> MapSource | None:
+    """Where the depth of a frame comes from, given the depth camera if it has one of its own."""
+    if path is None:
+        return None
+    return DepthThroughLens(DepthMap(path, unit), lens) if lens else DepthMap(path, unit)
 
 
 def _in(folder: Path, names: tuple[str, ...]) -> list[Path]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from semgs.data.layouts.scannet_labels import LabelTable, normal
+from semgs.data.layouts.scannet.labels import LabelTable, normal
 from semgs.data.nyu40 import NAMES, scannet20_labels
 
 TOP_100 = (

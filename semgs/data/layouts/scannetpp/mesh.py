@@ -16,18 +16,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import ClassVar, final
 from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int, Num, UInt8, UInt16
 
 from semgs.data.classes import IGNORE
-from semgs.data.layouts.fields import Fields, parsed
-from semgs.data.layouts.scannet_labels import normal
+from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.scannet.labels import normal
+from semgs.data.maps import Pixels
 from semgs.data.raycast import Raycaster
 from semgs.files.atomic import write_bytes
 from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
@@ -70,39 +73,92 @@ class LabelledMesh:
         """The file of the objects, None where there is none."""
         return self.folder / ANNOTATIONS if (self.folder / ANNOTATIONS).is_file() else None
 
-    def seen(
-        self,
-        world_from_camera: Float64[np.ndarray, "4 4"],
-        intrinsics: Float64[np.ndarray, "3 3"],
-        size: tuple[int, int],
-    ) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-        """What a pinhole sees at the centres of its pixels: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
+    def seen(self, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+        """What one pinhole sees at the centres of its pixels: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
 
         Raises:
             InputError: a file of the scan cannot be used.
             ImportError: embreex or trimesh is not installed; names the extra.
         """
-        kept = self._place(world_from_camera, intrinsics, size)
-        found = _kept(kept, size)
-        if found is None:
-            mesh = _mesh(self.folder, self.labels, self._state())
-            found = mesh.cast(world_from_camera, intrinsics, size)
-            _keep(kept, *found)
-        labels, counts = found
-        return labels, counts.astype(np.float32) / np.float32(MILLIMETRES)
+        pose, intrinsics = camera.world_from_camera.numpy().tobytes(), camera.intrinsics.numpy().tobytes()
+        labels, counts = _seen(self, self._place(pose, intrinsics, camera.size), pose, intrinsics, camera.size)
+        return labels.copy(), counts.astype(np.float32) / np.float32(MILLIMETRES)
 
-    def _state(self) -> tuple:
+    def state(self) -> tuple:
         """What changes when a file of the scan does."""
         names = (MESH, SEGMENTS, ANNOTATIONS, MASKED)
         held = [(self.folder / name).stat() if (self.folder / name).is_file() else None for name in names]
         return tuple(one and (one.st_size, one.st_mtime_ns) for one in held)
 
-    def _place(self, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> Path:
+    def _place(self, pose: bytes, intrinsics: bytes, size: tuple[int, int]) -> Path:
         """Where what a camera sees is kept."""
-        told = hashlib.sha256(repr((FORM, str(self.folder.resolve()), self._state(), self.labels, size)).encode())
-        told.update(np.ascontiguousarray(pose, np.float64).tobytes())
-        told.update(np.ascontiguousarray(intrinsics, np.float64).tobytes())
+        told = hashlib.sha256(repr((FORM, str(self.folder.resolve()), self.state(), self.labels, size)).encode())
+        told.update(pose)
+        told.update(intrinsics)
         return cache_folder() / KEPT / self.scene / f"{told.hexdigest()[:32]}.npz"
+
+
+@final
+@dataclass(frozen=True)
+class MeshLabels:
+    """Labels that are cast at a mesh.
+
+    Attributes:
+        mesh: of the scan.
+    """
+
+    mesh: LabelledMesh
+    stored: ClassVar[bool] = False
+
+    def read(self, pixels: Pixels) -> UInt8[np.ndarray, "h w"]:
+        """As `MapSource.read`, exact at the centres of the pixels.
+
+        Raises:
+            InputError, ImportError: as `LabelledMesh.seen`.
+        """
+        return self.mesh.seen(pixels.camera)[0]
+
+
+@final
+@dataclass(frozen=True)
+class MeshDepth:
+    """Z-depths that are cast at a mesh.
+
+    Attributes:
+        mesh: of the scan.
+    """
+
+    mesh: LabelledMesh
+    stored: ClassVar[bool] = False
+
+    def read(self, pixels: Pixels) -> Float32[np.ndarray, "h w"]:
+        """As `MapSource.read`, exact at the centres of the pixels.
+
+        Raises:
+            InputError, ImportError: as `LabelledMesh.seen`.
+        """
+        return self.mesh.seen(pixels.camera)[1]
+
+
+@lru_cache(maxsize=1)
+def _seen(
+    mesh: LabelledMesh, place: Path, pose: bytes, intrinsics: bytes, size: tuple[int, int]
+) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]]:
+    """Labels and z-depths [mm] that a camera sees; the last ones stay in memory, for both are read one after the other.
+
+    Args:
+        mesh: of the scan.
+        place: where they are kept.
+        pose: the bytes of the pose.
+        intrinsics: the bytes of K.
+        size: (height, width) [px].
+    """
+    found = _kept(place, size)
+    if found is None:
+        cast = _mesh(mesh.folder, mesh.labels, mesh.state())
+        found = cast.cast(np.frombuffer(pose).reshape(4, 4), np.frombuffer(intrinsics).reshape(3, 3), size)
+        _keep(place, *found)
+    return found
 
 
 def object_names(path: Path) -> dict[str, int]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.numbers import rows
+from semgs.data.layouts.parts.numbers import rows
 from semgs.files.errors import InputError
 
 FORMS = "poses as 8 numbers a line (time, tx ty tz, qx qy qz qw) or the last 7 of them, as 4x4 or 3x4 matrices, or as Redwood's .log"

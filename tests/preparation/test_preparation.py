@@ -12,8 +12,13 @@ import pytest
 import torch
 
 from semgs.data.asked import Asked
-from semgs.data.preparation import Preparation, estimated_bytes, prepare_scene, prepared_view
-from semgs.data.prepared_set import (
+from semgs.data.resampling import cropped, resized
+from semgs.data.scene_lists import read_list
+from semgs.data.scenes import open_scene, open_scenes
+from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
+from semgs.preparation.archive import Preparation, estimated_bytes, prepare_scene, prepared_view
+from semgs.preparation.prepared_set import (
     INDEX,
     SUMS,
     Reading,
@@ -23,11 +28,6 @@ from semgs.data.prepared_set import (
     prepare_set,
     sources,
 )
-from semgs.data.scene_lists import read_list
-from semgs.data.scenes import open_scene, open_scenes
-from semgs.data.views import cropped, resized
-from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.rooms.sets.demo import demo_scene
 
 SMALL = Preparation((48, 64))
@@ -99,7 +99,7 @@ def test_scenes_without_metres_keep_their_unit_and_have_no_depth(tmp_path: Path)
     prepare_scene(scene, tmp_path / "a.zip", SMALL)
     small = open_scene(tmp_path / "a.zip")
     assert (small.unit, small.applied_scale) == ("unknown", 0.5)
-    assert all(frame.depth_path is None for frame in small.frames)
+    assert all(frame.depth is None for frame in small.frames)
     assert small.read([0, 1], "native").labels is not None
 
 

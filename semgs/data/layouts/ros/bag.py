@@ -26,11 +26,12 @@ import numpy as np
 
 from semgs.data.asked import Asked
 from semgs.data.frames import Frame
-from semgs.data.layouts.association import associated
-from semgs.data.layouts.calibrations import asked_calibration
-from semgs.data.layouts.ros_frames import Motion, above, along, motion
-from semgs.data.layouts.ros_images import GREYS, as_file, encoding_of, ending_of, is_depth
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.calibrations import asked_calibration
+from semgs.data.layouts.ros.images import GREYS, as_file, encoding_of, ending_of, is_depth
+from semgs.data.layouts.ros.motions import Motion, above, along, motion
 from semgs.data.lens import HALF, Lens
+from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header
@@ -90,15 +91,14 @@ def open_bag(path: Path, asked: Asked) -> Scene:
     poses = along(route, np.array([stamp for stamp, _ in stamps], dtype=np.int64))
     depths, told = _depths(bag, pictures, frame_id, stamps)
     notes += told
-    ending = ending_of(first)
+    ending, unit = ending_of(first), _depth_unit(depths)
     frames = tuple(
         Frame(
             name=_seconds(stamp) + ending,
-            picture_path=BagFile(path, pictures, logged, stamp, ending),
+            picture=BagFile(path, pictures, logged, stamp, ending),
             lens=lens,
             world_from_camera=pose,
-            depth_path=depths.get(index),
-            depth_unit=_depth_unit(depths),
+            depth=DepthMap(depths[index], unit) if index in depths else None,
         )
         for index, ((stamp, logged), pose) in enumerate(zip(stamps, poses, strict=True))
         if np.isfinite(pose).all()

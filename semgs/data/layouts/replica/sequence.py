@@ -1,7 +1,7 @@
 """Replica as Semantic-NeRF rendered it: `rgb/rgb_0.png`, `depth/depth_0.png`, `semantic_class/semantic_class_0.png`, `traj_w_c.txt`.
 
 Line k of `traj_w_c.txt` is the pose of the pictures with number k: a row-major 4x4 matrix, camera to world, OpenCV axes [m]. Depth is 16-bit
-PNG in millimetres. A class map holds Replica's ids (0: none), which become ScanNet's 20 classes by `replica_classes`; where an
+PNG in millimetres. A class map holds Replica's ids (0: none), which become ScanNet's 20 classes by `semgs.data.layouts.replica.classes`; where an
 `info_semantic.json` lies near, its names count.
 
 The renderer had 90 degrees across the picture, so fx = fy = W / 2, and its principal point at ((W - 1) / 2, (H - 1) / 2) counts from the
@@ -18,13 +18,14 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
-from semgs.data.layouts.calibrations import asked_calibration
-from semgs.data.layouts.fields import parsed
-from semgs.data.layouts.recordings import RecordedFrame, Shot, numbered, recorded, sequence_name
-from semgs.data.layouts.replica_classes import IDS, NYU40
-from semgs.data.layouts.scannet_labels import labels_of_ids
-from semgs.data.layouts.trajectories import read_trajectory
+from semgs.data.layouts.parts.calibrations import asked_calibration
+from semgs.data.layouts.parts.fields import parsed
+from semgs.data.layouts.parts.recordings import Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.parts.trajectories import read_trajectory
+from semgs.data.layouts.replica.classes import IDS, NYU40
+from semgs.data.layouts.scannet.labels import labels_of_ids
 from semgs.data.lens import HALF, Lens
+from semgs.data.maps import DepthMap, IdMap
 from semgs.data.peers import READINGS, ROW_229
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
@@ -36,7 +37,6 @@ ASKS = ("intrinsics",)
 
 POSES, RGB, DEPTH, CLASSES = "traj_w_c.txt", "rgb", "depth", "semantic_class"
 INFO = "info_semantic.json"
-MILLIMETRE = 0.001
 PEERS_ROW = (229.5 + HALF) / 480
 """Where the peers have the principal point, as a part of the height."""
 
@@ -67,18 +67,18 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
     except InputError as error:
         names, told_by, unread = {}, None, error
     given = asked_calibration(asked)
+    by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     shots = [
         Shot(
             f"{RGB}/rgb_{number}.png",
             colours.get(number, path / RGB / f"rgb_{number}.png"),
             trajectory.poses[number] if number < len(trajectory) else None,
             (path / POSES, trajectory.places[number] if number < len(trajectory) else ""),
-            depths.get(number),
-            labels.get(number),
+            DepthMap(depths[number]) if number in depths else None,
+            IdMap(labels[number], by_id) if number in labels else None,
         )
         for number in sorted({*colours, *range(len(trajectory))})
     ]
-    by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     unknown = sorted(set(names.values()) - NYU40.keys())
     scene = recorded(
         path,
@@ -87,7 +87,6 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         given.lens if given else partial(_lens, row=PEERS_ROW if ROW_229 in as_peers else 0.5),
         name=sequence_name(path),
         unit="metric",
-        frame=partial(RecordedFrame, depth_unit=MILLIMETRE, labels_of_ids=by_id),
         classes=SCANNET20,
         notes=[
             *(

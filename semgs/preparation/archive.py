@@ -29,12 +29,14 @@ from PIL import Image
 
 from semgs import __version__
 from semgs.data.classes import IGNORE
-from semgs.data.frames import SATURATED, Frame
-from semgs.data.lens import Lens
+from semgs.data.frames import Frame
+from semgs.data.lens import AbstractLens
+from semgs.data.maps import SATURATED
 from semgs.data.prepared_record import RECORD
+from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
 from semgs.data.terms import terms_of
-from semgs.data.views import INDOOR_DEPTH_RANGE, Views, reframed
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError
 from semgs.files.pictures import png_bytes
@@ -153,10 +155,10 @@ class _Maps:
     """What undoes the distortion of the lens that was used last: most frames of a scene have the same."""
 
     def __init__(self) -> None:
-        self._lens: Lens | None = None
+        self._lens: AbstractLens | None = None
         self._maps: tuple[np.ndarray, np.ndarray] | None = None
 
-    def of(self, lens: Lens) -> tuple[np.ndarray, np.ndarray] | None:
+    def of(self, lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
         """Its maps, None for a pinhole."""
         if lens != self._lens:
             self._lens, self._maps = lens, None if lens.is_pinhole else lens.maps()
@@ -191,8 +193,8 @@ def fingerprint(scene: Scene) -> dict[str, Any]:
         "frames": len(scene),
         "first": scene.frames[0].name,
         "last": scene.frames[-1].name,
-        "depths": sum(frame.depth_path is not None for frame in scene.frames),
-        "labels": sum(frame.label_path is not None for frame in scene.frames) if scene.classes else 0,
+        "depths": sum(frame.depth is not None for frame in scene.frames),
+        "labels": sum(frame.labels is not None for frame in scene.frames) if scene.classes else 0,
         "focal": [round(side, 6) for side in scene.frames[0].lens.focal],
         "centre": [round(side, 6) for side in scene.frames[0].lens.centre],
         "pose": [round(float(value), 6) for value in scene.frames[-1].world_from_camera[:3].ravel()],

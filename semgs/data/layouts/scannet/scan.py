@@ -3,7 +3,7 @@
 Poses are camera to world with OpenCV axes, in metres; where tracking was lost they are not finite, and such frames are dropped, so
 that frames count as in the peers' code. Intrinsics are pixels with the *centre* of the first pixel at (0, 0) (ScanNet's own tools
 project and undistort so), and get half a pixel here. Depth is 16 bits, in millimetres unless a recording says otherwise, of a camera
-of its own at the place of the colour camera; it is brought to the colour camera by both K. Labels are ids of `scannet_labels`.
+of its own at the place of the colour camera; it is brought to the colour camera by both K. Labels are ids of `semgs.data.layouts.scannet.labels`.
 http://www.scan-net.org, https://github.com/ScanNet/ScanNet
 """
 
@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.classes import SCANNET20
-from semgs.data.layouts.poses import checked_poses
-from semgs.data.layouts.recordings import RecordedFrame, read_ids
-from semgs.data.layouts.scannet_files import read_fields, read_numbers
-from semgs.data.layouts.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
-from semgs.data.layouts.sens import read_recording
+from semgs.data.frames import Frame
+from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.scannet.files import read_fields, read_numbers
+from semgs.data.layouts.scannet.labels import FILE_NAME, find_table, labels_of_ids, read_table
+from semgs.data.layouts.scannet.sens import read_recording
 from semgs.data.lens import Lens
+from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MapSource, read_ids
 from semgs.data.nyu40 import NAMES
 from semgs.data.peers import GSNERF_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
@@ -103,10 +104,9 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
 
 @dataclass(frozen=True)
 class _Labels:
-    """Where labels are and what they mean: the map of each frame by its number, and the label of each id that it holds; or why not."""
+    """The labels of each frame by its number; or why there are none."""
 
-    maps: Mapping[int, Stored]
-    labels: np.ndarray | None
+    maps: Mapping[int, MapSource]
     notes: tuple[str, ...]
     unread: InputError | None = None
 
@@ -130,22 +130,23 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
     labels = _labels(path.parent, as_peers)
     colour = _lens(path, "intrinsic of colour", recording.colour_intrinsics, recording.colour_size)
     depth = _lens(path, "intrinsic of depth", recording.depth_intrinsics, recording.depth_size)
-    pictures = {number: recording.colour(number) for number in range(count)}
-    return _scene(
+    return _Scan(
         path=path,
         name=path.stem if named.is_file() else named.absolute().name,
-        pictures=pictures,
-        names={number: f"color/{number}.jpg" for number in pictures},
+        pictures={number: recording.colour(number) for number in range(count)},
+        names={number: f"color/{number}.jpg" for number in range(count)},
         poses=dict(enumerate(recording.poses.astype(np.float64))),
         lens=colour,
         reference=recording.colour_size,
-        depths={number: held for number in pictures if (held := recording.depth(number)) is not None},
-        depth_unit=recording.depth_unit,
+        depths={
+            number: DepthMap(held, recording.depth_unit)
+            for number in range(count)
+            if (held := recording.depth(number)) is not None
+        },
         depth_lens=depth,
         labels=labels,
         notes=notes,
-        as_peers=as_peers,
-    )
+    ).scene(as_peers)
 
 
 def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Scene:
@@ -175,7 +176,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
             depth_lens, _ = _scaled(
                 path, matrix, depth_size, (depth_size, told.size("depth") or DEPTH_SIZE, DEPTH_SIZE)
             )
-    return _scene(
+    return _Scan(
         path=folder,
         name=folder.absolute().name,
         pictures=pictures,
@@ -183,71 +184,93 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         poses=poses,
         lens=lens,
         reference=reference,
-        depths=depths,
-        depth_unit=MILLIMETRE,
+        depths={number: DepthMap(held, MILLIMETRE) for number, held in depths.items()},
         depth_lens=depth_lens,
         labels=_labels(folder, as_peers),
         notes=notes,
-        as_peers=as_peers,
-    )
+    ).scene(as_peers)
 
 
-def _scene(
-    *,
-    path: Path,
-    name: str,
-    pictures: Mapping[int, Stored],
-    names: Mapping[int, str],
-    poses: Mapping[int, np.ndarray],
-    lens: Lens,
-    reference: tuple[int, int],
-    depths: Mapping[int, Stored],
-    depth_unit: float,
-    depth_lens: Lens | None,
-    labels: _Labels,
-    notes: list[str],
-    as_peers: Collection[str],
-) -> Scene:
-    """The scene of frames given by their numbers; those without a finite pose are left out."""
-    posed = [number for number in pictures if number in poses and np.isfinite(poses[number]).all()]
-    rigid = checked_poses(path, [poses[number] for number in posed], [f"pose of {names[number]}" for number in posed])
-    if len(posed) < 2:
-        raise InputError(
-            path, "at least two frames with a picture and a finite pose", f"{len(posed)} of {len(pictures)}"
+@dataclass(frozen=True)
+class _Scan:
+    """A scan whose frames are known by their numbers, wherever they are.
+
+    Attributes:
+        path: what to call it by.
+        name: of the scene.
+        pictures: by number.
+        names: of the frames, likewise.
+        poses: likewise, perhaps not finite, perhaps not of all.
+        lens: of the colour camera.
+        reference: the (height, width) that its K is for [px].
+        depths: by number, as the depth camera measured them.
+        depth_lens: of the depth camera, at the colour camera's place; None if it is the colour camera.
+        labels: what is known of them.
+        notes: what the user should be told.
+    """
+
+    path: Path
+    name: str
+    pictures: Mapping[int, Stored]
+    names: Mapping[int, str]
+    poses: Mapping[int, np.ndarray]
+    lens: Lens
+    reference: tuple[int, int]
+    depths: Mapping[int, DepthMap]
+    depth_lens: Lens | None
+    labels: _Labels
+    notes: Sequence[str]
+
+    def scene(self, as_peers: Collection[str]) -> Scene:
+        """The scene of its frames; those without a finite pose are left out.
+
+        Raises:
+            InputError: a pose is no rigid motion, or fewer than two frames are left.
+        """
+        posed = [number for number in self.pictures if number in self.poses and np.isfinite(self.poses[number]).all()]
+        rigid = checked_poses(
+            self.path, [self.poses[number] for number in posed], [f"pose of {self.names[number]}" for number in posed]
         )
-    frames = tuple(
-        RecordedFrame(
-            name=names[number],
-            picture_path=pictures[number],
-            lens=_seen_by_peers(lens, reference) if ROWS_972 in as_peers else lens,
-            world_from_camera=pose,
-            depth_path=depths.get(number),
-            depth_unit=depth_unit,
-            depth_lens=depth_lens,
-            colour_lens=lens,
-            label_path=labels.maps.get(number),
-            labels_of_ids=labels.labels,
+        if len(posed) < 2:
+            raise InputError(
+                self.path,
+                "at least two frames with a picture and a finite pose",
+                f"{len(posed)} of {len(self.pictures)}",
+            )
+        frames = tuple(
+            Frame(
+                name=self.names[number],
+                picture=self.pictures[number],
+                lens=_seen_by_peers(self.lens, self.reference) if ROWS_972 in as_peers else self.lens,
+                world_from_camera=pose,
+                depth=self._depth(number),
+                labels=self.labels.maps.get(number),
+            )
+            for number, pose in zip(posed, rigid, strict=True)
         )
-        for number, pose in zip(posed, rigid, strict=True)
-    )
-    labelled = any(frame.label_path is not None for frame in frames)
-    return Scene(
-        path=path,
-        name=name,
-        layout=LAYOUT,
-        unit="metric",
-        frames=frames,
-        classes=SCANNET20 if labelled else None,
-        unread_labels=labels.unread,
-        notes=(
-            *notes,
-            *_missing(pictures, names, posed, "a finite pose (tracking was lost) and are left out"),
-            *(_missing(posed, names, depths, "depth") if depths else ["There is no depth."]),
-            *(_missing(posed, names, labels.maps, "labels") if labels.maps else []),
-            *labels.notes,
-            *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
-        ),
-    )
+        labelled = any(frame.labels is not None for frame in frames)
+        return Scene(
+            path=self.path,
+            name=self.name,
+            layout=LAYOUT,
+            unit="metric",
+            frames=frames,
+            classes=SCANNET20 if labelled else None,
+            unread_labels=self.labels.unread,
+            notes=(
+                *self.notes,
+                *_missing(self.pictures, self.names, posed, "a finite pose (tracking was lost) and are left out"),
+                *(_missing(posed, self.names, self.depths, "depth") if self.depths else ["There is no depth."]),
+                *(_missing(posed, self.names, self.labels.maps, "labels") if self.labels.maps else []),
+                *self.labels.notes,
+                *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
+            ),
+        )
+
+    def _depth(self, number: int) -> MapSource | None:
+        """Where the depth of a frame comes from."""
+        held = self.depths.get(number)
+        return held if held is None or self.depth_lens is None else DepthThroughLens(held, self.depth_lens, self.lens)
 
 
 def _missing(wanted: Iterable[int], names: Mapping[int, str], there: Collection[int], what: str) -> list[str]:
@@ -269,7 +292,7 @@ def _labels(folder: Path, as_peers: Collection[str]) -> _Labels:
     as_gsnerf = GSNERF_LABELS in as_peers
     maps, where = _label_maps(folder)
     if not maps:
-        return _Labels({}, None, (f"There are no labels ({FILTERED}/ or SCAN{ZIP}): colour and depth alone are read.",))
+        return _Labels({}, (f"There are no labels ({FILTERED}/ or SCAN{ZIP}): colour and depth alone are read.",))
     first = maps[min(maps)]
     if read_ids(first).dtype == np.uint8:
         if where == FILTERED:
@@ -281,15 +304,20 @@ def _labels(folder: Path, as_peers: Collection[str]) -> _Labels:
             )
         # scannet_frames_25k
         labels = labels_of_ids({number: number for number in range(len(NAMES) + 1)}, as_gsnerf)
-        return _Labels(maps, labels, ("The 8-bit labels are NYU40's, as in scannet_frames_25k.",))
+        return _Labels(_meant(maps, labels), ("The 8-bit labels are NYU40's, as in scannet_frames_25k.",))
     table = find_table(folder)
     if table is None:
         sentence = f"{FILE_NAME} is neither with the scan nor above it, so its labels have no meaning and are not read."
-        return _Labels({}, None, (sentence,))
+        return _Labels({}, (sentence,))
     try:
-        return _Labels(maps, read_table(table).labels(as_gsnerf), ())
+        return _Labels(_meant(maps, read_table(table).labels(as_gsnerf)), ())
     except InputError as error:
-        return _Labels({}, None, (), error)
+        return _Labels({}, (), error)
+
+
+def _meant(maps: Mapping[int, Stored], labels: np.ndarray) -> dict[int, MapSource]:
+    """Label maps by number, given the label of each id."""
+    return {number: IdMap(path, labels) for number, path in maps.items()}
 
 
 def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:

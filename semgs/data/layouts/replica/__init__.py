@@ -1,0 +1,1 @@
+"""Replica, as Semantic-NeRF rendered it."""

@@ -1,0 +1,1 @@
+"""RGB-D recordings with poses in text."""

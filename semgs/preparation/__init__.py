@@ -1,0 +1,1 @@
+"""Preparing data sets: scenes of any layout as small archives, for training."""

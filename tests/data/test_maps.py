@@ -1,0 +1,98 @@
+"""What frames are made of: sources that read themselves, for the pixels that a frame is read at."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import semgs.data
+from semgs.data.classes import SCANNET20
+from semgs.data.frames import Frame
+from semgs.data.lens import Lens
+from semgs.data.maps import DepthMap, DepthThroughLens, InMemory, MapSource, MaskMap, Pixels
+from semgs.files.errors import InputError
+
+LENS = Lens((4, 6), (5.0, 5.5), (2.8, 1.9))
+RANGE = (0.5, 10.0)
+NUMBERS = np.arange(24, dtype=np.float32).reshape(4, 6)
+
+
+def frame(folder: Path, lens: Lens = LENS, **parts: MapSource) -> Frame:
+    """A grey picture with these parts."""
+    cv2.imwrite(str(folder / "grey.png"), np.full((*lens.size, 3), 128, np.uint8))
+    return Frame("grey", folder / "grey.png", lens, np.eye(4), **parts)
+
+
+def pixels(lens: Lens = LENS) -> Pixels:
+    """Those of a picture as it is stored."""
+    return Pixels(lens, Frame("", Path("nowhere"), lens, np.eye(4)).camera)
+
+
+def test_a_map_is_cropped_and_resized_as_the_picture_is(tmp_path):
+    """Of 4x6, a square is the middle four columns; halved, each pixel takes the old one at its centre: the second of two."""
+    view = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 2), crop=True)
+    assert view.depths[0].tolist() == [[8, 10], [20, 22]]
+    stretched = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 3))
+    assert stretched.depths[0].tolist() == [[7, 9, 11], [19, 21, 23]]
+
+
+def test_a_mask_hides_depth_and_labels_of_any_source(tmp_path):
+    """127 hides, 128 does not: of two rows the first is hidden."""
+    mask = np.repeat(np.array([[127], [127], [128], [255]], np.uint8), 6, axis=1)
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    labels = InMemory(np.full((4, 6), 3, np.uint8))
+    masked = frame(tmp_path, depth=InMemory(NUMBERS + 1), labels=labels, mask=MaskMap(tmp_path / "mask.png"))
+    view = masked.read(RANGE, SCANNET20)
+    assert view.depths[0, 1:3].tolist() == [[0] * 6, [13, 14, 15, 16, 17, 18]]
+    assert view.labels[0, :, 0].tolist() == [255, 255, 3, 3]
+    assert masked.measured()[0, 5] == 6  # what was measured is not changed by what may be looked at
+
+
+def test_the_bits_of_rotated_counts_are_turned_back(tmp_path):
+    """1500 mm turned left by three bits is 8 x 1500; the three lowest bits that are stored are the three highest of 57344 = 7 x 2^13."""
+    cv2.imwrite(str(tmp_path / "d.png"), np.array([[8 * 1500, 0b111], [0, 0]], np.uint16))
+    metres = DepthMap(tmp_path / "d.png", rotated=True).metres()
+    np.testing.assert_allclose(metres, [[1.5, 57.344], [0, 0]], rtol=1e-6)
+
+
+def test_depth_of_another_lens_is_what_each_ray_meets(tmp_path):
+    """With twice the focal length about the same middle, the middle half is spread over all, and the outside is unseen the other way."""
+    near, far = Lens((4, 4), (8.0, 8.0), (2.0, 2.0)), Lens((4, 4), (4.0, 4.0), (2.0, 2.0))
+    cv2.imwrite(str(tmp_path / "d.png"), (1000 + np.arange(16, dtype=np.uint16)).reshape(4, 4))
+    source = DepthThroughLens(DepthMap(tmp_path / "d.png"), far)
+    wide = source.read(pixels(near))
+    assert np.rint(1000 * wide[0]).tolist() == [1005, 1005, 1006, 1006]
+    narrow = DepthThroughLens(DepthMap(tmp_path / "d.png"), near).read(pixels(far))
+    assert np.count_nonzero(narrow) == 4  # the middle 2x2 sees it
+    assert not narrow[0].any()
+
+
+def test_a_map_of_another_size_than_its_picture_is_refused(tmp_path):
+    cv2.imwrite(str(tmp_path / "d.png"), np.ones((4, 5), np.uint16))
+    with pytest.raises(InputError, match=r"6x4 pixels .*, as its picture, found 5x4"):
+        frame(tmp_path, depth=DepthMap(tmp_path / "d.png")).read(RANGE)
+    with pytest.raises(ValueError, match=r"the map is \(2, 3\) .* expected \(4, 6\)"):
+        frame(tmp_path, depth=InMemory(np.ones((2, 3), np.float32))).read(RANGE)
+
+
+def test_a_class_of_the_data_package_is_abstract_or_nobody_derives_from_it():
+    """And so nothing concrete is replaced but what an abstract class left open."""
+    classes = set()
+    for module in pkgutil.walk_packages(semgs.data.__path__, "semgs.data."):
+        members = inspect.getmembers(importlib.import_module(module.name), inspect.isclass)
+        classes |= {one for _, one in members if one.__module__.startswith("semgs.")}
+    assert Frame in classes
+    derived = {base for one in classes for base in one.__mro__[1:] if base in classes}
+    assert {base.__name__ for base in derived if not inspect.isabstract(base)} == set()
+    for one in classes:
+        for base in one.__mro__[1:]:
+            if base in derived:
+                replaced = {name for name in vars(one).keys() & vars(base).keys() if not name.startswith("__")}
+                open_ones = base.__abstractmethods__ | {"_abc_impl"}
+                assert replaced <= open_ones, (one, base, replaced - open_ones)
