@@ -15,7 +15,7 @@ from pathlib import Path
 
 from semgs.bench.results import Result, read_bench
 from semgs.bench.rows import CURVE_SIZES, CURVE_THREADS, CURVE_VIEWS, NETWORKS, Row, every_row
-from semgs.evaluation.card import between
+from semgs.evaluation.tables.card import between
 from semgs.files.atomic import write_bytes, write_text
 from semgs.files.errors import InputError
 

@@ -20,12 +20,12 @@ from semgs.cli.evaluation_results import network_method
 from semgs.cli.progress import show_progress
 from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scenes
-from semgs.evaluation.card import between
-from semgs.evaluation.failures import BEGIN, END, Judged, judged, mistakes_table, sheet, worst
-from semgs.evaluation.figure import Part
-from semgs.evaluation.plan import make_plan
-from semgs.evaluation.protocols import neighbours
-from semgs.evaluation.summary import summary
+from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.protocols import neighbours
+from semgs.evaluation.page.failures import BEGIN, END, Judged, judged, mistakes_table, sheet, worst
+from semgs.evaluation.page.figure import Part
+from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.tables.card import between
 from semgs.files.atomic import write_bytes, write_text
 from semgs.files.errors import InputError
 from semgs.rooms.dataset import Recipe, write_dataset

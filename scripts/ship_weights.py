@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 
 from semgs.data.terms import Terms, terms_text
-from semgs.evaluation.card import scores_of
-from semgs.evaluation.report import read_report
+from semgs.evaluation.tables.card import scores_of
+from semgs.evaluation.tables.report import read_report
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.weights.file import restate

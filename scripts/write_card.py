@@ -13,8 +13,8 @@ import argparse
 import json
 from pathlib import Path
 
-from semgs.evaluation.card import reduced, tables, with_tables
-from semgs.evaluation.report import read_report
+from semgs.evaluation.tables.card import reduced, tables, with_tables
+from semgs.evaluation.tables.report import read_report
 from semgs.files.atomic import write_json, write_text
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

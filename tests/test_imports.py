@@ -25,6 +25,11 @@ FLOORS = (
 
 FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
 
+INSIDE = {
+    "evaluation": ("frames", "scoring", "tables", "page", "run"),
+}
+"""The folders and modules of packages that have an order of their own, from the ground up; what is not named keeps old names."""
+
 VERSION = "semgs.__version__"
 """The one name of the top that every floor may read: it is set before anything is imported, and files carry it."""
 
@@ -93,8 +98,48 @@ def wrong_arrows(root: Path) -> list[str]:
     return wrong
 
 
+def wrong_arrows_inside(root: Path, package: str) -> list[str]:
+    """Every import inside a package that points up in its order of `INSIDE`."""
+    level = {f"semgs.{package}.{part}": number for number, part in enumerate(INSIDE[package])}
+
+    def part_of(name: str) -> str:
+        return ".".join(name.split(".")[:3])
+
+    wrong = []
+    for name, path in modules(root).items():
+        for target in imported(name, path) if part_of(name) in level else ():
+            if target.split(".")[:2] == ["semgs", package] and level.get(part_of(target), 99) > level[part_of(name)]:
+                wrong.append(f"{name} imports {target}")
+    return wrong
+
+
 def test_imports_point_down_only():
     assert wrong_arrows(ROOT) == []
+
+
+@pytest.mark.parametrize("package", INSIDE)
+def test_imports_inside_a_package_point_down_only(package: str):
+    assert wrong_arrows_inside(ROOT, package) == []
+    folders = {path.name for path in (ROOT / "semgs" / package).iterdir() if any(path.glob("*.py"))}
+    assert folders <= set(INSIDE[package])
+
+
+def test_a_planted_arrow_inside_a_package_is_found(tmp_path: Path):
+    lines = {
+        "page/report_page.py": "from semgs.evaluation.frames.plan import Plan",
+        "frames/plan.py": "from semgs.evaluation.scoring import scores",
+        "run.py": "from semgs.evaluation.page.report_page import report_page",
+        "plan.py": "from semgs.evaluation.frames.plan import Plan",
+        "tables/grid.py": "from semgs.evaluation.plan import Plan",
+    }
+    for name, line in lines.items():
+        path = tmp_path / "semgs/evaluation" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(line)
+    assert wrong_arrows_inside(tmp_path, "evaluation") == [
+        "semgs.evaluation.frames.plan imports semgs.evaluation.scoring",
+        "semgs.evaluation.tables.grid imports semgs.evaluation.plan",  # an old name
+    ]
 
 
 def test_every_folder_has_its_floor():

@@ -18,8 +18,8 @@ from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
-    from semgs.evaluation.ablation import Row
-    from semgs.evaluation.report import SavedReport
+    from semgs.evaluation.tables.ablation import Row
+    from semgs.evaluation.tables.report import SavedReport
     from semgs.training.settings import TrainingSettings
 
 RUN, EVALUATION, ROOMS, TABLE = "run", "evaluation", "rooms", "ablation.md"
@@ -85,7 +85,7 @@ class Ablate:
             UsageError: the settings cannot be, or a training broke down.
         """
         self._check()
-        from semgs.evaluation.ablation import ROWS, row_settings
+        from semgs.evaluation.tables.ablation import ROWS, row_settings
 
         with what_the_user_gave():
             runs = [
@@ -232,10 +232,10 @@ class Ablate:
 
     def _table(self, runs: list[tuple[Row, int]]) -> str:
         """The table of all runs that are evaluated, which is also written."""
-        from semgs.evaluation.ablation import ablation_grid, steps_grid
-        from semgs.evaluation.compare import check_comparable
-        from semgs.evaluation.report import read_report
-        from semgs.evaluation.tables import printed
+        from semgs.evaluation.tables.ablation import ablation_grid, steps_grid
+        from semgs.evaluation.tables.compare import check_comparable
+        from semgs.evaluation.tables.grid import printed
+        from semgs.evaluation.tables.report import read_report
         from semgs.files.atomic import write_text
 
         reports: dict[tuple[str, int], SavedReport] = {}

@@ -62,7 +62,7 @@ class Bench:
             from semgs.bench.results import numbers
             from semgs.bench.run import run_bench, steps
             from semgs.cli.bench_tables import bench_table
-            from semgs.evaluation.environment import hardware, versions
+            from semgs.evaluation.tables.environment import hardware, versions
             from semgs.files.atomic import write_json
 
         machine = {**hardware("cuda" if torch.cuda.is_available() else "cpu"), "versions": versions()}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from semgs.bench.results import Bench, Result
 from semgs.bench.targets import REFERENCE_GFLOPS, Verdict, slowness, verdicts
-from semgs.evaluation.tables import Cell, Format, Grid, printed
+from semgs.evaluation.tables.grid import Cell, Format, Grid, printed
 
 HEAD = ("row", "seconds", "median", "GFLOP", "GFLOP/s", "of ceiling", "MB", "target")
 

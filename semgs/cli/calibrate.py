@@ -20,8 +20,8 @@ from semgs.files.paths import existing_folder
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from semgs.evaluation.calibration import Calibration
-    from semgs.evaluation.tables import Grid
+    from semgs.evaluation.scoring.calibration import Calibration
+    from semgs.evaluation.tables.grid import Grid
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Calibrate:
         self._check()
         with show_stage("Starting"):
             from semgs.data.scene_lists import check_unseen
-            from semgs.evaluation.calibration import calibration, statements
-            from semgs.evaluation.tables import printed
+            from semgs.evaluation.scoring.calibration import calibration, statements
+            from semgs.evaluation.tables.grid import printed
             from semgs.files.atomic import write_bytes
             from semgs.weights.file import is_ours, read_header, restate
             from semgs.weights.load import find, load, trained_scenes
@@ -117,7 +117,7 @@ class Calibrate:
 
 def _grid(found: Mapping[str, Calibration], data: str) -> Grid:
     """Temperature and errors of each kind."""
-    from semgs.evaluation.tables import Cell, Grid
+    from semgs.evaluation.tables.grid import Cell, Grid
 
     rows = tuple(
         tuple(map(Cell, (kind, f"{one.temperature:.3f}", f"{one.error_before:.3f}", f"{one.error_after:.3f}")))

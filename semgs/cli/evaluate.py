@@ -22,9 +22,9 @@ from semgs.weights.hub import is_hub_id
 if TYPE_CHECKING:
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
-    from semgs.evaluation.plan import Plan
-    from semgs.evaluation.predictions import Method
-    from semgs.evaluation.report import Subject
+    from semgs.evaluation.frames.plan import Plan
+    from semgs.evaluation.frames.predictions import Method
+    from semgs.evaluation.tables.report import Subject
 
 KNOWN = ("neighbours", "peers", "pinned FILE")
 """The protocols, as they are typed."""
@@ -153,8 +153,8 @@ class Evaluate:
 
     def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
         """What is compared."""
-        from semgs.evaluation.plan import with_depth_range
-        from semgs.evaluation.saved import views_in
+        from semgs.evaluation.frames.plan import with_depth_range
+        from semgs.evaluation.frames.saved import views_in
 
         held = views_in(self.predictions) if self.predictions is not None else ()
         plan = plan_of(self.protocol, scenes, self.views or held, parse_size(self.size), self.gsnerf_distance)
@@ -162,10 +162,10 @@ class Evaluate:
 
     def _method(self, plan: Plan, classes: ClassTable | None, device: str) -> tuple[Method, Subject]:
         """What is evaluated, and what the report says of it."""
-        from semgs.evaluation.report import Subject
+        from semgs.evaluation.tables.report import Subject
 
         if self.predictions is not None:
-            from semgs.evaluation.saved import SavedPredictions
+            from semgs.evaluation.frames.saved import SavedPredictions
 
             folder = self.predictions
             saved = SavedPredictions(folder, self.name or folder.absolute().name)
@@ -235,8 +235,8 @@ def plan_of(
     Raises:
         InputError: a scene is too small, or the pinned file cannot be used.
     """
-    from semgs.evaluation.plan import make_plan, pinned_plan
-    from semgs.evaluation.protocols import neighbours, peers
+    from semgs.evaluation.frames.plan import make_plan, pinned_plan
+    from semgs.evaluation.frames.protocols import neighbours, peers
 
     if protocol[0] == "pinned":
         return pinned_plan(protocol[1], scenes, views, size)

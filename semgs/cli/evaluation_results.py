@@ -10,17 +10,17 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import check_unseen, seen_before
-from semgs.evaluation.compare import BRIEF, overview_grid
-from semgs.evaluation.environment import hardware, versions
-from semgs.evaluation.evaluate import PREDICTIONS, evaluate
-from semgs.evaluation.network import NetworkMethod
-from semgs.evaluation.notes import notes
-from semgs.evaluation.plan import Plan, frame_list
-from semgs.evaluation.predictions import Method
-from semgs.evaluation.report import Evaluation, SavedReport, Subject, report_numbers, saved_report, timing
-from semgs.evaluation.report_page import report_page
-from semgs.evaluation.saved import TIMING
-from semgs.evaluation.tables import printed
+from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.plan import Plan, frame_list
+from semgs.evaluation.frames.predictions import Method
+from semgs.evaluation.frames.saved import TIMING
+from semgs.evaluation.page.report_page import report_page
+from semgs.evaluation.scoring.evaluate import PREDICTIONS, evaluate
+from semgs.evaluation.tables.compare import BRIEF, overview_grid
+from semgs.evaluation.tables.environment import hardware, versions
+from semgs.evaluation.tables.grid import printed
+from semgs.evaluation.tables.notes import notes
+from semgs.evaluation.tables.report import Evaluation, SavedReport, Subject, report_numbers, saved_report, timing
 from semgs.files.atomic import write_json, write_text
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256

@@ -23,8 +23,8 @@ from semgs.files.strict_json import parse_json
 from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
-    from semgs.evaluation.figure import Compared, Part
-    from semgs.evaluation.predictions import Method
+    from semgs.evaluation.frames.predictions import Method
+    from semgs.evaluation.page.figure import Compared, Part
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
 """The columns of the figure about the smoothness of regions."""
@@ -90,7 +90,7 @@ class Figure:
         """
         self._check()
         with show_stage("Starting"):
-            from semgs.evaluation.figure import comparison_block, comparison_legend, comparison_numbers
+            from semgs.evaluation.page.figure import comparison_block, comparison_legend, comparison_numbers
             from semgs.figures.comparison import comparison
             from semgs.files.atomic import write_bytes, write_json
 
@@ -175,9 +175,9 @@ class Figure:
         """
         from semgs.cli.evaluation_results import network_method
         from semgs.data.scene_lists import check_unseen
-        from semgs.evaluation.figure import Part, chosen_tasks
-        from semgs.evaluation.report import data_name
-        from semgs.evaluation.saved import SavedPredictions
+        from semgs.evaluation.frames.saved import SavedPredictions
+        from semgs.evaluation.page.figure import Part, chosen_tasks
+        from semgs.evaluation.tables.report import data_name
         from semgs.weights.load import find, table_of, trained_scenes
 
         scenes, classes = labelled_scenes(self.data[index], self.reading, self.scenes[index] if self.scenes else "")

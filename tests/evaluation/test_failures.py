@@ -14,8 +14,11 @@ from PIL import Image
 
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
-from semgs.evaluation.evaluate import read_frame
-from semgs.evaluation.failures import (
+from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.evaluation.frames.protocols import neighbours
+from semgs.evaluation.frames.reading import read_frame
+from semgs.evaluation.page.failures import (
     BEGIN,
     END,
     Judged,
@@ -27,11 +30,8 @@ from semgs.evaluation.failures import (
     sheet,
     worst,
 )
-from semgs.evaluation.figure import Part
-from semgs.evaluation.plan import make_plan
-from semgs.evaluation.predictions import Inputs, Prediction
-from semgs.evaluation.protocols import neighbours
-from semgs.evaluation.scores import FrameScores
+from semgs.evaluation.page.figure import Part
+from semgs.evaluation.scoring.scores import FrameScores
 from semgs.weights.index import SHOWN, read_index
 from semgs.weights.scores import read_scores
 
