@@ -16,7 +16,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from semgs.cli.errors import UsageError, what_the_user_gave
-from semgs.cli.evaluation_results import network_method
 from semgs.cli.progress import show_progress
 from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scenes
@@ -24,6 +23,7 @@ from semgs.evaluation.frames.plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.page.failures import BEGIN, END, Judged, judged, mistakes_table, sheet, worst
 from semgs.evaluation.page.figure import Part
+from semgs.evaluation.run import network_candidate
 from semgs.evaluation.scoring.summary import summary
 from semgs.evaluation.tables.card import between
 from semgs.files.atomic import write_bytes, write_text
@@ -57,12 +57,12 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
         classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
         plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
         with what_the_user_gave():
-            method, subject = network_method(weights, classes, "cpu")
+            candidate = network_candidate(weights, classes, "cpu")
         with show_progress("Reconstructing", len(plan.tasks)) as done:
-            found = judged(Part("", plan, (method,), classes).compare(done))
+            found = judged(Part("", plan, (candidate.method,), classes).compare(done))
     if not found:
         raise InputError(data or drawn, "labelled scenes", "none with labels")
-    return found, str(subject.sha256)
+    return found, str(candidate.subject.sha256)
 
 
 def told(found: tuple[Judged, ...], sha256: str) -> str:

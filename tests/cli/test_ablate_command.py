@@ -45,7 +45,7 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
         return Outcome(settings.steps, True, 0)
 
     monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
-    monkeypatch.setattr("semgs.cli.evaluation_results.report_page", lambda *given: "")
+    monkeypatch.setattr("semgs.evaluation.run.report_page", lambda *given: "")
     monkeypatch.setattr("semgs.training.loop.train", train)
     monkeypatch.setattr("semgs.training.run.finished", lambda run: (run / "weights.safetensors").exists())
     return runs

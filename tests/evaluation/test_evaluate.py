@@ -12,7 +12,6 @@ import pytest
 import torch
 from PIL import Image
 
-from semgs.cli.evaluation_results import write_results
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.network import NetworkMethod
@@ -22,6 +21,7 @@ from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.frames.saved import SavedPredictions
 from semgs.evaluation.page.report_page import report_page
+from semgs.evaluation.run import write_results
 from semgs.evaluation.scoring.evaluate import Rows, evaluate
 from semgs.evaluation.scoring.records import record
 from semgs.evaluation.scoring.summary import summary
@@ -348,7 +348,7 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
 def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: Plan, tmp_path: Path):
     """To the last number, infinite PSNR of the oracle included."""
     evaluation = done(plan, evaluate(plan, Oracle(), tmp_path))
-    handed = write_results(tmp_path, evaluation, None)
+    handed = write_results(tmp_path, evaluation)
     read = read_report(tmp_path)
     assert overview_grid(handed) == overview_grid(read)
     for views, result in read.results.items():
