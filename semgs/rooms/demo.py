@@ -6,9 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 SEED = 2026
-"""The stream that the scene is from; nothing is trained or validated in it."""
-INDEX = 412
-"""Which of its rooms."""
+"""The stream that the scene is from (its room 412, pictures of quality 90); nothing is trained or validated in it."""
 SIZE = (240, 320)
 FRAMES = 8
 
@@ -23,17 +21,3 @@ def demo_scene() -> Path:
     if not (folder / "transforms.json").is_file():
         raise FileNotFoundError(f"{folder} holds no scene: the package is incomplete; install it again")
     return folder
-
-
-def write_demo(folder: str | Path, overwrite: bool = False) -> None:
-    """Draw the embedded scene anew into a folder.
-
-    Raises:
-        InputError: as `write_scene`.
-        ImportError: embreex is not installed; names the extra that brings it.
-    """
-    from semgs.rooms.scenes import (
-        write_scene,
-    )  # needs torch, which those that only ask for the folder or the seed do not
-
-    write_scene(folder, SEED, index=INDEX, size=SIZE, frames=FRAMES, quality=90, overwrite=overwrite)

@@ -16,9 +16,6 @@ import numpy as np
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
-PROTOCOLS = ("neighbours", "peers", "pinned FILE")
-"""The protocols by the names that the command line knows."""
-
 PEERS_SPAN = 700
 """The peers look at no frame behind this one."""
 PEERS_SOURCE_STEP = 5

@@ -54,7 +54,6 @@ class MeshRow:
         file: of the mesh, in the folder.
         extents: width (x), depth (y), height (z) [m].
         mount: "floor", "wall", "surface" or "ceiling".
-        textured: whether it has pictures; others are flat-coloured.
         parts: class of each node that has another one than the whole.
         licence, author, source, commit, path: where it comes from.
     """
@@ -65,7 +64,6 @@ class MeshRow:
     file: str
     extents: tuple[float, float, float]
     mount: str
-    textured: bool
     parts: tuple[tuple[str, str], ...]
     licence: str
     author: str
@@ -154,7 +152,6 @@ def _mesh(path: Path, row: dict) -> MeshRow:
             file=inside(row["file"]),
             extents=(x, y, z),
             mount=str(row["mount"]),
-            textured=bool(row["textured"]),
             parts=tuple((str(node), str(label)) for node, label in row.get("part_classes", {}).items()),
             **_origin(row),
         )
