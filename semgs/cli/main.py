@@ -65,7 +65,7 @@ COMMANDS = {
         "semgs.cli.calibrate", "Calibrate", "Fit how sure weights may be, on labelled scenes."
     ),
     "figure": Command("semgs.cli.figure", "Figure", "Draw the paper's comparison figures of your weights and scenes."),
-    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine, beside what was aimed at."),
+    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine."),
 }
 
 
