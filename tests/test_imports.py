@@ -142,6 +142,16 @@ def test_a_planted_arrow_inside_a_package_is_found(tmp_path: Path):
     ]
 
 
+def test_the_package_imports_no_tools_and_release_work_no_commands():
+    assert [
+        name
+        for name, path in modules(ROOT).items()
+        if any(one.split(".")[0] == "tools" for one in imported(name, path))
+    ] == []
+    for path in (ROOT / "tools" / "release").glob("*.py"):
+        assert not any(one.startswith("semgs.cli") for one in imported(f"tools.release.{path.stem}", path)), path
+
+
 def test_every_folder_has_its_floor():
     folders = {path.name for path in (ROOT / "semgs").iterdir() if path.is_dir() and any(path.glob("*.py"))}
     assert folders <= set(FLOOR)

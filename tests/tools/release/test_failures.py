@@ -18,7 +18,11 @@ from semgs.evaluation.frames.plan import make_plan
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
-from semgs.evaluation.page.failures import (
+from semgs.evaluation.page.figure import Part
+from semgs.evaluation.scoring.scores import FrameScores
+from semgs.weights.index import SHOWN, read_index
+from semgs.weights.scores import read_scores
+from tools.release.failures import (
     BEGIN,
     END,
     Judged,
@@ -30,12 +34,8 @@ from semgs.evaluation.page.failures import (
     sheet,
     worst,
 )
-from semgs.evaluation.page.figure import Part
-from semgs.evaluation.scoring.scores import FrameScores
-from semgs.weights.index import SHOWN, read_index
-from semgs.weights.scores import read_scores
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
 class WallIsFloor:
@@ -125,5 +125,5 @@ def test_the_failures_of_the_card_are_those_of_the_weights_that_ship():
     assert said
     known = {one.sha256[:SHOWN] for one in read_index()}
     known |= {score.sha256[:SHOWN] for one in read_index() for score in read_scores(one.path)}
-    assert said[1] in known, "run python scripts/draw_failures.py"
+    assert said[1] in known, "run python -m tools.release failures"
     assert (DOCS / "images/failures.jpg").stat().st_size <= 200_000

@@ -1,9 +1,17 @@
-"""The NOTICE of weights that were trained in rooms with assets: the works whose licences ask for attribution."""
+"""The root's NOTICE: works in the rooms that weights are trained in whose licences ask for attribution, and published networks.
+
+`semgs rooms --assets` writes ATTRIBUTION.md beside its scenes. Trained live, rooms of the same seed and assets have the same works.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
+
+from semgs.files.atomic import write_text
+from semgs.files.errors import InputError
+from tools.release.pages import ROOT
 
 ASKS = "CC-BY"
 """How the licences begin that ask for attribution wherever the work goes."""
@@ -16,6 +24,30 @@ Rooms that the weights of SemGS are trained in show models and textures by other
 named here: the file in the folder of assets, the repository that it is from at a commit, and its path there. The others are CC0, in
 the public domain, ours, Apache-2.0, MIT or BSD-3-Clause; `semgs rooms --assets` writes the list of all (ATTRIBUTION.md) beside the rooms that it draws.
 """
+
+
+NETWORKS = """
+The class branch of the weights of SemGS was trained on, every layer, from the MobileNetV2 of a published segmentation network, and learned what
+another one says of rooms. Both are Apache-2.0; their weights were dequantised, renamed and transposed, and are not in this package.
+
+Apache-2.0 (MLCommons Association License), github.com/mlcommons/mobile_open@86a873714efd
+  - start: vision/deeplab/models_and_code/checkpoints/quantize_aware_training/freeze_qat.tflite (DeepLabv3+ on MobileNetV2, ADE20K's 31 commonest classes)
+  - teacher: vision/mosaic/models_and_checkpoints/R4/mobile_segmenter_r4_quant_argmax_uint8.tflite (MOSAIC, the same classes)
+"""
+"""Published networks that the weights that ship started from or learned from."""
+
+
+def write_notice(attributions: Sequence[Path]) -> None:
+    """Write NOTICE from files `ATTRIBUTION.md`.
+
+    Raises:
+        InputError: one of them cannot be read, or is none.
+    """
+    try:
+        text = notice([path.read_text(encoding="utf-8") for path in attributions])
+    except (OSError, ValueError) as error:
+        raise InputError(", ".join(map(str, attributions)), "ATTRIBUTION.md of semgs rooms", str(error)) from error
+    write_text(ROOT / "NOTICE", text + NETWORKS)
 
 
 def notice(attributions: Sequence[str]) -> str:

@@ -1,22 +1,38 @@
-"""Failures of a method: the targets that turned out worst, with pictures, and which classes it takes for which."""
+"""Where weights fail, and what they take for what: docs/images/failures.jpg and the part "Failures" of docs/model_card.md.
+
+The rooms are drawn here, from the seed of validation, in the world that nothing is trained in, without assets: anyone may show them. The
+same weights give the same bytes on the same machine.
+"""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from PIL import Image
 
-from semgs.data.classes import ClassTable
-from semgs.evaluation.page.figure import Compared, comparison_legend
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.scenes import open_scenes
+from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.protocols import neighbours
+from semgs.evaluation.page.figure import Compared, Part, comparison_legend
+from semgs.evaluation.run import network_candidate
 from semgs.evaluation.scoring.scores import FrameScores, score
 from semgs.evaluation.scoring.summary import summary, total_confusion
 from semgs.figures.classes import class_picture, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, comparison
 from semgs.figures.depth import depth_limits, depth_picture
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
 from semgs.reconstruction.renders import as_bytes
+from semgs.rooms.dataset import Recipe, write_dataset
+from semgs.training.settings import VALIDATION_SEED
+from semgs.weights.index import SHOWN
+from tools.release.pages import CARD, DOCS, write_between
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"
 """Lines of the model card between which they stand."""
@@ -29,6 +45,14 @@ WIDTH = 1200
 
 QUALITIES = range(95, 45, -5)
 """Of a JPEG, the best first."""
+
+PICTURE = DOCS / "images" / "failures.jpg"
+
+SCENES, SIZE, FRAMES, VIEWS = 16, (240, 320), 4, 2
+"""Rooms that are drawn: with so many frames of this (height, width) [px]; each inner one is a target, from so many views."""
+
+ROWS, MISTAKES, BYTES = 5, 8, 200_000
+"""Targets on the picture, lines of the table, and the picture's largest size."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +88,59 @@ class Judged:
     def miou(self) -> float:
         """Mean IoU over the classes that the target's truth shows."""
         return summary([self.scores])["miou_per_image"]
+
+
+def write_failures(weights: str, data: Path | None = None, out: Path | None = None) -> str:
+    """Write the picture, and unless it goes elsewhere the card, and give the card's text.
+
+    Args:
+        weights: a file, or the name of those inside the package.
+        data: labelled scenes in place of the rooms that are drawn here.
+        out: the picture in place of the card's.
+
+    Raises:
+        InputError: weights or scenes cannot be used, or only one of `data` and `out` is given.
+    """
+    if (data is None) != (out is None):
+        raise InputError("failures", "--data and --out together", "one of them")
+    found, sha256 = targets(weights, data)
+    text = told(found, sha256)
+    write_bytes(out or PICTURE, sheet(worst(found, ROWS), BYTES))
+    if out is None:
+        write_between(CARD, text, BEGIN, END)
+    return text
+
+
+def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
+    """What weights say of all targets of some scenes, or of rooms that are drawn for it; and the hash of their file.
+
+    Raises:
+        InputError: the weights or scenes cannot be used, or no weights of that name ship.
+    """
+    with TemporaryDirectory() as drawn:
+        if data is None:
+            write_dataset(drawn, Recipe(VALIDATION_SEED, SIZE, FRAMES, "other"), SCENES)
+        scenes = open_scenes(data or drawn)
+        classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
+        plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
+        try:
+            candidate = network_candidate(weights, classes, "cpu")
+        except ValueError as error:
+            raise InputError(weights, "weights", str(error)) from error
+        found = judged(Part("", plan, (candidate.method,), classes).compare())
+    if not found:
+        raise InputError(data or drawn, "labelled scenes", "none with labels")
+    return found, str(candidate.subject.sha256)
+
+
+def told(found: tuple[Judged, ...], sha256: str) -> str:
+    """What the card says of them, but for the picture."""
+    scores = [one.scores for one in found]
+    scenes = len({one.scene for one in scores})
+    return (
+        f"{len(found)} targets in {scenes} rooms, weights {sha256[:SHOWN]}: mIoU {summary(scores)['miou']:.3f}, "
+        f"accuracy {summary(scores)['accuracy']:.3f}. The commonest mistakes:\n\n{mistakes_table(found, MISTAKES)}"
+    )
 
 
 def judged(frames: Sequence[Compared]) -> tuple[Judged, ...]:

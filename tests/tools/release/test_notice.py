@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from semgs.rooms.assets.lock import LockRow, attribution, read_lock
-from semgs.rooms.assets.notice import HEAD, notice
+from tools.release.notice import HEAD, notice
 
 ROOT = Path(__file__).resolve().parents[3]
 
