@@ -21,7 +21,7 @@ help:
 	@echo 'make test    set up, then run the tests (minutes)'
 	@echo 'make long    set up, then run the tests that take longer'
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
-	@echo 'make bench   set up, then measure time and memory beside what was aimed at (10 minutes)'
+	@echo 'make bench   set up, then measure time and memory (10 minutes)'
 	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import sys
 
-from semgs.evaluation.intervals import paired_differences
-from semgs.evaluation.report import SavedReport, read_report
-from semgs.evaluation.scores import FrameScores
-from semgs.evaluation.texts import TITLES
+from semgs.evaluation.scoring.intervals import paired_differences
+from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.tables.report import SavedReport, read_report
+from semgs.evaluation.tables.texts import TITLES
 from semgs.files.errors import InputError
 
 METRICS = ("psnr", "miou", "depth_abs_rel")

@@ -643,8 +643,8 @@ MUTANTS = (
         "return -10 * (images.clamp(0, 1) - truth)", "return -20 * (images.clamp(0, 1) - truth)", OF_METRICS,
     ),
     Mutant(
-        "GSNeRF's distance takes R for its transpose", "semgs/evaluation/protocols.py",
-        '-np.einsum("nji,nj->ni"', '-np.einsum("nij,nj->ni"', ("tests/evaluation/test_protocols.py",),
+        "GSNeRF's distance takes R for its transpose", "semgs/evaluation/frames/protocols.py",
+        '-np.einsum("nji,nj->ni"', '-np.einsum("nij,nj->ni"', ("tests/evaluation/frames/test_protocols.py",),
     ),
     # Kernels in threads, the time they take to compile, and the page of a reconstruction
     Mutant(

@@ -14,11 +14,11 @@ import torch
 from golden import fill_golden
 from networks import preset
 from PIL import Image
+from ply import read_ply
 from posed import posed_views
 
 from semgs import SavedScene, Views, load_scene, open_scene, render, save_ply, save_scene
 from semgs.data.scene import Scene
-from semgs.export.ply import read_ply
 from semgs.files import notebook
 from semgs.model.encoding import Encoding
 from semgs.rendering.rendering import Rendering

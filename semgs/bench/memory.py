@@ -112,7 +112,7 @@ def _child(name: str, told: Path) -> None:
         work = prepare(row)
         before = peak_mb()
         watch = PeakWatch()
-        work.run(watch)
+        work(watch)
         peaks = watch.peaks | {WHOLE: max(before, watch.peaks[WHOLE])}
     told.write_text(json.dumps(peaks), encoding="utf-8")
 

@@ -6,9 +6,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,25 +23,14 @@ from semgs.geometry.gaussians import Gaussians
 from semgs.model.chunks import Chunks
 from semgs.model.plan import NotEnoughMemoryError, plan
 from semgs.model.semgs import SemGS
-from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
-from semgs.rendering.splats import Splats
 from semgs.rooms.sets.demo import demo_scene
 
 Watch = Callable[[str], AbstractContextManager[object]]
-"""What stands around each part of a run, given its name: it times, counts, or looks at memory. `WHOLE` is around all parts."""
+"""What stands around each part of a run, given its name: it times, or looks at memory. `WHOLE` is around all parts."""
 
-CONVOLUTION = (2, 128, 60, 80)
-"""The ceiling's convolution, 3x3 between as many channels: the features of `base`, N = 2, 240x320."""
-
-MATRIX = 1024
-"""Sides of the ceiling's matrices."""
-
-ATTENTION = (2, 4, 1200, 128)
-"""The ceiling's queries, keys and values: views, windows, tokens and channels of `base`, likewise."""
-
-CEILING_REPEATS = 10
-"""Times that a ceiling's operation is done in a run: one alone takes milliseconds."""
+Run = Callable[[Watch], None]
+"""Does the work of a row once, with a watch around each part."""
 
 PROGRAM = "import sys; from semgs.cli.main import main; sys.exit(main())"
 """The command `semgs`, with this interpreter."""
@@ -54,36 +42,21 @@ PROGRAM_THAT_TELLS = (
 """The same, with the most memory that it needed in the file named first [10^6 bytes]."""
 
 
-@dataclass(frozen=True)
-class Workload:
-    """Something that is run again and again.
-
-    Attributes:
-        run: does the work, with what it is given around each part.
-        times: how often it does the same in one run.
-        details: what else is known of it.
-    """
-
-    run: Callable[[Watch], None]
-    times: int = 1
-    details: Callable[[], Mapping[str, float]] = dict
-
-
-def prepare(row: Row) -> Workload:
+def prepare(row: Row) -> Run:
     """What a row runs, with its number of threads.
 
     Raises:
         CannotMeasureError: it cannot be run here.
     """
     _check(row)
-    makers = {"ceiling": _ceiling, "network": _frame, "render": _drawing, "train": _training, "command": _command}
+    makers = {"network": _frame, "render": _drawing, "train": _training, "command": _command}
     made = makers[row.kind](row)
 
     def run(watch: Watch) -> None:
         torch.set_num_threads(row.threads)
-        made.run(watch)
+        made(watch)
 
-    return Workload(run, made.times, made.details)
+    return run
 
 
 def compile_kernels() -> None:
@@ -116,34 +89,7 @@ def _check(row: Row) -> None:
         raise CannotMeasureError(f"{row.threads} threads needed, {found} here")
 
 
-def _ceiling(row: Row) -> Workload:
-    """One operation alone, in the shape that the networks have it, with memory laid out as is fastest."""
-    dtype = getattr(torch, row.precision)
-
-    def drawn(*shape: int) -> torch.Tensor:
-        return torch.randn(*shape, generator=torch.Generator().manual_seed(0)).to(row.device, dtype)
-
-    operation: Callable[[], torch.Tensor]
-    if row.part == "conv":
-        channels = CONVOLUTION[1]
-        x = drawn(*CONVOLUTION).contiguous(memory_format=torch.channels_last)
-        kernel = drawn(channels, channels, 3, 3).contiguous(memory_format=torch.channels_last)
-        operation = partial(torch.nn.functional.conv2d, x, kernel, padding=1)
-    elif row.part == "matmul":
-        operation = partial(torch.mm, drawn(MATRIX, MATRIX), drawn(MATRIX, MATRIX))
-    else:
-        q = drawn(*ATTENTION)
-        operation = partial(torch.nn.functional.scaled_dot_product_attention, q, q, q)
-
-    def run(watch: Watch) -> None:
-        with torch.no_grad(), watch(WHOLE):
-            for _ in range(CEILING_REPEATS):
-                operation()
-
-    return Workload(run, CEILING_REPEATS)
-
-
-def _frame(row: Row) -> Workload:
+def _frame(row: Row) -> Run:
     """Views to Gaussians, and one target drawn from them with colour, classes and depth."""
     model = network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
@@ -162,7 +108,7 @@ def _frame(row: Row) -> Workload:
             with watch("render"):
                 encoding.render(camera)
 
-    return Workload(run)
+    return run
 
 
 def _chunks(row: Row, model: SemGS, views: Views) -> Chunks:
@@ -175,20 +121,20 @@ def _chunks(row: Row, model: SemGS, views: Views) -> Chunks:
         raise CannotMeasureError(str(error)) from error
 
 
-def _drawing(row: Row) -> Workload:
+def _drawing(row: Row) -> Run:
     """The generated scene: both passes, colour alone, or the way back."""
     scene, camera = generated_scene(row.views, row.size)
     if row.part == "colour":
         scene = Gaussians(scene.means, scene.opacities, scene.colour)
     gaussians = scene.to(row.device)
     if row.part == "backward":
-        return Workload(partial(_backward, gaussians, camera))
+        return partial(_backward, gaussians, camera)
 
     def run(watch: Watch) -> None:
         with torch.no_grad(), watch(WHOLE):
             render(gaussians, camera, near=1.0)
 
-    return Workload(run, details=partial(_pairs, scene, camera))
+    return run
 
 
 def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
@@ -201,21 +147,7 @@ def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
         loss.backward()
 
 
-def _pairs(gaussians: Gaussians, camera: Cameras) -> dict[str, float]:
-    """How many pairs of Gaussian and tile each pass draws."""
-    from semgs.rendering.numba_backend import depth_order, pair_count
-
-    pinhole = Pinhole.of(camera[0])
-    order = depth_order(gaussians.means, pinhole, near=1.0)
-    counts = {}
-    for name, one in (("pairs_colour", gaussians.colour), ("pairs_semantic", gaussians.semantic)):
-        if one is not None:
-            splats = Splats(gaussians.means, one.quaternions, one.scales, gaussians.opacities, one.features.flatten(1))
-            counts[name] = float(pair_count(splats, order, pinhole))
-    return counts
-
-
-def _training(row: Row) -> Workload:
+def _training(row: Row) -> Run:
     """A step on one scene, with the settings of the network's preset."""
     from semgs.training import presets
     from semgs.training.state import TrainingState
@@ -232,10 +164,10 @@ def _training(row: Row) -> Workload:
         with watch(WHOLE):
             training_step(state, [batch], settings)
 
-    return Workload(run)
+    return run
 
 
-def _command(row: Row) -> Workload:
+def _command(row: Row) -> Run:
     """The program, from its start to its end."""
 
     def run(watch: Watch) -> None:
@@ -248,4 +180,4 @@ def _command(row: Row) -> Workload:
         if done.returncode:
             raise CannotMeasureError(f"semgs {arguments[0]} ended with {done.returncode}: {done.stderr[-200:].strip()}")
 
-    return Workload(run)
+    return run

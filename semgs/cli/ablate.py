@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from semgs.cli.device import check_device, chosen_device
-from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.train_apart import train_apart
 from semgs.cli.training_options import PresetSettings
@@ -18,8 +18,8 @@ from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
-    from semgs.evaluation.ablation import Row
-    from semgs.evaluation.report import SavedReport
+    from semgs.evaluation.tables.ablation import Row
+    from semgs.evaluation.tables.report import SavedReport
     from semgs.training.settings import TrainingSettings
 
 RUN, EVALUATION, ROOMS, TABLE = "run", "evaluation", "rooms", "ablation.md"
@@ -85,7 +85,7 @@ class Ablate:
             UsageError: the settings cannot be, or a training broke down.
         """
         self._check()
-        from semgs.evaluation.ablation import ROWS, row_settings
+        from semgs.evaluation.tables.ablation import ROWS, row_settings
 
         with what_the_user_gave():
             runs = [
@@ -199,24 +199,23 @@ class Ablate:
 
     def _evaluate(self, row: Row, settings: TrainingSettings) -> None:
         """Evaluate a row that is trained, if that was not done before."""
-        from semgs.cli.evaluate import labelled_scenes, plan_of
-        from semgs.cli.evaluation_results import evaluate_into, network_method
-        from semgs.cli.scene_options import SceneOptions
+        from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
         from semgs.training.run import WEIGHTS
 
         folder = self._folder(row, settings.seed)
         if (folder / EVALUATION).exists():
             return
-        data = self._rooms(settings) if self.test is None else self.test
+        path = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            scenes, classes = labelled_scenes(data, SceneOptions(), self.test_scenes)
-        if classes is None:
-            raise InputError(data, "scenes with labels", "none that has any")
-        plan = plan_of((self.protocol,), scenes, (self.views,), settings.size)
-        device = chosen_device(self.device)
+            data = labelled_scenes(path, wanted=self.test_scenes)
+        if data.classes is None:
+            raise InputError(path, "scenes with labels", "none that has any")
+        plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
+        weights, device = self._run(row, settings.seed) / WEIGHTS, chosen_device(self.device)
         with what_the_user_gave():
-            method, subject = network_method(self._run(row, settings.seed) / WEIGHTS, classes, device, row.title)
-        evaluate_into(folder / EVALUATION, plan, method, subject, data, scenes, classes, device=device)
+            candidate = network_candidate(weights, data.classes, device, row.title)
+        with what_fits(), show_progress(f"Evaluating {row.title}", len(plan.tasks)) as done:
+            evaluate_into(folder / EVALUATION, Job(data, plan, candidate), done=done)
 
     def _rooms(self, settings: TrainingSettings) -> Path:
         """Rooms to evaluate on, drawn where they are not there yet."""
@@ -232,10 +231,10 @@ class Ablate:
 
     def _table(self, runs: list[tuple[Row, int]]) -> str:
         """The table of all runs that are evaluated, which is also written."""
-        from semgs.evaluation.ablation import ablation_grid, steps_grid
-        from semgs.evaluation.compare import check_comparable
-        from semgs.evaluation.report import read_report
-        from semgs.evaluation.tables import printed
+        from semgs.evaluation.tables.ablation import ablation_grid, steps_grid
+        from semgs.evaluation.tables.compare import check_comparable
+        from semgs.evaluation.tables.grid import printed
+        from semgs.evaluation.tables.report import read_report
         from semgs.files.atomic import write_text
 
         reports: dict[tuple[str, int], SavedReport] = {}

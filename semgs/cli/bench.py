@@ -1,4 +1,4 @@
-"""`semgs bench`: how long things take here, how much memory they need, and whether that is what was aimed at."""
+"""`semgs bench`: how long things take here, and how much memory they need."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ class Bench:
     """Measure how long things take on this machine, and how much memory they need.
 
     A row is one thing that is measured; its name says all of it
-    - ceiling_conv_float32: how fast this machine does an operation: what everything is compared with
     - total_small_n2_float32: two 240x320 views to Gaussians, and one target drawn with colour, classes and depth
     - cnn_base_n2, transformer_colour_base_n2, ...: the parts of that
     - render_n2, render_n2_colour, render_n2_backward: a generated scene of 153,600 Gaussians
     - train_small_n2, command_small_n2, command_help: a training step, and the program itself
 
-    Other sizes and threads are told at the end of the name (_480x640_t1), as are batches and CUDA (_b8_cuda). Each time
-    is the least of five, taken in turns after two that warm up; what takes more than 20 s is measured once. Leave the
-    machine alone meanwhile. Targets are for two cores; docs/benchmarks.md has them, and what other machines found.
+    All rows are of two threads, at 240x320. Batches and CUDA are at the end of the name (_b8_cuda). Each time is the
+    least of five, taken in turns after two that warm up; what takes more than 20 s is measured once. Leave the machine
+    alone meanwhile. docs/benchmarks.md has what other machines found.
 
     Examples
     - semgs bench --quick
@@ -43,15 +42,13 @@ class Bench:
     """Measure these rows alone."""
     quick: bool = False
     """A look at what takes least, in under a minute."""
-    curves: bool = False
-    """Also 2 to 8 views, 120x160 to 480x640, one thread and two: how cost grows. This takes hours."""
 
     def run(self) -> None:
         """Measure, write the file, and print the table.
 
         Raises:
             InputError: the file cannot be written where it is asked for.
-            UsageError: a row is unknown, or options exclude each other.
+            UsageError: a row is unknown.
         """
         rows = self._rows()
         if self.json is not None:
@@ -62,7 +59,7 @@ class Bench:
             from semgs.bench.results import numbers
             from semgs.bench.run import run_bench, steps
             from semgs.cli.bench_tables import bench_table
-            from semgs.evaluation.environment import hardware, versions
+            from semgs.evaluation.tables.environment import hardware, versions
             from semgs.files.atomic import write_json
 
         machine = {**hardware("cuda" if torch.cuda.is_available() else "cpu"), "versions": versions()}
@@ -81,13 +78,11 @@ class Bench:
 
     def _rows(self) -> tuple[Row, ...]:
         """The rows that are asked for."""
-        if self.quick and self.curves:
-            raise UsageError("--quick and --curves exclude each other")
         try:
-            return chosen_rows(self.only, self.quick, self.curves)
+            return chosen_rows(self.only, self.quick)
         except KeyError as error:
             name = str(error.args[0])
             names = [row.name for row in every_row()]
             near = get_close_matches(name, names, n=3)
-            hint = f"did you mean {' or '.join(near)}?" if near else f"such as {', '.join(names[6:9])}"
+            hint = f"did you mean {' or '.join(near)}?" if near else f"such as {', '.join(names[:3])}"
             raise UsageError(f"--only {name}: there is no such row; {hint}") from None

@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
-from semgs.cli.evaluate import check_protocol, labelled_scenes, plan_of
+from semgs.cli.evaluate import check_protocol
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.atomic import check_file
@@ -20,8 +20,8 @@ from semgs.files.paths import existing_folder
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from semgs.evaluation.calibration import Calibration
-    from semgs.evaluation.tables import Grid
+    from semgs.evaluation.scoring.calibration import Calibration
+    from semgs.evaluation.tables.grid import Grid
 
 
 @dataclass(frozen=True)
@@ -68,28 +68,29 @@ class Calibrate:
         self._check()
         with show_stage("Starting"):
             from semgs.data.scene_lists import check_unseen
-            from semgs.evaluation.calibration import calibration, statements
-            from semgs.evaluation.tables import printed
+            from semgs.evaluation.run import labelled_scenes, plan_of
+            from semgs.evaluation.scoring.calibration import calibration, statements
+            from semgs.evaluation.tables.grid import printed
             from semgs.files.atomic import write_bytes
             from semgs.weights.file import is_ours, read_header, restate
             from semgs.weights.load import find, load, trained_scenes
             from semgs.weights.temperatures import KEY, KINDS, read_temperatures, temperatures_text
 
-            scenes, classes = labelled_scenes(self.data, self.reading)
-            if classes is None:
+            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
+            if data.classes is None:
                 raise InputError(self.data, "labelled scenes", "none with labels")
             with what_the_user_gave():
                 network, path = find(self.weights)
             if not is_ours(path) or read_header(path).classes is None:
                 other = "a network of colour alone" if is_ours(path) else "another file"
                 raise InputError(path, "weights of semgs that know classes", other)
-            plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
+            plan = plan_of(self.protocol, data.scenes, (self.views,), parse_size(self.size))
             tested = [scene.name for scene in plan.scenes]
             check_unseen(self.weights, trained_scenes(path), tested, "take other scenes (--data)")
             held = read_temperatures(path)
             if self.out is None and held is None:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
-            model = load(network, path, classes=classes)
+            model = load(network, path, classes=data.classes)
         with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
             said = statements(plan, model, done=done)
         known = held if self.out is None else None
@@ -117,7 +118,7 @@ class Calibrate:
 
 def _grid(found: Mapping[str, Calibration], data: str) -> Grid:
     """Temperature and errors of each kind."""
-    from semgs.evaluation.tables import Cell, Grid
+    from semgs.evaluation.tables.grid import Cell, Grid
 
     rows = tuple(
         tuple(map(Cell, (kind, f"{one.temperature:.3f}", f"{one.error_before:.3f}", f"{one.error_after:.3f}")))

@@ -58,11 +58,11 @@ class Compare:
         if is_bench(self.reports[0]):
             print(self._benches())
             return
-        from semgs.evaluation.card import card_grids
-        from semgs.evaluation.compare import check_comparable, data_grid, difference_grids, paper_grid
-        from semgs.evaluation.published import PUBLISHED
-        from semgs.evaluation.report import read_report
-        from semgs.evaluation.tables import printed
+        from semgs.evaluation.tables.card import card_grids
+        from semgs.evaluation.tables.compare import check_comparable, data_grid, difference_grids, paper_grid
+        from semgs.evaluation.tables.grid import printed
+        from semgs.evaluation.tables.published import PUBLISHED
+        from semgs.evaluation.tables.report import read_report
 
         reports = [read_report(path) for path in self.reports]
         if self.layout not in ("data", "card"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +10,8 @@ import tyro
 
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
-from semgs.cli.errors import UsageError, what_the_user_gave
-from semgs.cli.progress import show_stage
+from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
+from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
@@ -22,18 +21,14 @@ from semgs.weights.hub import is_hub_id
 if TYPE_CHECKING:
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
-    from semgs.evaluation.plan import Plan
-    from semgs.evaluation.predictions import Method
-    from semgs.evaluation.report import Subject
+    from semgs.evaluation.frames.plan import Plan
+    from semgs.evaluation.run import Candidate
 
 KNOWN = ("neighbours", "peers", "pinned FILE")
 """The protocols, as they are typed."""
 
 NETWORKS = ("small", "base", "base_text", "mvsplat")
 """Names that weights may ship under."""
-
-VIEWS = (2, 3, 4)
-"""Numbers of contexts that are taken where none are asked for: the paper's."""
 
 
 @dataclass(frozen=True)
@@ -105,19 +100,15 @@ class Evaluate:
         self._check()
         with show_stage("Starting"):
             # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
-            from semgs.cli.evaluation_results import evaluate_into, remarks_on_seen_rooms
+            from semgs.evaluation.run import Job, evaluate_into, labelled_scenes
 
-            scenes, classes = labelled_scenes(self.data, self.reading, self.scenes)
-        plan = self._plan(scenes)
-        device = chosen_device(self.device)
+            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
+        plan = self._plan(data.scenes)
         with show_stage("Loading"):
-            method, subject = self._method(plan, classes, device)
-            remarks = remarks_on_seen_rooms(self.weights, plan, self.allow_seen) if self.weights else []
-        told = evaluate_into(
-            self.out, plan, method, subject, self.data, scenes, classes,
-            device=device, predictions=self.predictions, workers=self.workers, overwrite=self.overwrite,
-            remarks=remarks,
-        )  # fmt: skip
+            candidate = self._candidate(plan, data.classes, chosen_device(self.device))
+            job = Job(data, plan, candidate, self._remarks(plan), self.workers)
+        with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
+            told = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
         print(told)
 
     def _check(self) -> None:
@@ -153,51 +144,40 @@ class Evaluate:
 
     def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
         """What is compared."""
-        from semgs.evaluation.plan import with_depth_range
-        from semgs.evaluation.saved import views_in
+        from semgs.evaluation.frames.plan import with_depth_range
+        from semgs.evaluation.frames.saved import views_in
+        from semgs.evaluation.run import plan_of
 
         held = views_in(self.predictions) if self.predictions is not None else ()
         plan = plan_of(self.protocol, scenes, self.views or held, parse_size(self.size), self.gsnerf_distance)
         return with_depth_range(plan, self.depth_range)
 
-    def _method(self, plan: Plan, classes: ClassTable | None, device: str) -> tuple[Method, Subject]:
+    def _candidate(self, plan: Plan, classes: ClassTable | None, device: str) -> Candidate:
         """What is evaluated, and what the report says of it."""
-        from semgs.evaluation.report import Subject
+        from semgs.evaluation.run import network_candidate, saved_candidate
 
         if self.predictions is not None:
-            from semgs.evaluation.saved import SavedPredictions
-
-            folder = self.predictions
-            saved = SavedPredictions(folder, self.name or folder.absolute().name)
-            saved.check(plan)
-            return saved, Subject(saved.name, "predictions", str(folder))
-        from semgs.cli.evaluation_results import network_method
-
+            return saved_candidate(self.predictions, plan, device, self.name)
         with what_the_user_gave():
-            return network_method(self.weights, classes, device, self.name)
+            return network_candidate(self.weights, classes, device, self.name)
 
+    def _remarks(self, plan: Plan) -> tuple[str, ...]:
+        """What to say of rooms that the weights were trained on: nothing, where there are none.
 
-def labelled_scenes(data: Path, reading: SceneOptions, wanted: str = "") -> tuple[tuple[Scene, ...], ClassTable | None]:
-    """The scenes, or those of a list, and the table of their labels.
+        Raises:
+            InputError: there are some, and they are not allowed; or the header of the weights is broken.
+        """
+        from semgs.data.scene_lists import check_unseen, seen_before
+        from semgs.weights.load import trained_scenes
 
-    Raises:
-        InputError: there are none, one of the list is not there, or their labels are of different tables.
-    """
-    from semgs.data.scene_lists import read_list
-    from semgs.data.scenes import open_scenes
-
-    scenes = open_scenes(data, reading.as_peers, reading.asked, read_list(wanted) if wanted else None)
-    labelled = [scene for scene in scenes if scene.classes is not None]
-    for scene in labelled[1:]:
-        if scene.classes != labelled[0].classes:
-            tables = [one.classes.name for one in (labelled[0], scene) if one.classes is not None]
-            raise InputError(
-                scene.path,
-                f"labels of table {tables[0]}, as {labelled[0].name} has",
-                tables[1],
-                advice="evaluate scenes of different tables by themselves",
-            )
-    return scenes, labelled[0].classes if labelled else None
+        if not self.weights:
+            return ()
+        trained, tested = trained_scenes(self.weights), [scene.name for scene in plan.scenes]
+        if self.allow_seen:
+            seen = sorted(seen_before(trained, tested))
+            return (f"The weights were trained in rooms that are scored here: {', '.join(seen)}.",) if seen else ()
+        check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or say --allow-seen")
+        return ()
 
 
 def check_protocol(protocol: tuple[str, ...]) -> None:
@@ -214,35 +194,3 @@ def check_protocol(protocol: tuple[str, ...]) -> None:
         raise UsageError(f"--protocol is {' '.join(protocol)!r}; expected one of {', '.join(KNOWN)}")
     if file and not typed_path(file[0]).is_file():
         raise InputError(file[0], "a frames.json or report.json", "no such file")
-
-
-def plan_of(
-    protocol: tuple[str, ...],
-    scenes: tuple[Scene, ...],
-    views: tuple[int, ...] = (),
-    size: tuple[int, int] | None = None,
-    gsnerf_distance: bool = False,
-) -> Plan:
-    """The plan of a protocol that was checked.
-
-    Args:
-        protocol: as it is typed.
-        scenes: to evaluate on.
-        views: numbers of contexts; none takes the usual ones, or those of the pinned file.
-        size: (height, width) of all scenes [px]; None is the usual one, or that of the pinned file.
-        gsnerf_distance: of peers, the other distance.
-
-    Raises:
-        InputError: a scene is too small, or the pinned file cannot be used.
-    """
-    from semgs.evaluation.plan import make_plan, pinned_plan
-    from semgs.evaluation.protocols import neighbours, peers
-
-    if protocol[0] == "pinned":
-        return pinned_plan(protocol[1], scenes, views, size)
-    if protocol[0] == "neighbours":
-        return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
-    if gsnerf_distance:
-        as_gsnerf = partial(peers, distance="gsnerf")
-        return make_plan("peers, GSNeRF's distance", as_gsnerf, scenes, views or VIEWS, size)
-    return make_plan("peers", peers, scenes, views or VIEWS, size)

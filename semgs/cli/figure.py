@@ -13,7 +13,7 @@ import tyro
 from semgs.cli.arguments import parse_size
 from semgs.cli.device import check_device, chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
-from semgs.cli.evaluate import NETWORKS, check_protocol, labelled_scenes, plan_of
+from semgs.cli.evaluate import NETWORKS, check_protocol
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.files.errors import InputError
@@ -23,8 +23,8 @@ from semgs.files.strict_json import parse_json
 from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
-    from semgs.evaluation.figure import Compared, Part
-    from semgs.evaluation.predictions import Method
+    from semgs.evaluation.frames.predictions import Method
+    from semgs.evaluation.page.figure import Compared, Part
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
 """The columns of the figure about the smoothness of regions."""
@@ -89,7 +89,7 @@ class Figure:
         """
         self._check()
         with show_stage("Starting"):
-            from semgs.evaluation.figure import comparison_block, comparison_legend, comparison_numbers
+            from semgs.evaluation.page.figure import comparison_block, comparison_legend, comparison_numbers
             from semgs.figures.comparison import comparison
             from semgs.files.atomic import write_bytes, write_json
 
@@ -172,14 +172,16 @@ class Figure:
             InputError: scenes, weights or predictions cannot be used, or the weights were trained in these rooms.
             UsageError: a target is none.
         """
-        from semgs.cli.evaluation_results import network_method
         from semgs.data.scene_lists import check_unseen
-        from semgs.evaluation.figure import Part, chosen_tasks
-        from semgs.evaluation.report import data_name
-        from semgs.evaluation.saved import SavedPredictions
+        from semgs.evaluation.frames.saved import SavedPredictions
+        from semgs.evaluation.page.figure import Part, chosen_tasks
+        from semgs.evaluation.run import labelled_scenes, network_candidate, plan_of
+        from semgs.evaluation.tables.report import data_name
         from semgs.weights.load import find, table_of, trained_scenes
 
-        scenes, classes = labelled_scenes(self.data[index], self.reading, self.scenes[index] if self.scenes else "")
+        wanted_scenes = self.scenes[index] if self.scenes else ""
+        data = labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
+        scenes, classes = data.scenes, data.classes
         plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
         wanted = [
             name
@@ -200,7 +202,7 @@ class Figure:
                 tested = [task.scene.name for task in plan.tasks]
                 check_unseen(one, trained_scenes(one), tested, "show other rooms (--scenes, --targets)")
                 classes = classes or table_of(find(one)[1])
-                methods.append(network_method(one, classes, chosen_device(self.device), name)[0])
+                methods.append(network_candidate(one, classes, chosen_device(self.device), name).method)
         assert classes is not None
         title = self.names[index] if self.names else data_name(str(self.data[index]), [scene.name for scene in scenes])
         return Part(title, plan, tuple(methods), classes)

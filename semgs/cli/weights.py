@@ -13,7 +13,7 @@ from semgs.cli.errors import what_the_user_gave
 from semgs.files.paths import typed_path
 
 if TYPE_CHECKING:
-    from semgs.evaluation.tables import Grid
+    from semgs.evaluation.tables.grid import Grid
 
 METRICS = ("miou", "accuracy", "psnr")
 """The scores that a terminal is wide enough for."""
@@ -39,7 +39,7 @@ class Weights:
             InputError: a file is no weights of semgs.
             UsageError: no weights of a name ship.
         """
-        from semgs.evaluation.tables import printed
+        from semgs.evaluation.tables.grid import printed
         from semgs.weights.index import read_index
         from semgs.weights.load import find
 
@@ -83,7 +83,7 @@ class Verify:
 
 def _files_grid(files: Mapping[str, Path]) -> Grid:
     """What each file is, and below it the terms of its data."""
-    from semgs.evaluation.tables import Cell, Grid
+    from semgs.evaluation.tables.grid import Cell, Grid
     from semgs.files.hashes import sha256
     from semgs.weights.file import count_parameters, read_header
     from semgs.weights.index import SHOWN
@@ -105,8 +105,8 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
 
 def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     """What they reached, with intervals; no table where no header tells."""
-    from semgs.evaluation.tables import Cell, Grid
-    from semgs.evaluation.texts import TITLES, with_interval
+    from semgs.evaluation.tables.grid import Cell, Grid
+    from semgs.evaluation.tables.texts import TITLES, with_interval
     from semgs.weights.scores import Figure, read_scores
 
     def cell(metric: str, figure: Figure | None) -> Cell:

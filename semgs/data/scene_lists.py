@@ -111,19 +111,6 @@ def held_out(names: Iterable[str], count: int = HELD_OUT) -> frozenset[str]:
     return frozenset(sorted(set(names), key=lambda name: hashlib.sha256(os.fsencode(name)).hexdigest())[:count])
 
 
-def first_without(names: Sequence[str], tested: Iterable[str], count: int) -> tuple[str, ...]:
-    """The first scenes of a list that share no room with those that are tested on.
-
-    Raises:
-        ValueError: there are fewer than so many.
-    """
-    rooms = {_room(name) for name in tested}
-    kept = tuple(name for name in names if _room(name) not in rooms)
-    if len(kept) < count:
-        raise ValueError(f"only {len(kept)} of {len(names)} scenes share no room with those of the test, {count} asked")
-    return kept[:count]
-
-
 def room_of(name: str) -> str | None:
     """The room that a scene of ScanNet, ScanNet++, Replica or 7-Scenes shows, by its name ("scene0211_03" is "scene0211").
 

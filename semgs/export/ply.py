@@ -1,4 +1,4 @@
-"""PLY files of Gaussians as every 3DGS viewer reads them, and our own strict reader of them.
+"""PLY files of Gaussians as every 3DGS viewer reads them.
 
 The layout is that of the first 3DGS implementation, to the byte: binary little endian, no comment lines, float32
 properties x y z, nx ny nz (zero), f_dc_0..2, f_rest_0..44, opacity (logit), scale_0..2 (log), rot_0..3 (w, x, y, z).
@@ -22,7 +22,6 @@ import torch
 
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
-from semgs.files.errors import InputError
 from semgs.geometry.gaussians import Appearance, Gaussians
 
 DEGREE_0 = math.sqrt(1 / (4 * math.pi))
@@ -80,64 +79,15 @@ write_ply, write_semantic_ply = save_ply, save_semantic_ply
 """Their names before they were called as `save_scene` is."""
 
 
-def read_ply(path: str | Path) -> Gaussians:
-    """Read a PLY of the layout above, as activated float32 quantities (reckoned in float64), without classes.
-
-    Files of lower degree with fewer f_rest (0, 9 or 24) are read as well.
-
-    Raises:
-        InputError: the file is missing, of another layout, shorter or longer than its header says, or has a Gaussian without axes.
-    """
-    try:
-        content = Path(path).read_bytes()
-    except (FileNotFoundError, IsADirectoryError) as error:
-        raise InputError(path, "a PLY file", "none" if isinstance(error, FileNotFoundError) else "a folder") from error
-    head, end, body = content.partition(b"end_header\n")
-    lines = head.decode("ascii", errors="replace").splitlines()
-    if not end or lines[:2] != ["ply", "format binary_little_endian 1.0"]:
-        raise InputError(path, "a binary little-endian PLY", "something else")
-    count = lines[2].removeprefix("element vertex ") if len(lines) > 2 else ""
-    degree = _SIZES.get(sum(line.startswith("property float f_rest_") for line in lines))
-    if not count.isdigit() or degree is None or lines[3:] != [f"property float {name}" for name in _names(degree)]:
-        raise InputError(path, "the properties of a 3DGS PLY, in their order", "others", key="header")
-    names = _names(degree)
-    if len(body) != 4 * len(names) * int(count):
-        raise InputError(
-            path,
-            f"{4 * len(names) * int(count)} bytes for its {count} Gaussians",
-            f"{len(body)} bytes behind the header",
-        )
-    rows = torch.from_numpy(np.frombuffer(body, "<f4").reshape(int(count), len(names)).astype(np.float64))
-    if not torch.isfinite(rows).all():
-        row, column = (~torch.isfinite(rows)).nonzero()[0].tolist()
-        raise InputError(path, "finite numbers", f"{rows[row, column]:g}", key=f"{names[column]} of Gaussian {row}")
-    means, _, constant, rest, opacity, scales, quaternions = rows.split([3, 3, 3, 3 * degree, 1, 3, 4], dim=-1)
-    higher = rest.unflatten(-1, (3, degree)).mT if degree else rest[:, None, :].expand(-1, 0, -1)
-    colour = Appearance(
-        quaternions=torch.nn.functional.normalize(quaternions, dim=-1),
-        scales=scales.exp(),
-        features=torch.cat((constant[:, None], higher.reshape(-1, degree, 3)), dim=1),
-    )
-    gaussians = Gaussians(means, opacity[:, 0].sigmoid(), colour).map(lambda tensor: tensor.float().contiguous())
-    try:
-        return gaussians.checked()
-    except ValueError as error:
-        raise InputError(path, "Gaussians that can be drawn", str(error)) from error
-
-
-_SIZES = {3 * higher: higher for higher in (0, 3, 8, _FULL)}
-
-
-def _names(higher: int) -> list[str]:
-    """The properties in their order, with `higher` harmonics above degree 0 per channel."""
-    return [
-        *("x", "y", "z", "nx", "ny", "nz"),
-        *(f"f_dc_{i}" for i in range(3)),
-        *(f"f_rest_{i}" for i in range(3 * higher)),
-        "opacity",
-        *(f"scale_{i}" for i in range(3)),
-        *(f"rot_{i}" for i in range(4)),
-    ]
+_NAMES = (
+    *("x", "y", "z", "nx", "ny", "nz"),
+    *(f"f_dc_{i}" for i in range(3)),
+    *(f"f_rest_{i}" for i in range(3 * _FULL)),
+    "opacity",
+    *(f"scale_{i}" for i in range(3)),
+    *(f"rot_{i}" for i in range(4)),
+)
+"""The properties in their order."""
 
 
 def _write(path: str | Path, gaussians: Gaussians, shape: Appearance) -> None:
@@ -162,10 +112,9 @@ def _write(path: str | Path, gaussians: Gaussians, shape: Appearance) -> None:
         ),
         dim=1,
     ).numpy()
-    names = _names(_FULL)
     if not np.isfinite(rows).all():
         row, column = np.argwhere(~np.isfinite(rows))[0]
-        raise ValueError(f"{names[column]} of Gaussian {row} is {rows[row, column]}; expected a finite number")
+        raise ValueError(f"{_NAMES[column]} of Gaussian {row} is {rows[row, column]}; expected a finite number")
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
-    header += [f"property float {name}" for name in names] + ["end_header"]
+    header += [f"property float {name}" for name in _NAMES] + ["end_header"]
     write_bytes(path, "\n".join(header).encode() + b"\n" + rows.astype("<f4").tobytes())

@@ -8,11 +8,6 @@ UNKNOWN = "–"
 """Stands for what there is no number of."""
 
 
-def score(value: float | None) -> str:
-    """A score of 0..1: "0.53"."""
-    return UNKNOWN if value is None else f"{value:.2f}"
-
-
 def decibels(value: float | None) -> str:
     """A PSNR [dB]: "21.23 dB"; infinite is "equal"."""
     return UNKNOWN if value is None else "equal" if value == math.inf else f"{value:.2f} dB"

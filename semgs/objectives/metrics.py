@@ -116,28 +116,6 @@ def accuracy(confusion: Int64[Tensor, "*batch class class"]) -> Float[Tensor, "*
     return _ratio(confusion.diagonal(dim1=-2, dim2=-1).sum(-1), confusion.sum((-2, -1)))
 
 
-def miou_per_image(
-    confusions: Int64[Tensor, "image class class"], present: Bool[Tensor, "image class"] | None = None
-) -> Float[Tensor, ""]:
-    """Mean over images of each one's mean IoU over the classes that its own truth shows; an image without truth is 0.
-
-    Of several scenes S-Ray reports the mean of this number over scenes.
-    """
-    return miou(confusions, present).mean()
-
-
-def class_accuracy_per_image(
-    confusions: Int64[Tensor, "image class class"], present: Bool[Tensor, "image class"] | None = None
-) -> Float[Tensor, ""]:
-    """Mean over images of each one's class accuracy; an image without truth is 0."""
-    return class_accuracy(confusions, present).mean()
-
-
-def accuracy_per_image(confusions: Int64[Tensor, "image class class"]) -> Float[Tensor, ""]:
-    """Mean over images of each one's accuracy; an image without truth is 0."""
-    return accuracy(confusions).mean()
-
-
 def depth_scores(
     depths: Float[Tensor, "*batch h w"],
     truth: Float[Tensor, "*batch h w"],

@@ -49,12 +49,6 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
     return Layer(picture, transmittance)
 
 
-def pair_count(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> int:
-    """How many pairs of Gaussian and tile `splat` draws: what its time and memory follow."""
-    geometry = (splats.means, splats.quaternions, splats.scales, splats.opacities)
-    return Projected.of(*geometry, order, camera_vector(camera), *camera.size).count().pairs
-
-
 def camera_vector(camera: Pinhole) -> Float64[Tensor, " 20"]:
     """A camera in the layout of `projection_kernels`."""
     numbers = (*camera.focal_px, *camera.principal_px, *(bound for limits in camera.slope_limits for bound in limits))

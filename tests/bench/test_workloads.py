@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from networks import preset
 
-from semgs.bench.flops import counted
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.memory import PeakWatch, forget_peak, peak_mb
 from semgs.bench.rows import STAGES, Row, every_row
@@ -30,48 +28,9 @@ def tiny(name: str, **changes) -> Row:
 
 def test_a_frame_tells_of_all_its_parts_and_they_fill_it() -> None:
     watch = Stopwatch()
-    prepare(tiny("total_small_n2_float32")).run(watch)
+    prepare(tiny("total_small_n2_float32"))(watch)
     assert set(watch.seconds) == {WHOLE, *STAGES}
     assert sum(watch.seconds[stage] for stage in STAGES) <= watch.seconds[WHOLE]
-
-
-def test_the_operations_of_the_parts_are_those_of_the_whole() -> None:
-    with counted() as counter:
-        watch = Stopwatch(counter=counter)
-        prepare(tiny("total_small_n2_float32")).run(watch)
-    for kind in ("conv", "matmul", "attention", "sweep"):
-        whole = watch.operations[WHOLE][kind]
-        assert whole > 0
-        assert sum(watch.operations[stage][kind] for stage in STAGES) <= whole
-    channels, grid, others = 48, (TINY[0] // 4) * (TINY[1] // 4), 1
-    assert watch.operations["cost_volume"]["sweep"] == 2 * others * grid * 64 * channels * 9
-
-
-def test_a_convolution_a_product_and_attention_count_two_for_a_product_and_its_sum() -> None:
-    with counted() as counter, torch.no_grad():
-        torch.nn.functional.conv2d(torch.ones(2, 3, 8, 9), torch.ones(5, 3, 3, 3), padding=1)
-        torch.mm(torch.ones(4, 6), torch.ones(6, 7))
-        q = torch.ones(2, 3, 10, 8)
-        torch.nn.functional.scaled_dot_product_attention(q, torch.ones(2, 3, 12, 8), torch.ones(2, 3, 12, 8))
-        found = counter.read()
-    assert found["conv"] == 2 * (2 * 5 * 8 * 9) * (3 * 3 * 3)
-    assert found["matmul"] == 2 * 4 * 6 * 7
-    assert found["attention"] == 2 * 2 * 3 * 10 * 12 * 8 * 2
-
-
-def test_mvsplats_encoder_counts_what_its_own_code_does() -> None:
-    """407 GFLOP at 240x320, N = 2, of which 12.5 are harmonics that we leave out; 262.8 of ours are convolutions.
-
-    Convolutions follow the number of pixels; a 25th of them are counted here. What it computes in shifted windows to be masked, 7 of
-    16 products in six attentions over two views, four windows and 128 channels, we leave out as well.
-    """
-    model = preset("mvsplat").eval()
-    with counted() as counter, torch.no_grad():
-        model(context_views(2, (48, 64)))
-        found = counter.read()
-    assert found["conv"] == pytest.approx(262.76e9 / 25, rel=1e-4)
-    masked = 7 / 16 * 6 * (2 * 4 * (6 * 8) ** 2 * 128) * 4
-    assert sum(found.values()) + masked == pytest.approx(13.16e9, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -85,14 +44,8 @@ def test_mvsplats_encoder_counts_what_its_own_code_does() -> None:
 )
 def test_the_other_rows_run(name: str) -> None:
     watch = Stopwatch()
-    work = prepare(tiny(name))
-    work.run(watch)
+    prepare(tiny(name))(watch)
     assert watch.seconds[WHOLE] > 0
-    if name == "render_n2":
-        details = work.details()
-        assert details["pairs_semantic"] > details["pairs_colour"] > 0
-    if name == "render_n2_colour":
-        assert set(work.details()) == {"pairs_colour"}
 
 
 def test_a_row_that_needs_more_threads_than_there_are_says_so() -> None:
@@ -165,4 +118,4 @@ def test_the_peak_of_a_part_is_its_own() -> None:
 
 
 def test_a_watch_of_nothing_will_do() -> None:
-    prepare(tiny("render_n2_colour")).run(lambda part: nullcontext())
+    prepare(tiny("render_n2_colour"))(lambda part: nullcontext())

@@ -44,8 +44,8 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
         save(out / "weights.safetensors", model, {})
         return Outcome(settings.steps, True, 0)
 
-    monkeypatch.setattr("semgs.evaluation.intervals.RESAMPLES", 100)
-    monkeypatch.setattr("semgs.cli.evaluation_results.report_page", lambda *given: "")
+    monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
+    monkeypatch.setattr("semgs.evaluation.run.report_page", lambda *given: "")
     monkeypatch.setattr("semgs.training.loop.train", train)
     monkeypatch.setattr("semgs.training.run.finished", lambda run: (run / "weights.safetensors").exists())
     return runs

@@ -48,7 +48,7 @@ def done(room: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, st
     (folder / "scenes/no scene").mkdir()
     save(folder / "random.safetensors", load("small", "random"), {"description": "drawn at random"})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("semgs.evaluation.intervals.RESAMPLES", 100)
+        patch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
         code, told, errors = run(
             "evaluate", folder / "random.safetensors", "--data", folder / "scenes", "--views", "3", "2", "--size", "48x64",
             "--out", folder / "out", "--name", "noise",

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import torch
+from ply import read_ply
 
 import semgs
 from semgs.cli.main import main
-from semgs.export.ply import read_ply
 from semgs.rendering.render import render
 from semgs.weights.file import save
 from semgs.weights.load import load

@@ -45,7 +45,7 @@ def command(*words: object) -> None:
 def test_a_download_becomes_weights_a_table_beside_the_papers_and_a_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("semgs.evaluation.intervals.RESAMPLES", 50)
+    monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 50)
     written = scan(lost=())
     for name in ("scene0001_00", "scene0160_01", "scene0160_00"):
         write_raw(tmp_path / name, written, name)

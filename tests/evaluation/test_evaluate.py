@@ -12,22 +12,23 @@ import pytest
 import torch
 from PIL import Image
 
-from semgs.cli.evaluation_results import write_results
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
-from semgs.evaluation.compare import BRIEF, check_comparable, difference_grids, overview_grid, paper_grid
-from semgs.evaluation.environment import hardware, versions
-from semgs.evaluation.evaluate import Rows, evaluate, read_frame
-from semgs.evaluation.network import NetworkMethod
-from semgs.evaluation.notes import notes
-from semgs.evaluation.plan import Plan, make_plan
-from semgs.evaluation.predictions import Inputs, Prediction
-from semgs.evaluation.protocols import neighbours
-from semgs.evaluation.records import record
-from semgs.evaluation.report import Evaluation, SavedReport, Subject, read_report, report_numbers
-from semgs.evaluation.report_page import report_page
-from semgs.evaluation.saved import SavedPredictions
-from semgs.evaluation.summary import summary
+from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.plan import Plan, make_plan
+from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.evaluation.frames.protocols import neighbours
+from semgs.evaluation.frames.reading import read_frame
+from semgs.evaluation.frames.saved import SavedPredictions
+from semgs.evaluation.page.report_page import report_page
+from semgs.evaluation.run import write_results
+from semgs.evaluation.scoring.evaluate import Rows, evaluate
+from semgs.evaluation.scoring.records import record
+from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.tables.compare import BRIEF, check_comparable, difference_grids, overview_grid, paper_grid
+from semgs.evaluation.tables.environment import hardware, versions
+from semgs.evaluation.tables.notes import notes
+from semgs.evaluation.tables.report import Evaluation, SavedReport, Subject, read_report, report_numbers
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.weights.load import load
@@ -38,7 +39,7 @@ MakeScene = Callable[..., Scene]
 @pytest.fixture(autouse=True)
 def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     """What intervals are is tested elsewhere; here they only have to be there, and soon."""
-    monkeypatch.setattr("semgs.evaluation.intervals.RESAMPLES", 100)
+    monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
 
 
 class Oracle:
@@ -347,7 +348,7 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
 def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: Plan, tmp_path: Path):
     """To the last number, infinite PSNR of the oracle included."""
     evaluation = done(plan, evaluate(plan, Oracle(), tmp_path))
-    handed = write_results(tmp_path, evaluation, None)
+    handed = write_results(tmp_path, evaluation)
     read = read_report(tmp_path)
     assert overview_grid(handed) == overview_grid(read)
     for views, result in read.results.items():

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from semgs.figures.numbers import decibels, duration, length, percent, score
+from semgs.figures.numbers import decibels, duration, length, percent
 
 
 def test_numbers_have_two_digits_after_the_point() -> None:
-    assert score(0.5349) == "0.53"
     assert decibels(21.234) == "21.23 dB"
     assert duration(1.5) == "1.50 s"
     assert length(10.0, metric=True) == "10.00 m"
@@ -25,5 +24,5 @@ def test_an_unknown_unit_may_be_of_any_size() -> None:
 
 
 def test_what_is_unknown_is_a_dash_and_equal_pictures_are_called_equal() -> None:
-    assert score(None) == decibels(None) == percent(None) == "–"
+    assert decibels(None) == percent(None) == "–"
     assert decibels(float("inf")) == "equal"

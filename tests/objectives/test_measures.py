@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semgs.evaluation.summary import METRICS
+from semgs.evaluation.scoring.summary import METRICS
 from semgs.objectives.measures import MEANINGS, TITLES, shown_number
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "evaluate.md"

@@ -11,14 +11,11 @@ from torchmetrics.functional.classification import multiclass_confusion_matrix
 from semgs.data.classes import IGNORE
 from semgs.objectives.metrics import (
     accuracy,
-    accuracy_per_image,
     class_accuracy,
-    class_accuracy_per_image,
     confusion_matrices,
     confusion_matrix,
     intersection_over_union,
     miou,
-    miou_per_image,
     present_classes,
     psnr,
 )
@@ -92,7 +89,7 @@ def test_scores_per_image_equal_a_loop_per_image_and_an_image_without_truth_coun
     single = [scores_by_a_loop(pixels(*pair)) for pair in zip(predicted, truth, strict=True)]
     assert single[3] == (0, 0, 0)
     expected = [sum(one) / len(single) for one in zip(*single, strict=True)]
-    found = [float(score(confusions)) for score in (miou_per_image, class_accuracy_per_image, accuracy_per_image)]
+    found = [float(score(confusions).mean()) for score in (miou, class_accuracy, accuracy)]
     assert found == pytest.approx(expected, rel=1e-12)
     of_the_set = scores_by_a_loop(pixels(predicted, truth))
     assert all(abs(a - b) > 1e-3 for a, b in zip(found, of_the_set, strict=True))  # the two kinds are not one

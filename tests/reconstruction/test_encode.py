@@ -10,10 +10,10 @@ import torch
 
 from semgs.cli.main import main
 from semgs.data.scene import Scene
-from semgs.evaluation.evaluate import inputs_of, read_views
-from semgs.evaluation.network import NetworkMethod
-from semgs.evaluation.plan import Task
-from semgs.evaluation.protocols import Sample
+from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.protocols import Sample
+from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.model import plan as planning
 from semgs.model.chunks import Chunks
 from semgs.reconstruction.encode import Network, encode

@@ -17,9 +17,9 @@ from semgs.data.class_files import read_class_file
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch
-from semgs.evaluation import protocols
-from semgs.evaluation.evaluate import read_frame
-from semgs.evaluation.plan import Task
+from semgs.evaluation.frames import protocols
+from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.faults import BadScenes

@@ -3,7 +3,7 @@ import torch
 
 from semgs import load, open_scene, render
 from semgs.data.resampling import resized
-from semgs.evaluation.protocols import neighbours
+from semgs.evaluation.frames.protocols import neighbours
 from semgs.objectives.metrics import confusion_matrix, miou, psnr
 from semgs.rendering.rendering import likeliest
 from semgs.rooms.sets.demo import demo_scene

@@ -36,8 +36,6 @@ from tools.furniture.tints import (
 
 MOST_TRIANGLES = 12_000
 """Of a finished piece."""
-NEARLY = 1.02
-"""How much beyond its bounds a finished side may be."""
 ORIGIN = {
     "licence": "BSD-3-Clause (Infinigen; generated output)",
     "source_repo": "princeton-vl/infinigen",

@@ -1,0 +1,117 @@
+"""Predictions: what a method says of a target, in memory and in files that any method can write.
+
+Of a target "images/0001.jpg" of the scene "living", drawn from two views (`N2/living/0001`):
+
+    .png            class of each pixel, 8 bits, position in the class table; 255 = none given
+    .colour.png     picture, 8-bit RGB
+    .depth.png      z-depth in millimetres, 16 bits, 0 = none; or
+    .depth.npy      z-depth in the scene's unit, floating point [h w]
+    .unseen.png     255 where the method saw nothing, else 0; never read
+    N2/timing.json  {"seconds_encode": ..., "seconds_render": ...} a target
+
+All are at the size of the evaluation. `semgs evaluate` writes its own in the same form, so they can be scored again.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from semgs.data.views import Views
+from semgs.evaluation.frames.plan import Task
+from semgs.files.atomic import write_bytes
+from semgs.files.pictures import write_png
+from semgs.geometry.cameras import Cameras
+from semgs.reconstruction.renders import as_bytes, millimetres
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What a method is given for one target.
+
+    Attributes:
+        task: that it is of.
+        contexts: pictures, cameras and bounds of the contexts in the order of the protocol; neither labels nor depths.
+        camera: of the target [1].
+    """
+
+    task: Task
+    contexts: Views
+    camera: Cameras
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a method says of one target; None where it says nothing.
+
+    Attributes:
+        labels: the class of each pixel, 255 = none given.
+        image: RGB, 0..1 (clamped when it is compared).
+        depths: z-depth, 0 = none [m, or the scene's unit].
+        unseen: where it saw nothing, whatever it says there.
+        seconds_encode: from its inputs to its scene; None where it was not measured.
+        seconds_render: from its scene to this view.
+    """
+
+    labels: UInt8[Tensor, "h w"] | None = None
+    image: Float[Tensor, "3 h w"] | None = None
+    depths: Float[Tensor, "h w"] | None = None
+    unseen: Bool[Tensor, "h w"] | None = None
+    seconds_encode: float | None = None
+    seconds_render: float | None = None
+
+    def copy(self) -> Prediction:
+        """The same in memory of its own."""
+        held: dict[str, Any] = {name: value.clone() for name, value in vars(self).items() if isinstance(value, Tensor)}
+        return replace(self, **held)
+
+
+@runtime_checkable
+class Method(Protocol):
+    """What is evaluated.
+
+    Attributes:
+        name: to call it by in tables.
+    """
+
+    name: str
+
+    def predict(self, inputs: Inputs) -> Prediction:
+        """What it says of a target."""
+        ...
+
+
+def write_prediction(folder: Path, task: Task, prediction: Prediction) -> None:
+    """Write what is predicted of a target below a folder of predictions.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    write_maps(folder, task.stem, prediction, task.scene.unit == "metric")
+    if prediction.unseen is not None:
+        write_png(folder / f"{task.stem}.unseen.png", prediction.unseen.numpy().astype(np.uint8) * 255)
+
+
+def write_maps(folder: Path, stem: str, maps: Prediction, metric: bool) -> None:
+    """Write labels, picture and depth, each where there is one.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    (folder / stem).parent.mkdir(parents=True, exist_ok=True)
+    if maps.labels is not None:
+        write_png(folder / f"{stem}.png", maps.labels.numpy())
+    if maps.image is not None:
+        write_png(folder / f"{stem}.colour.png", as_bytes(maps.image))
+    if maps.depths is not None and metric:
+        write_png(folder / f"{stem}.depth.png", millimetres(maps.depths))
+    elif maps.depths is not None:
+        buffer = io.BytesIO()
+        np.save(buffer, maps.depths.float().numpy())
+        write_bytes(folder / f"{stem}.depth.npy", buffer.getvalue())

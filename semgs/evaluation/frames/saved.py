@@ -1,0 +1,201 @@
+"""Saved predictions as a method: label maps, pictures and depths that anybody wrote, checked before they are scored.
+
+`semgs.evaluation.frames.predictions` says which files they are.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from semgs.data.classes import ClassTable
+from semgs.data.maps import read_labels
+from semgs.evaluation.frames.plan import Plan, Task
+from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.files.errors import InputError
+from semgs.files.pictures import read_header, read_rgb, read_uint16
+from semgs.files.strict_json import read_json
+from semgs.reconstruction.renders import MILLIMETRES
+
+KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
+"""What can be predicted, and the endings of its files, in the order in which they are looked for."""
+
+TIMING = "timing.json"
+
+
+class SavedPredictions:
+    """Predictions that somebody wrote into files, as a method.
+
+    Args:
+        folder: that holds N2/, N3/, ...
+        name: to call the method by in tables.
+    """
+
+    def __init__(self, folder: str | Path, name: str) -> None:
+        self.folder = Path(folder)
+        self.name = name
+
+    def check(self, plan: Plan) -> None:
+        """Refuse predictions that are incomplete or of wrong size before any is scored.
+
+        Each kind (labels, colour, depth) may be left out as a whole; classes and depths are not asked for of scenes
+        that have no truth of them.
+
+        Raises:
+            InputError: a kind is there for some targets and not for others, none is there at all, or a picture has
+                another size than the evaluation; the frames are named.
+        """
+        for views in plan.views:
+            missing = {kind: self._missing(kind, plan.of(views)) for kind in KINDS}
+            given = [kind for kind, (asked, absent) in missing.items() if len(absent) < asked]
+            for kind in given or ["labels"]:
+                asked, absent = missing[kind]
+                if absent:
+                    raise InputError(
+                        self.folder,
+                        f"{'labels' if kind == 'labels' else f'a file of {kind}'} of all {asked} targets of {views} views",
+                        f"none of {_named(absent)}",
+                    )
+        wrong = []
+        for task in plan.tasks:
+            for kind in KINDS:
+                path = self._file(kind, task)
+                if path is not None and path.suffix == ".png" and read_header(path).size != task.size:
+                    height, width = read_header(path).size
+                    wrong.append(f"{path.relative_to(self.folder)} ({height}x{width})")
+        if wrong:
+            sizes = sorted({f"{task.size[0]}x{task.size[1]}" for task in plan.tasks})
+            raise InputError(
+                self.folder, f"pictures of {' and '.join(sizes)} pixels (height x width)", f"others: {_named(wrong)}"
+            )
+
+    def predict(self, inputs: Inputs) -> Prediction:
+        """What the files say of a target; errors as `read`."""
+        return self.read(inputs.task)
+
+    def read(self, task: Task) -> Prediction:
+        """What the files say of the target of a task.
+
+        Raises:
+            InputError: a file cannot be used, or holds a label outside the table of the scene.
+        """
+        labels, colour, depth = (self._file(kind, task) for kind in KINDS)
+        seconds = _timing(self.folder / f"N{task.views}" / TIMING)
+        return Prediction(
+            labels=None if labels is None or task.scene.classes is None else _labels(labels, task, task.scene.classes),
+            image=None if colour is None else _picture(colour, task),
+            depths=None if depth is None else _depths(depth, task),
+            seconds_encode=seconds.get("seconds_encode"),
+            seconds_render=seconds.get("seconds_render"),
+        )
+
+    def _file(self, kind: str, task: Task) -> Path | None:
+        """The file of a kind, None where there is none."""
+        paths = (self.folder / f"{task.stem}{ending}" for ending in KINDS[kind])
+        return next((path for path in paths if path.is_file()), None)
+
+    def _missing(self, kind: str, tasks: tuple[Task, ...]) -> tuple[int, list[str]]:
+        """Of how many targets a kind is asked for, and the files that are absent."""
+        if kind != "colour":
+            attribute = "labels" if kind == "labels" else "depth"
+            tasks = tuple(task for task in tasks if getattr(task.scene.frames[task.sample.target], attribute))
+        return len(tasks), [f"{task.stem}{KINDS[kind][0]}" for task in tasks if self._file(kind, task) is None]
+
+
+def views_in(folder: Path) -> tuple[int, ...]:
+    """The numbers of views that a folder of predictions has folders for, ascending.
+
+    Raises:
+        InputError: it is no folder, or has none.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, "a folder of predictions", "a file" if folder.exists() else "nothing there")
+    names = [child.name[1:] for child in folder.iterdir() if child.is_dir() and child.name.startswith("N")]
+    found = tuple(sorted(int(name) for name in names if name.isdecimal() and int(name) >= 2))
+    if not found:
+        raise InputError(folder, "folders N2, N3, ... with the predictions from 2, 3, ... views", "none of them")
+    return found
+
+
+def _labels(path: Path, task: Task, classes: ClassTable) -> UInt8[Tensor, "h w"]:
+    """Predicted labels.
+
+    Raises:
+        InputError: the file cannot be used, or holds a label outside the table.
+    """
+    labels = read_labels(path, classes, key=f"target {task.target} of {task.scene.name}")
+    return torch.from_numpy(_of_size(path, labels, task))
+
+
+def _picture(path: Path, task: Task) -> Float[Tensor, "3 h w"]:
+    """A predicted picture.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    return torch.from_numpy(read_rgb(path, task.size)).permute(2, 0, 1).float() / 255
+
+
+def _depths(path: Path, task: Task) -> Float[Tensor, "h w"]:
+    """A predicted depth map; what is not finite or negative is none.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    if path.suffix == ".png":
+        depths = read_uint16(path).astype(np.float32) / MILLIMETRES
+    else:
+        try:
+            loaded = np.load(path, allow_pickle=False)
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(path, "an array of depths", str(error)) from error
+        if not isinstance(loaded, np.ndarray) or loaded.dtype.kind != "f":
+            raise InputError(path, "a floating-point array [height width]", f"{getattr(loaded, 'dtype', loaded)}")
+        depths = loaded.astype(np.float32)
+    depths = _of_size(path, depths, task)
+    return torch.from_numpy(np.where(np.isfinite(depths) & (depths > 0), depths, np.float32(0)))
+
+
+def _of_size(path: Path, values: np.ndarray, task: Task) -> np.ndarray:
+    """The array, if it has the size of the evaluation.
+
+    Raises:
+        InputError: it has not.
+    """
+    if values.shape != task.size:
+        raise InputError(path, f"{task.size} (height, width)", f"{values.shape}")
+    return values
+
+
+def _timing(path: Path) -> dict[str, float]:
+    """The seconds in a timing file, none where there is no file.
+
+    Raises:
+        InputError: it is no JSON object of positive numbers under the two known names.
+    """
+    if not path.is_file():
+        return {}
+    content = read_json(path, "a JSON object")
+    known = ("seconds_encode", "seconds_render")
+    if not isinstance(content, dict):
+        raise InputError(path, f"a JSON object with {' and '.join(known)}", f"{content!r:.40}")
+    found = {}
+    for key in known:
+        value = content.get(key)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
+            raise InputError(path, "seconds", f"{value!r:.40}", key=key)
+        found[key] = float(value)
+    return found
+
+
+def _named(names: list[str], most: int = 6) -> str:
+    """Names on one line, the first ones and how many more."""
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -1,0 +1,206 @@
+"""The paper's comparison figures: what each method says of some targets, beside the inputs and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from torch import Tensor
+
+from semgs.data.classes import IGNORE, ClassTable
+from semgs.data.views import Views
+from semgs.evaluation.frames.plan import Plan, Task
+from semgs.evaluation.frames.predictions import Method, Prediction
+from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.scoring.records import finite
+from semgs.evaluation.scoring.scores import score
+from semgs.evaluation.scoring.summary import summary
+from semgs.figures.classes import LegendEntry, class_picture, legend, true_class_picture
+from semgs.figures.comparison import Block, PictureRow, mosaic
+from semgs.files.errors import InputError
+from semgs.reconstruction.renders import as_bytes
+
+VISIBLE = 0.001
+"""Classes on a smaller part of all maps are not in the legend."""
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One target with what every method says of it.
+
+    Attributes:
+        task: which target.
+        contexts: the input pictures, in order.
+        target: one view, the truth.
+        predictions: of each method, in the order of the columns.
+        classes: the table that they are in.
+    """
+
+    task: Task
+    contexts: Views
+    target: Views
+    predictions: tuple[Prediction, ...]
+    classes: ClassTable
+
+
+def chosen_tasks(plan: Plan, rows: int, wanted: Sequence[str] = ()) -> tuple[Task, ...]:
+    """The targets that a figure shows.
+
+    Args:
+        plan: of one number of views.
+        rows: how many targets, evenly spread over all of the plan, so that nobody chooses them.
+        wanted: targets by name ("scene0160_00/22") in place of that.
+
+    Raises:
+        ValueError: a name is no target of the plan.
+    """
+    if wanted:
+        known = {task.truth_stem: task for task in plan.tasks}
+        for name in wanted:
+            if name not in known:
+                raise ValueError(f"{name!r} is no target; the first is {next(iter(known))!r}")
+        return tuple(known[name] for name in wanted)
+    places = np.linspace(0, len(plan.tasks) - 1, min(rows, len(plan.tasks))).round().astype(int)
+    return tuple(plan.tasks[place] for place in dict.fromkeys(places.tolist()))
+
+
+def compared(
+    task: Task, methods: Sequence[Method], classes: ClassTable, depth_range: tuple[float, float] | None = None
+) -> Compared:
+    """Ask every method for a target.
+
+    Args:
+        task: which target; its scene may be without labels.
+        methods: the columns.
+        classes: the table that all are in.
+        depth_range: near and far to give them, None is what the scene knows.
+
+    Raises:
+        InputError: a file of the frames or of a prediction cannot be used, or a method gives no classes.
+    """
+    labelled = task.scene.classes is not None
+    if not labelled:
+        task = replace(task, scene=replace(task.scene, classes=classes))  # predictions are read in that table
+    views = read_views(task, depth_range)
+    inputs = inputs_of(task, views)
+    predictions = tuple(method.predict(inputs) for method in methods)
+    for method, prediction in zip(methods, predictions, strict=True):
+        if prediction.labels is None:
+            raise InputError(task.scene.path, f"classes of {task.truth_stem} from {method.name}", "none")
+    return Compared(task, inputs.contexts, views[task.sample.target], predictions, classes)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a figure shows of one data set.
+
+    Attributes:
+        title: of the data.
+        plan: the targets.
+        methods: in the order of the columns.
+        classes: the table of all.
+    """
+
+    title: str
+    plan: Plan
+    methods: tuple[Method, ...]
+    classes: ClassTable
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The headings of the methods."""
+        return tuple(method.name for method in self.methods)
+
+    def compare(self, done: Callable[[int], object] = lambda count: None) -> list[Compared]:
+        """What every method says of the targets; `done` is told after each how many there have been.
+
+        Raises:
+            InputError: as `compared`.
+        """
+        frames: list[Compared] = []
+        for task in self.plan.tasks:
+            frames.append(compared(task, self.methods, self.classes, self.plan.depth_range))
+            done(len(frames))
+        return frames
+
+
+def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str]) -> Block:
+    """The block of some targets: inputs, each method, truth; where nothing is labelled, the target's photo in its place.
+
+    Args:
+        title: above it.
+        frames: at least one.
+        names: of the methods.
+    """
+    labelled = any(one.target.labels is not None for one in frames)
+    rows = []
+    for one in frames:
+        inputs = mosaic([as_bytes(image) for image in one.contexts.images])
+        said = [
+            class_picture(prediction.labels.numpy(), one.classes)
+            for prediction in one.predictions
+            if prediction.labels is not None
+        ]
+        truth = true_class_picture(one.target.labels[0].numpy(), one.classes) if one.target.labels is not None else None
+        last = truth if labelled else as_bytes(one.target.images[0])
+        rows.append(PictureRow(one.task.truth_stem, (inputs, *said, last)))
+    last_heading = "ground truth" if labelled else "photo (no truth)"
+    return Block(title, ("inputs", *names, last_heading), tuple(rows))
+
+
+def comparison_legend(frames: Sequence[Compared]) -> tuple[LegendEntry, ...]:
+    """The classes that cover a visible part of truth and predictions, the most frequent first; none where there are no frames."""
+    maps = [
+        prediction.labels.numpy() for one in frames for prediction in one.predictions if prediction.labels is not None
+    ]
+    maps += [one.target.labels[0].numpy() for one in frames if one.target.labels is not None]
+    return tuple(entry for entry in legend(maps, frames[0].classes) if entry.share >= VISIBLE) if frames else ()
+
+
+def comparison_numbers(frames: Sequence[Compared], names: Sequence[str]) -> list[dict[str, Any]]:
+    """What the figure shows in numbers, ready for JSON: for each target, of each method mIoU, accuracy and torn neighbours.
+
+    None where there is no truth.
+    """
+    listed = []
+    for one in frames:
+        methods = {}
+        for name, prediction in zip(names, one.predictions, strict=True):
+            values = summary([score(one.task, prediction, one.target)])
+            assert prediction.labels is not None
+            methods[name] = {
+                "miou_per_image": finite(values.get("miou_per_image")),
+                "accuracy": finite(values.get("accuracy")),
+                "torn": None if one.target.labels is None else torn(prediction.labels, one.target.labels[0]),
+            }
+        listed.append(
+            {
+                "scene": one.task.scene.name,
+                "target": one.task.target,
+                "contexts": list(one.task.contexts),
+                "methods": methods,
+            }
+        )
+    return listed
+
+
+def torn(predicted: UInt8[Tensor, "h w"], truth: UInt8[Tensor, "h w"]) -> float | None:
+    """How noisy a class map is inside true regions: the share of neighbours of one true class that are given different ones.
+
+    Neighbours down and right, the pairs that the paper's regional smoothness sums over; none are counted where the truth is unknown.
+
+    Returns:
+        0 (regions are of one piece each) to 1, or None where no two neighbours share a true class.
+    """
+    pairs = different = 0
+    for axis in (0, 1):
+        length = truth.shape[axis] - 1
+        first, second = truth.narrow(axis, 0, length), truth.narrow(axis, 1, length)
+        together = (first == second) & (first != IGNORE)
+        apart = predicted.narrow(axis, 0, length) != predicted.narrow(axis, 1, length)
+        pairs += int(together.sum())
+        different += int((together & apart).sum())
+    return different / pairs if pairs else None

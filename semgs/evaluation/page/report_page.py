@@ -1,0 +1,318 @@
+"""The page that a user looks at after an evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from semgs.data.classes import ClassTable
+from semgs.data.views import INDOOR_DEPTH_RANGE
+from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.predictions import Prediction
+from semgs.evaluation.frames.reading import read_frame
+from semgs.evaluation.scoring.baselines import NAMES
+from semgs.evaluation.scoring.evaluate import SHOWN, Rows
+from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
+from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
+from semgs.evaluation.tables.report import Evaluation, SavedReport, SavedResult, data_name
+from semgs.evaluation.tables.texts import TITLES, shown_number
+from semgs.figures.classes import LegendEntry, class_picture, true_class_picture
+from semgs.figures.depth import (
+    WORST_ERROR,
+    depth_error_bar,
+    depth_error_picture,
+    depth_limits,
+    depth_picture,
+)
+from semgs.figures.numbers import percent
+from semgs.figures.page import (
+    RARE,
+    Bar,
+    Bars,
+    Block,
+    Facts,
+    Gallery,
+    Headline,
+    Legend,
+    Link,
+    Links,
+    Matrix,
+    Notes,
+    Picture,
+    Scale,
+    Section,
+    Table,
+    html_page,
+)
+from semgs.reconstruction.renders import as_bytes
+
+PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")
+
+
+FILES = (
+    Link("report.json", "all numbers of this page, for semgs compare"),
+    Link("frames.json", "the frames, for another evaluation of the same: --protocol pinned frames.json"),
+)
+"""What every evaluation writes beside the page."""
+
+MAPS = (
+    Link("predictions/", "class maps, by number of views and scene"),
+    Link("truth/", "what they were compared with"),
+)
+"""What an evaluation of weights writes as well."""
+
+
+def report_page(evaluation: Evaluation, report: SavedReport) -> str:
+    """The report as one self-contained HTML page.
+
+    Args:
+        evaluation: that is done.
+        report: its numbers.
+
+    Raises:
+        InputError: a frame cannot be read again.
+    """
+    scenes = evaluation.plan.scenes
+    targets = len(next(iter(report.results.values())).frames)
+    sections = [
+        *([Section("Please note", "", (Notes(evaluation.notes),))] if evaluation.notes else []),
+        Section("Results", _results_lead(), (_overview(report),)),
+    ]
+    for rows in evaluation.rows:
+        sections += _sections_of(rows, report.results[rows.views], evaluation)
+    sections += [
+        Section("Files", "", (Links(FILES + (MAPS if evaluation.subject.kind == "weights" else ())),)),
+        Section("What was measured", "", (_facts(evaluation, report),), folded=True),
+    ]
+    return html_page(
+        title=f"{evaluation.subject.name} on {_data_name(evaluation)}",
+        lead=f"{targets} targets of {len(scenes)} scene{'s' * (len(scenes) > 1)}, protocol {evaluation.plan.protocol}, "
+        f"from {' and '.join(map(str, report.results))} input views.",
+        headlines=_headlines(report),
+        sections=sections,
+        foot=f"Made by semgs {evaluation.versions['semgs']}.",
+    )
+
+
+def _data_name(evaluation: Evaluation) -> str:
+    """What the data are called: the scene, or the last part of the folder's path."""
+    return data_name(evaluation.data, [scene.name for scene in evaluation.plan.scenes])
+
+
+def _headlines(report: SavedReport) -> list[Headline]:
+    """The few numbers that tell how it went."""
+    found = []
+    for metric in ("miou", "psnr"):
+        for views, result in report.results.items():
+            value, copy = result.numbers[metric], result.trivial.get("copy", {}).get(metric)
+            if value is not None:
+                beside = "" if copy is None else f" (oracle: {shown_number(metric, copy)})"
+                unit = " dB" if metric == "psnr" else ""
+                found.append(
+                    Headline(shown_number(metric, value) + unit, f"{TITLES[metric]} from {views} views{beside}")
+                )
+    return found
+
+
+def _results_lead() -> str:
+    """How to read the tables."""
+    return (
+        "mIoU and class accuracy are of one confusion matrix of all targets; “/image” are means over images, then over scenes. "
+        "The oracle copies the nearest input view, its picture and its true labels, as if the camera had not moved. "
+        + MARKED
+    )
+
+
+def _overview(report: SavedReport) -> Table:
+    """The table of the terminal."""
+    grid = overview_grid(report, BRIEF)
+    rows = [
+        tuple(cell.text.replace("  ", "– ") + (grid.mark if cell.marked else "") for cell in row) for row in grid.rows
+    ]
+    return Table(grid.head, tuple(rows))
+
+
+def _facts(evaluation: Evaluation, report: SavedReport) -> Facts:
+    """What was evaluated, on what, and with what."""
+    subject, hardware = evaluation.subject, evaluation.hardware
+    sizes = sorted({f"{height}x{width}" for height, width in report.sizes.values()})
+    rows = [
+        ("Method" if subject.kind == "weights" else "Predictions", f"{subject.name}: {subject.source}"),
+        *([("SHA-256 of the weights", subject.sha256)] if subject.sha256 else []),
+        ("Data", f"{evaluation.data}: {_listed([scene.name for scene in evaluation.plan.scenes])}"),
+        ("Protocol", evaluation.plan.protocol),
+        ("Size", f"{_listed(sizes)} (height x width)"),
+        *(
+            [("Class table", f"{evaluation.classes.name}, {len(evaluation.classes)} classes")]
+            if evaluation.classes
+            else []
+        ),
+        ("Trivial rows", "; ".join(NAMES.values())),
+    ]
+    for views, result in report.results.items():
+        numbers = result.numbers
+        if numbers["seconds_encode"] is not None and numbers["seconds_render"] is not None:
+            rows.append(
+                (
+                    f"Time, {views} views",
+                    f"{numbers['seconds_encode']:.3f} s to encode, {numbers['seconds_render']:.3f} s to draw a target (medians): "
+                    f"{numbers['fps_encoding_each']:.2f} FPS encoding anew for each target, "
+                    f"{numbers['fps_encoding_shared']:.2f} FPS drawing from one encoding",
+                )
+            )
+    rows += [
+        ("Hardware", ", ".join(f"{name}: {value}" for name, value in hardware.items())),
+        ("Versions", ", ".join(f"{name} {value}" for name, value in evaluation.versions.items())),
+    ]
+    return Facts(tuple(rows))
+
+
+def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> list[Section]:
+    """All that is told of one number of views."""
+    views, numbers, classes = rows.views, result.numbers, evaluation.classes
+    blocks: list[Block] = [_metrics(result, evaluation.subject.name)]
+    if len(numbers["per_scene"]) > 1:
+        blocks.append(_scene_table(numbers))
+    sections = [
+        Section(f"From {views} views", f"Intervals: 95 %, bootstrap over {numbers['intervals_over']}.", tuple(blocks))
+    ]
+    if classes is not None and numbers["miou"] is not None:
+        sections.append(
+            Section(
+                f"Classes from {views} views",
+                "Bars: IoU of each class that the truth shows; the tick is that of the oracle, which copies the nearest input view's true labels. "
+                "Matrix: of the pixels of a true class (row), the percentage that is given each class (column).",
+                (_bars(result, classes), _matrix(result, classes)),
+            )
+        )
+    galleries = _galleries(rows, result, evaluation)
+    if galleries:
+        sections.append(
+            Section(f"Best and worst frames from {views} views", "", galleries, folded=len(evaluation.rows) > 1)
+        )
+    return sections
+
+
+def _metrics(result: SavedResult, name: str) -> Table:
+    """Every metric with its interval, beside the trivial rows."""
+    numbers = result.numbers
+    rows = []
+    for metric in METRICS:
+        columns = [numbers.get(metric), *[row.get(metric) for row in result.trivial.values()]]
+        if all(value is None for value in columns) or (metric == "not_given" and not numbers[metric]):
+            continue
+        ends = numbers["intervals"].get(metric)
+        known = ends is not None and None not in ends
+        interval = f"{shown_number(metric, ends[0])} to {shown_number(metric, ends[1])}" if known else "–"
+        mark = "†" if metric in numbers["below_copy"] else ""
+        texts = [shown_number(metric, value) for value in columns]
+        rows.append((TITLES[metric], texts[0] + mark, interval, *texts[1:]))
+    return Table(("metric", name, "95 % interval", *[ROWS[row] for row in result.trivial]), tuple(rows))
+
+
+def _scene_table(numbers: Mapping[str, Any]) -> Table:
+    """The metrics of each scene by itself."""
+    shown = [metric for metric in PER_SCENE if any(scene[metric] is not None for scene in numbers["per_scene"])]
+    rows = [
+        (scene["scene"], str(scene["samples"]), *[shown_number(metric, scene[metric]) for metric in shown])
+        for scene in numbers["per_scene"]
+    ]
+    return Table(("scene", "targets", *[TITLES[metric] for metric in shown]), tuple(rows))
+
+
+def _bars(result: SavedResult, classes: ClassTable) -> Bars:
+    """The IoU of each class that the truth shows, the best first."""
+    copy = result.trivial.get("copy", {}).get("per_class_iou", {})
+    present = [(entry["iou"], label) for label, entry in enumerate(result.numbers["per_class"]) if entry["pixels"]]
+    total = sum(entry["pixels"] for entry in result.numbers["per_class"])
+    bars: dict[bool, list[Bar]] = {False: [], True: []}
+    for iou, label in sorted(present, key=lambda pair: -pair[0]):
+        name, share = classes.names[label], result.numbers["per_class"][label]["pixels"] / total
+        text = f"{shown_number('miou', iou)}, {percent(share)} of the pixels"
+        bars[share < RARE].append(Bar(name, classes.colours[label], iou, text, copy.get(name)))
+    return Bars(tuple(bars[False]), tuple(bars[True]))
+
+
+def _matrix(result: SavedResult, classes: ClassTable) -> Matrix:
+    """The confusion matrix, rows as shares of their true class; classes neither true nor predicted are left out."""
+    confusion, truth = total_confusion(result.frames)
+    rows = np.flatnonzero(truth)
+    columns = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
+    shares = confusion / np.maximum(confusion.sum(1, keepdims=True), 1)
+    return Matrix(
+        rows=tuple(classes.names[label] for label in rows),
+        columns=tuple(classes.names[label] for label in columns),
+        shares=tuple(tuple(shares[row, columns].tolist()) for row in rows),
+        corner="true \\ given",
+    )
+
+
+def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple[Block, ...]:
+    """The best and the worst frames with their pictures."""
+    tasks = evaluation.plan.of(rows.views)
+    galleries: list[Gallery] = []
+    for which, places in zip(("Best", "Worst"), extremes(result.frames, SHOWN), strict=True):
+        for rank, place in enumerate(places, 1):
+            task, frame = tasks[place], result.frames[place]
+            said = rows.shown[frame.scene, frame.target]
+            heading = f"{which} {rank}: {task.scene.name}, {task.target}"
+            galleries.append(_gallery(heading, task, frame, said, evaluation.classes))
+    keys: list[Block] = []
+    if galleries and evaluation.classes is not None and any(frame.confusion is not None for frame in result.frames):
+        keys.append(_legend(result, evaluation.classes))
+    scale = Scale(
+        Picture(depth_error_bar(), "colours of the depth error"),
+        ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more"),
+        "depth error, |z − truth| / truth; grey without truth",
+    )
+    if galleries and any(frame.depth is not None for frame in result.frames):
+        keys.append(scale)
+    return (*keys, *galleries)
+
+
+def _legend(result: SavedResult, classes: ClassTable) -> Legend:
+    """The colours of the classes that are true or given, with their share of the true pixels."""
+    confusion, truth = total_confusion(result.frames)
+    shown = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
+    order = sorted(shown.tolist(), key=lambda label: -truth[label])
+    return Legend(
+        tuple(
+            LegendEntry(classes.names[label], classes.colours[label], float(truth[label] / truth.sum()))
+            for label in order
+        )
+    )
+
+
+def _gallery(
+    heading: str, task: Task, frame: FrameScores, predicted: Prediction, classes: ClassTable | None
+) -> Gallery:
+    """The pictures of one target."""
+    truth = read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)
+    shown = [Picture(as_bytes(truth.images[0]), "photo (truth)", lossy=True)]
+    if predicted.image is not None:
+        shown.append(Picture(as_bytes(predicted.image), "render", lossy=True))
+    if predicted.labels is not None and classes is not None and truth.labels is not None:
+        shown.append(Picture(class_picture(predicted.labels.numpy(), classes), "classes"))
+        shown.append(Picture(true_class_picture(truth.labels[0].numpy(), classes), "true classes"))
+    if predicted.depths is not None:
+        depths = predicted.depths.numpy()
+        known = depths if truth.depths is None else truth.depths[0].numpy()
+        shown.append(Picture(depth_picture(depths, depth_limits([known])), "depth", lossy=True))
+        if truth.depths is not None:
+            shown.append(Picture(depth_error_picture(depths, known), "depth error", lossy=True))
+    values = summary([frame])
+    told = [
+        f"{TITLES[metric]} {shown_number(metric, values[metric])}"
+        for metric in ("miou_per_image", "accuracy_per_image", "psnr", "depth_abs_rel")
+        if metric in values
+    ]
+    return Gallery(heading, ", ".join([*told, "from " + " ".join(task.contexts)]), tuple(shown))
+
+
+def _listed(names: Sequence[str], most: int = 12) -> str:
+    """Names as text, the first ones and how many more."""
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

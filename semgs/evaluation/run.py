@@ -1,0 +1,260 @@
+"""Run an evaluation: scenes, a protocol and a method in, the folder with scores, maps and a report out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from semgs.data.asked import Asked
+from semgs.data.classes import ClassTable
+from semgs.data.scene import Scene
+from semgs.data.scene_lists import read_list
+from semgs.data.scenes import open_scenes
+from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.plan import Plan, frame_list, make_plan, pinned_plan
+from semgs.evaluation.frames.predictions import Method
+from semgs.evaluation.frames.protocols import neighbours, peers
+from semgs.evaluation.frames.saved import TIMING, SavedPredictions
+from semgs.evaluation.page.report_page import report_page
+from semgs.evaluation.scoring.evaluate import PREDICTIONS, evaluate
+from semgs.evaluation.tables.compare import BRIEF, overview_grid
+from semgs.evaluation.tables.environment import hardware, versions
+from semgs.evaluation.tables.grid import printed
+from semgs.evaluation.tables.notes import notes
+from semgs.evaluation.tables.report import (
+    Evaluation,
+    SavedReport,
+    Subject,
+    report_numbers,
+    saved_report,
+    timing,
+)
+from semgs.files.atomic import write_json, write_text
+from semgs.files.errors import InputError
+from semgs.files.folders import own_folder
+from semgs.files.hashes import sha256
+from semgs.weights.load import find, load, table_of
+
+VIEWS = (2, 3, 4)
+"""Numbers of contexts that are taken where none are asked for: the paper's."""
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledScenes:
+    """Scenes to evaluate on.
+
+    Attributes:
+        path: where they were found.
+        scenes: all that were found there.
+        classes: the table of their labels, None where none has any.
+    """
+
+    path: Path
+    scenes: tuple[Scene, ...]
+    classes: ClassTable | None
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """What is evaluated.
+
+    Attributes:
+        method: that predicts.
+        subject: what the report says of it.
+        device: that it computes on.
+    """
+
+    method: Method
+    subject: Subject
+    device: str = "cpu"
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """An evaluation that is to be done.
+
+    Attributes:
+        data: the scenes that the plan is of.
+        plan: what to compare.
+        candidate: what to evaluate.
+        remarks: what else the report should say, a sentence each.
+        workers: processes side by side, each on one thread; 0 uses this one with all its threads.
+    """
+
+    data: LabelledScenes
+    plan: Plan
+    candidate: Candidate
+    remarks: tuple[str, ...] = ()
+    workers: int = 0
+
+
+def labelled_scenes(
+    path: Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: str = ""
+) -> LabelledScenes:
+    """The scenes at a path, or those of a list, and the table of their labels.
+
+    Args:
+        path: a scene or a folder of scenes.
+        as_peers, asked: as for `semgs.data.scenes.open_scenes`.
+        wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" is all.
+
+    Raises:
+        InputError: there are none, one of the list is not there, or their labels are of different tables.
+    """
+    scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None)
+    labelled = [scene for scene in scenes if scene.classes is not None]
+    for scene in labelled[1:]:
+        if scene.classes != labelled[0].classes:
+            tables = [one.classes.name for one in (labelled[0], scene) if one.classes is not None]
+            raise InputError(
+                scene.path,
+                f"labels of table {tables[0]}, as {labelled[0].name} has",
+                tables[1],
+                advice="evaluate scenes of different tables by themselves",
+            )
+    return LabelledScenes(path, scenes, labelled[0].classes if labelled else None)
+
+
+def plan_of(
+    protocol: tuple[str, ...],
+    scenes: tuple[Scene, ...],
+    views: tuple[int, ...] = (),
+    size: tuple[int, int] | None = None,
+    gsnerf_distance: bool = False,
+) -> Plan:
+    """The plan of a protocol.
+
+    Args:
+        protocol: ("neighbours",), ("peers",), or ("pinned", FILE).
+        scenes: to evaluate on.
+        views: numbers of contexts; none takes the usual ones, or those of the pinned file.
+        size: (height, width) of all scenes [px]; None is the usual one, or that of the pinned file.
+        gsnerf_distance: of peers, the other distance.
+
+    Raises:
+        InputError: a scene is too small, or the pinned file cannot be used.
+    """
+    if protocol[0] == "pinned":
+        return pinned_plan(protocol[1], scenes, views, size)
+    if protocol[0] == "neighbours":
+        return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
+    if gsnerf_distance:
+        as_gsnerf = partial(peers, distance="gsnerf")
+        return make_plan("peers, GSNeRF's distance", as_gsnerf, scenes, views or VIEWS, size)
+    return make_plan("peers", peers, scenes, views or VIEWS, size)
+
+
+def network_candidate(weights: str | Path, classes: ClassTable | None, device: str, name: str = "") -> Candidate:
+    """Weights to evaluate.
+
+    Args:
+        weights: a file, or the name of those inside the package.
+        classes: the table of the truth; None takes that of the weights.
+        device: to encode on.
+        name: in tables; by default that of the network.
+
+    Raises:
+        ValueError: no weights of that name ship.
+        InputError: the file cannot be used, or is made for another table.
+    """
+    network, path = find(weights)
+    model = load(network, path, classes=classes or table_of(path))
+    parameters = sum(parameter.numel() for parameter in model.parameters())
+    subject = Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
+    return Candidate(NetworkMethod(model.eval(), device, subject.name), subject, device)
+
+
+def saved_candidate(folder: Path, plan: Plan, device: str, name: str = "") -> Candidate:
+    """Predictions that somebody saved, to be evaluated.
+
+    Args:
+        folder: of the predictions.
+        plan: that they must be complete for.
+        device: that the report names.
+        name: in tables; by default that of the folder.
+
+    Raises:
+        InputError: they are incomplete, or of another size.
+    """
+    saved = SavedPredictions(folder, name or folder.absolute().name)
+    saved.check(plan)
+    return Candidate(saved, Subject(saved.name, "predictions", str(folder)), device)
+
+
+def evaluate_into(
+    out: Path, job: Job, *, overwrite: bool = False, done: Callable[[int], object] = lambda count: None
+) -> str:
+    """Score a method on every target of a plan and write the folder of an evaluation, which appears whole or not at all.
+
+    Args:
+        out: the folder.
+        job: what to do.
+        overwrite: replace the folder if an earlier evaluation wrote it.
+        done: told after each target how many there have been.
+
+    Returns:
+        What the user reads at the end.
+
+    Raises:
+        InputError: a frame, a prediction or the folder cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
+        OSError: the disk is full.
+    """
+    subject = job.candidate.subject
+    with own_folder(out, overwrite) as folder:
+        rows = evaluate(
+            job.plan,
+            job.candidate.method,
+            folder,
+            save=subject.kind == "weights",
+            workers=job.workers,
+            done=done,
+        )
+        evaluation = Evaluation(
+            subject=subject,
+            data=str(job.data.path),
+            plan=job.plan,
+            rows=tuple(rows),
+            classes=job.data.classes,
+            versions=versions(),
+            hardware=hardware(job.candidate.device),
+            notes=(*job.remarks, *notes(job.plan, job.data.scenes, rows, job.workers)),
+        )
+        return _summary(write_results(folder, evaluation), evaluation, out)
+
+
+def write_results(folder: Path, evaluation: Evaluation) -> SavedReport:
+    """Write the report and the list of frames into an existing folder that holds the maps.
+
+    Returns:
+        What `read_report` finds in the folder.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    numbers = report_numbers(evaluation)
+    write_json(folder / "frames.json", frame_list(evaluation.plan))
+    write_json(folder / "report.json", numbers)
+    if evaluation.subject.kind == "weights":
+        for rows in evaluation.rows:
+            times = timing(rows.method)
+            kept = {name: times[name] for name in ("seconds_encode", "seconds_render")}
+            write_json(folder / PREDICTIONS / f"N{rows.views}" / TIMING, kept)
+    report = saved_report(folder / "report.json", numbers)
+    write_text(folder / "report.html", report_page(evaluation, report))
+    return report
+
+
+def _summary(report: SavedReport, evaluation: Evaluation, out: Path) -> str:
+    """What the user reads at the end: the table, what it must not be read without, and where everything is."""
+    return "\n".join(
+        [
+            printed(overview_grid(report, BRIEF), "text"),
+            "",
+            *(f"note  {sentence}" for sentence in evaluation.notes),
+            *([""] if evaluation.notes else []),
+            f"Open {out / 'report.html'} in a browser.",
+        ]
+    )

@@ -1,0 +1,1 @@
+"""Scores of single targets, their summaries with intervals, and the simple baselines."""

@@ -1,0 +1,144 @@
+"""How sure a network is against how right it is: what it says of labelled pixels, and the temperatures that fit it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from semgs.data.classes import IGNORE
+from semgs.evaluation.frames.plan import Plan
+from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.model.encoding import Encoding
+from semgs.model.semgs import SemGS
+from semgs.objectives.calibration import (
+    Bin,
+    expected_calibration_error,
+    fitted_temperature,
+    reliability,
+    tempered,
+)
+from semgs.reconstruction.encode import encode
+from semgs.weights.temperatures import KINDS
+
+PIXELS = 2048
+"""Labelled pixels that are taken of each view, at random: neighbours say the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Statements:
+    """Distributions over classes, and the true class of each."""
+
+    distributions: Float[Tensor, "n class"]
+    labels: Int[Tensor, " n"]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """How far confidence is from accuracy, before and after a temperature.
+
+    Attributes:
+        temperature: that was applied.
+        error_before, error_after: expected calibration error.
+        bins_before, bins_after: of the reliability plot.
+    """
+
+    temperature: float
+    error_before: float
+    error_after: float
+    bins_before: tuple[Bin, ...]
+    bins_after: tuple[Bin, ...]
+
+
+def statements(
+    plan: Plan,
+    network: SemGS,
+    *,
+    pixels: int = PIXELS,
+    seed: int = 0,
+    done: Callable[[int], object] = lambda count: None,
+) -> dict[str, Statements]:
+    """What a network says of a plan's scenes: "rendered", of the targets' pixels; "gaussians", of the contexts' pixels, by their own Gaussians.
+
+    Args:
+        plan: labelled targets; those without labels add nothing.
+        network: on the CPU, in evaluation mode.
+        pixels: taken of each view.
+        seed: of which pixels.
+        done: told after each target how many there have been.
+
+    Raises:
+        InputError: a frame cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    found: dict[str, list[Statements]] = {kind: [] for kind in KINDS}
+    for index, task in enumerate(plan.tasks):
+        views = read_views(task, plan.depth_range)
+        inputs = inputs_of(task, views)
+        with torch.no_grad():
+            encoding = encode(network, inputs.contexts).encoding
+            rendering = encoding.render(inputs.camera)
+        if rendering.semantics is not None:
+            found["rendered"] += _drawn(rendering.semantics, [views[task.sample.target].labels], pixels, generator)
+        labels = [views[position].labels for position in task.sample.contexts]
+        found["gaussians"] += _drawn(own_classes(encoding, network.stride), labels, pixels, generator)
+        done(index + 1)
+    return {kind: _joined(some, len(network.classes or ())) for kind, some in found.items()}
+
+
+def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]:
+    """The distribution over classes of every context pixel by its own Gaussian: what `SemGS.classify` gives, to rounding.
+
+    Args:
+        encoding: of one scene, by a network that knows classes.
+        stride: pixels of a side for which a Gaussian stands.
+    """
+    assert encoding.gaussians.semantic is not None
+    views, height, width = encoding.depths.shape
+    grid = (views, -(-height // stride), -(-width // stride))
+    maps = encoding.gaussians.semantic.features.unflatten(0, grid).permute(0, 3, 1, 2)
+    return maps.repeat_interleave(stride, -2).repeat_interleave(stride, -1)[..., :height, :width]
+
+
+def calibration(said: Statements, temperature: float | None = None) -> Calibration:
+    """The error with and without a temperature; None fits it to these very statements.
+
+    Raises:
+        ValueError: there are no statements to fit to.
+    """
+    if temperature is None:
+        temperature = fitted_temperature(said.distributions, said.labels)
+    after = tempered(said.distributions, temperature)
+    return Calibration(
+        temperature,
+        expected_calibration_error(said.distributions, said.labels),
+        expected_calibration_error(after, said.labels),
+        reliability(said.distributions, said.labels),
+        reliability(after, said.labels),
+    )
+
+
+def _drawn(
+    distributions: Float[Tensor, "v class h w"], labels: list[Tensor | None], pixels: int, generator: torch.Generator
+) -> list[Statements]:
+    """Some labelled pixels of each view that has labels."""
+    result = []
+    for one, truth in zip(distributions, labels, strict=True):
+        if truth is None:
+            continue
+        true = truth.flatten()
+        labelled = (true != IGNORE).nonzero()[:, 0]
+        kept = labelled[torch.randperm(len(labelled), generator=generator)[:pixels]]
+        result.append(Statements(one.flatten(1).T[kept].float(), true[kept].long()))
+    return result
+
+
+def _joined(some: list[Statements], classes: int) -> Statements:
+    """All of them as one."""
+    if not some:
+        return Statements(torch.zeros(0, classes), torch.zeros(0, dtype=torch.long))
+    return Statements(torch.cat([one.distributions for one in some]), torch.cat([one.labels for one in some]))

@@ -1,0 +1,100 @@
+"""Bootstrap intervals: how far a number would move with other scenes, or at least with other frames of the same ones.
+
+Scenes are drawn with replacement, from five on; with fewer, single targets are, which says less: targets of one scene are
+alike, so that such an interval is too narrow for other scenes. The same seed is used everywhere, so that numbers repeat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.stats import bootstrap
+
+from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.summary import Part, parts
+
+LEVEL = 0.95
+RESAMPLES = 5000
+FEWEST_SCENES = 5
+SEED = 0
+_BATCH = 500
+"""Resamples at a time, which bounds the memory for matrices of many classes."""
+
+Over = Literal["scenes", "frames"]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number and the ends of its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def units(frames: Sequence[FrameScores]) -> Over:
+    """What is drawn: scenes where there are five or more, else frames."""
+    return "scenes" if len({frame.scene for frame in frames}) >= FEWEST_SCENES else "frames"
+
+
+def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:
+    """The 95 % percentile interval of every metric that two or more scenes (or frames) have."""
+    over = units(frames)
+    found: dict[str, Interval] = {}
+    for part in parts(frames):
+        found |= _intervals(part, over, part.values)
+    return found
+
+
+def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScores]) -> dict[str, Interval]:
+    """Second minus first of every metric that both have, with intervals from drawing the same scenes or frames for both.
+
+    Args:
+        first, second: of the same targets in the same order.
+
+    Raises:
+        ValueError: the targets differ.
+    """
+    if [(one.scene, one.target) for one in first] != [(one.scene, one.target) for one in second]:
+        raise ValueError("the two are scores of different targets; expected the same ones in the same order")
+    over = units(first)
+    others = {part.names: part for part in parts(second)}
+    found: dict[str, Interval] = {}
+    for part in parts(first):
+        other = others.get(part.names)
+        if other is not None and np.array_equal(part.scene_of, other.scene_of):
+            found |= _intervals(part, over, lambda *times, a=part, b=other: b.values(*times) - a.values(*times))
+    return found
+
+
+def _intervals(part: Part, over: Over, values: Callable[..., np.ndarray]) -> dict[str, Interval]:
+    """The intervals of the metrics of a part; none for a single scene or frame, or where a metric is infinite."""
+    scenes = int(part.scene_of.max()) + 1
+    count = scenes if over == "scenes" else len(part.scene_of)
+    if count < 2:
+        return {}
+
+    def statistic(drawn: np.ndarray, axis: int = -1) -> np.ndarray:
+        """The metrics [metric ...] of units drawn [... count]."""
+        flat = drawn.reshape(-1, count)
+        times = np.zeros((len(flat), count), np.int64)
+        np.add.at(times, (np.arange(len(flat))[:, None], flat), 1)
+        if over == "scenes":
+            found = values(times[:, part.scene_of], times)
+        else:
+            found = values(times, np.ones((len(flat), scenes), np.int64))
+        return found.reshape(-1, *drawn.shape[:-1])
+
+    once = statistic(np.arange(count))
+    if not np.isfinite(once).all():
+        return {}
+    drawn = bootstrap(
+        (np.arange(count),), statistic, vectorized=True, axis=-1, n_resamples=RESAMPLES, batch=_BATCH,
+        confidence_level=LEVEL, method="percentile", rng=np.random.default_rng(SEED),
+    )  # fmt: skip
+    low, high = drawn.confidence_interval
+    ends = zip(part.names, once.tolist(), np.atleast_1d(low).tolist(), np.atleast_1d(high).tolist(), strict=True)
+    return {name: Interval(*numbers) for name, *numbers in ends}

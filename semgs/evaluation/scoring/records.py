@@ -1,0 +1,121 @@
+"""Scores of single targets as JSON and back: what a report keeps so that others can be compared with it in pairs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Int64
+
+from semgs.evaluation.scoring.scores import DepthScores, FrameScores
+from semgs.objectives.metrics import accuracy, class_accuracy, miou
+
+
+def finite(value: float | None) -> float | None:
+    """A number, or None for what JSON has no word for."""
+    return None if value is None or not math.isfinite(value) else value
+
+
+def record(frame: FrameScores) -> dict[str, Any]:
+    """The scores of a target, ready for JSON.
+
+    `confusion` lists "true predicted pixels" of each pair that occurs; `truth` likewise "class pixels".
+    """
+    found: dict[str, Any] = {"scene": frame.scene, "target": frame.target, "contexts": list(frame.contexts)}
+    if frame.confusion is not None and frame.truth is not None:
+        matrix, shown = torch.from_numpy(frame.confusion), torch.from_numpy(frame.truth > 0)
+        found |= {
+            "miou": float(miou(matrix, shown)),
+            "accuracy": float(accuracy(matrix)),
+            "class_accuracy": float(class_accuracy(matrix, shown)),
+        }
+    found |= {"psnr": finite(frame.psnr), "ssim": frame.ssim, "lpips": frame.lpips}
+    if frame.depth is not None:
+        found |= {
+            "depth_abs_rel": frame.depth.abs_rel,
+            "depth_delta_125": frame.depth.delta,
+            "depth_pixels": frame.depth.pixels,
+        }
+    found["unseen"] = frame.unseen
+    found |= {"miou_seen": frame.miou_seen, "accuracy_seen": frame.accuracy_seen, "psnr_seen": finite(frame.psnr_seen)}
+    if frame.depth_seen is not None:
+        seen = frame.depth_seen
+        found["depth_seen"] = {"abs_rel": seen.abs_rel, "delta": seen.delta, "pixels": seen.pixels}
+    found["seconds_encode"] = seconds(frame.seconds_encode)
+    found["seconds_render"] = seconds(frame.seconds_render)
+    if frame.confusion is not None and frame.truth is not None:
+        found["confusion"] = _sparse(frame.confusion)
+        found["truth"] = _sparse(frame.truth)
+    return found
+
+
+def seconds(value: float | None) -> float | None:
+    """A time to a tenth of a millisecond."""
+    return None if value is None else round(value, 4)
+
+
+def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
+    """The scores of a target from JSON.
+
+    Args:
+        entry: as `record` made it.
+        classes: of the table that its labels refer to.
+
+    Raises:
+        KeyError, TypeError, ValueError: it was made by something else.
+    """
+    depth = None
+    if entry.get("depth_abs_rel") is not None:
+        depth = DepthScores(float(entry["depth_abs_rel"]), float(entry["depth_delta_125"]), int(entry["depth_pixels"]))
+    seen = entry.get("depth_seen")
+    return FrameScores(
+        scene=str(entry["scene"]),
+        target=str(entry["target"]),
+        contexts=tuple(entry["contexts"]),
+        confusion=_dense(entry["confusion"], (classes, classes)) if "confusion" in entry else None,
+        truth=_dense(entry["truth"], (classes,)) if "truth" in entry else None,
+        depth=depth,
+        depth_seen=None
+        if seen is None
+        else DepthScores(float(seen["abs_rel"]), float(seen["delta"]), int(seen["pixels"])),
+        **{name: number(entry.get(name)) for name in ("miou_seen", "accuracy_seen", "psnr_seen")},
+        **{
+            name: number(entry[name])
+            for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render")
+        },
+    )
+
+
+def number(value: object) -> float | None:
+    """A number or None.
+
+    Raises:
+        TypeError: it is neither.
+    """
+    if value is None:
+        return None
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    raise TypeError(f"{value!r:.40} is no number")
+
+
+def _sparse(counts: Int64[np.ndarray, ...]) -> str:
+    """The entries that are not 0, each as its place and its count."""
+    return ", ".join(" ".join(map(str, (*place, counts[tuple(place)]))) for place in np.argwhere(counts).tolist())
+
+
+def _dense(text: str, shape: tuple[int, ...]) -> Int64[np.ndarray, ...]:
+    """The array of that shape with these entries.
+
+    Raises:
+        ValueError, IndexError: an entry is none, or lies outside.
+    """
+    counts = np.zeros(shape, np.int64)
+    for entry in text.split(", ") if text else ():
+        *place, count = map(int, entry.split())
+        if len(place) != len(shape) or min(*place, count) < 0:
+            raise ValueError(f"{entry!r} is no place and count of {shape}")
+        counts[tuple(place)] = count
+    return counts

@@ -1,0 +1,160 @@
+"""The paper's ablation: its five rows as settings of a training, and their reports as its table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from statistics import mean
+
+from semgs.evaluation.scoring.intervals import paired_differences
+from semgs.evaluation.tables.grid import Cell, Grid
+from semgs.evaluation.tables.report import SavedReport
+from semgs.evaluation.tables.texts import TITLES
+from semgs.training.settings import TrainingSettings
+
+METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")
+"""The columns of the paper's table, the first in both kinds."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the paper's table: it has the parts of the row above it and one more.
+
+    Attributes:
+        name: of its folder.
+        title: the part that it adds, as the paper calls it.
+        shared_layers, windows, camera_aware: what its network has.
+        smoothness: whether its loss has the regional smoothness.
+    """
+
+    name: str
+    title: str
+    shared_layers: bool = True
+    windows: bool = True
+    camera_aware: bool = True
+    smoothness: bool = True
+
+    @property
+    def parts(self) -> tuple[bool, ...]:
+        """The four parts in the order of the paper's columns."""
+        return self.shared_layers, self.windows, self.camera_aware, self.smoothness
+
+
+ROWS = (
+    Row("none", "none", shared_layers=False, windows=False, camera_aware=False, smoothness=False),
+    Row("shared", "+ Sh-Layer", windows=False, camera_aware=False, smoothness=False),
+    Row("windows", "+ Sw-Trans", camera_aware=False, smoothness=False),
+    Row("camera", "+ C-Inj", smoothness=False),
+    Row("full", "+ Sm-Loss"),
+)
+"""From nothing to the full method, in the paper's order."""
+
+
+def row_settings(settings: TrainingSettings, row: Row, seed: int) -> TrainingSettings:
+    """The training of a row: that of the full method with the row's parts alone, from that seed.
+
+    Raises:
+        ValueError: the full method itself lacks a part, so that rows would be alike.
+    """
+    full = settings.network
+    lacks = [
+        title
+        for title, there in {
+            "Sh-Layer": full.shared_layers,
+            "Sw-Trans": full.windows > 1,
+            "C-Inj": full.camera_aware_colour and full.camera_aware_semantic,
+            "Sm-Loss": settings.losses.smoothness > 0,
+        }.items()
+        if not there
+    ]
+    if lacks:
+        raise ValueError(f"the full method lacks {', '.join(lacks)}; an ablation starts from all four parts")
+    network = replace(
+        full,
+        shared_layers=row.shared_layers,
+        windows=full.windows if row.windows else 1,
+        camera_aware_colour=row.camera_aware,
+        camera_aware_semantic=row.camera_aware,
+    )
+    losses = settings.losses if row.smoothness else replace(settings.losses, smoothness=0.0)
+    return replace(settings, network=network, losses=losses, seed=seed)
+
+
+def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
+    """The paper's table: each part present or not, then the metrics with their 95 % intervals.
+
+    Args:
+        reports: by row's name and seed, each of all targets; rows that are not done yet may be missing.
+        views: the number of contexts to show.
+
+    With several seeds a cell is the mean over them, and below it is how far apart they lie; intervals are over scenes.
+    """
+    rows, over = [], "scenes"
+    for row in ROWS:
+        done = [report.results[views] for (name, _), report in sorted(reports.items()) if name == row.name]
+        if not done:
+            continue
+        over = str(done[0].numbers["intervals_over"])
+        cells = [Cell("✓" if there else "–") for there in row.parts]
+        for metric in METRICS:
+            cells.append(Cell(_cell([one.numbers for one in done], metric)))
+        rows.append((Cell(row.title), *cells))
+    targets = len(next(iter(reports.values())).results[views].frames) if reports else 0
+    seeds = sorted({seed for _, seed in reports})
+    notes = [f"In brackets the 95 % interval over {over} of the targets."]
+    if len(seeds) > 1:
+        notes.append(f"Means over {len(seeds)} seeds, ± half of what lies between the lowest and the highest.")
+    return Grid(
+        title=f"Ablation, {views} input views, {targets} targets, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
+        groups=(),
+        head=("row", "Sh-Layer", "Sw-Trans", "C-Inj", "Sm-Loss", *[TITLES[metric] for metric in METRICS]),
+        rows=tuple(rows),
+        notes=tuple(notes),
+    )
+
+
+def steps_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
+    """What each part adds: its row minus the row above it, for each seed, with paired 95 % intervals.
+
+    Args:
+        reports: as for `ablation_grid`.
+        views: the number of contexts to show.
+    """
+    rows = []
+    for before, after in pairwise(ROWS):
+        for seed in sorted({seed for _, seed in reports}):
+            if (before.name, seed) not in reports or (after.name, seed) not in reports:
+                continue
+            first, second = (reports[one.name, seed].results[views] for one in (before, after))
+            differences = paired_differences(first.frames, second.frames)
+            cells = []
+            for metric in METRICS:
+                one = differences.get(metric)
+                if one is None:
+                    cells.append(Cell("–"))
+                    continue
+                clear = one.low > 0 or one.high < 0
+                cells.append(Cell(f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})", marked=clear))
+            rows.append((Cell(after.title), Cell(str(seed)), *cells))
+    return Grid(
+        title="What each part adds to the row above it",
+        groups=(),
+        head=("part", "seed", *[TITLES[metric] for metric in METRICS]),
+        rows=tuple(rows),
+        mark=" *",
+        notes=(
+            "* the interval leaves out 0. Intervals are of the targets: those of another training of the same row are wider.",
+        ),
+    )
+
+
+def _cell(done: Sequence[Mapping], metric: str) -> str:
+    """A metric of a row: its value and interval, or over several seeds its mean and half range."""
+    values = [one[metric] for one in done if one[metric] is not None]
+    if not values:
+        return "–"
+    if len(values) > 1:
+        return f"{mean(values):.3f} ± {(max(values) - min(values)) / 2:.3f}"
+    low, high = done[0]["intervals"].get(metric, (None, None))
+    return f"{values[0]:.3f}" + ("" if low is None or high is None else f" ({low:.3f}–{high:.3f})")

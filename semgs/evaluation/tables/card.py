@@ -1,0 +1,82 @@
+"""The tables of a model card, from reports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from semgs.evaluation.tables.compare import MARKED, ROWS
+from semgs.evaluation.tables.grid import Cell, Grid
+from semgs.evaluation.tables.report import SavedReport, SavedResult
+from semgs.evaluation.tables.texts import TITLES, shown_number, with_interval
+from semgs.weights.scores import Figure
+
+METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
+"""The columns."""
+
+
+def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
+    """The scores of reports of any data with their intervals, each above the oracle that copies the nearest input view; then the classes."""
+    pairs = [(report, result) for report in reports for result in report.results.values()]
+    rows: list[tuple[Cell, ...]] = []
+    for report, result in pairs:
+        name = f"{report.data_name} ({len(report.sizes)}), {result.views} views"
+        rows.append(_row(name, result.numbers, result.numbers["below_copy"]))
+        rows.append(_row(f"  {ROWS['copy']}", result.trivial.get("copy", {}), ()))
+    protocols = " and ".join(dict.fromkeys(report.protocol for report in reports))
+    marked = any(cell.marked for row in rows for cell in row)
+    scores = Grid(
+        title=f"Scores, protocol {protocols}",
+        groups=(),
+        head=("data (scenes), input views", *[TITLES[metric] for metric in METRICS]),
+        rows=tuple(rows),
+        notes=(
+            "In brackets: 95 % intervals over scenes. The oracle copies the nearest input view, with its true classes and depth.",
+            *([MARKED] if marked else []),
+        ),
+    )
+    labelled = [(report, result) for report, result in pairs if result.numbers["per_class"]]
+    return [scores, *([_classes(labelled)] if labelled else [])]
+
+
+def figures(numbers: Mapping[str, Any]) -> dict[str, Figure]:
+    """The metrics that an entry has, with their intervals."""
+    return {
+        metric: Figure(numbers[metric], *numbers["intervals"].get(metric, (None, None)))
+        for metric in METRICS
+        if numbers.get(metric) is not None
+    }
+
+
+def _row(name: str, numbers: Mapping[str, Any], worse: Sequence[str]) -> tuple[Cell, ...]:
+    """A row of the scores."""
+    known = figures(numbers)
+    return (
+        Cell(name),
+        *[
+            Cell(with_interval(metric, one.value, one.low, one.high), marked=metric in worse)
+            if (one := known.get(metric))
+            else Cell("–")
+            for metric in METRICS
+        ],
+    )
+
+
+def _classes(pairs: Sequence[tuple[SavedReport, SavedResult]]) -> Grid:
+    """IoU of each class, and its share of the true pixels."""
+    names = list(dict.fromkeys(one["name"] for _, result in pairs for one in result.numbers["per_class"]))
+    held = [{one["name"]: one for one in result.numbers["per_class"]} for _, result in pairs]
+    rows = []
+    for name in names:
+        cells = [Cell(name)]
+        for classes in held:
+            one, total = classes.get(name), sum(each["pixels"] for each in classes.values())
+            share = "–" if one is None or not total else f"{100 * one['pixels'] / total:.1f} %"
+            cells += [Cell(share), Cell(shown_number("miou", one["iou"] if one else None))]
+        rows.append(tuple(cells))
+    return Grid(
+        title="Classes",
+        groups=tuple((f"{report.data_name}, {result.views} views", 2) for report, result in pairs),
+        head=("class", *["pixels", "IoU"] * len(pairs)),
+        rows=tuple(rows),
+    )

@@ -1,0 +1,298 @@
+"""The report of an evaluation in numbers: what report.json holds, and reading it back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from semgs.data.classes import ClassTable
+from semgs.evaluation.frames.plan import Plan, frame_list
+from semgs.evaluation.scoring.baselines import NAMES
+from semgs.evaluation.scoring.evaluate import Rows
+from semgs.evaluation.scoring.intervals import Interval, intervals, units
+from semgs.evaluation.scoring.records import finite, frame_of, number, record, seconds
+from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, METRICS, SEEN_METRICS, class_scores, summary
+from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
+
+FORMAT = "semgs.report.evaluate"
+VERSION = 1
+
+COMPARED = tuple(name for name in METRICS if name not in ("unseen", "not_given", *SEEN_METRICS))
+"""Metrics that say better or worse."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What was evaluated.
+
+    Attributes:
+        name: in tables.
+        kind: "weights" or "predictions".
+        source: where it is from, in a sentence.
+        sha256: of the weights' file; None for predictions.
+        parameters: of the network; None for predictions.
+    """
+
+    name: str
+    kind: str
+    source: str
+    sha256: str | None = None
+    parameters: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """An evaluation that is done: everything its report says.
+
+    Attributes:
+        subject: what was evaluated.
+        data: the path that its scenes were found at.
+        plan: what was compared.
+        rows: the scores, by number of views.
+        classes: the table of the labels, None where no scene has any.
+        versions, hardware: what the numbers were made with.
+        notes: what the user should know, a sentence each.
+    """
+
+    subject: Subject
+    data: str
+    plan: Plan
+    rows: tuple[Rows, ...]
+    classes: ClassTable | None
+    versions: Mapping[str, str]
+    hardware: Mapping[str, str | int]
+    notes: tuple[str, ...]
+
+
+def report_numbers(evaluation: Evaluation) -> dict[str, Any]:
+    """Everything that the report says in numbers, ready for JSON; what is not known is None.
+
+    Lengths are of each scene's own unit and appear in ratios only; `psnr` is in dB and None for equal pictures.
+    """
+    scenes = evaluation.plan.scenes
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "method": asdict(evaluation.subject),
+        "data": {
+            "path": evaluation.data,
+            "scenes": [
+                {
+                    "name": scene.name,
+                    "layout": scene.layout,
+                    "unit": scene.unit,
+                    "usable_frames": len(scene),
+                    "absent_frames": list(scene.absent),
+                }
+                for scene in scenes
+            ],
+        },
+        "protocol": evaluation.plan.protocol,
+        "classes": evaluation.classes and {"name": evaluation.classes.name, "names": list(evaluation.classes.names)},
+        "results": [_result(rows, evaluation.classes) for rows in evaluation.rows],
+        "notes": list(evaluation.notes),
+        "versions": dict(evaluation.versions),
+        "hardware": dict(evaluation.hardware),
+        "frames": frame_list(evaluation.plan),
+    }
+
+
+def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
+    """The numbers of one number of views."""
+    numbers = _numbers(rows.method)
+    trivial = {name: _numbers(frames) for name, frames in rows.trivial.items()}
+    if classes is not None:
+        for name, frames in rows.trivial.items():
+            scored = zip(classes.names, class_scores(frames), strict=False)
+            trivial[name]["per_class_iou"] = {label: one.iou for label, one in scored if one.iou is not None}
+    scenes = dict.fromkeys(frame.scene for frame in rows.method)
+    entry = {
+        "views": rows.views,
+        **numbers,
+        "samples": len(rows.method),
+        **timing(rows.method),
+        "below_copy": below(numbers, trivial["copy"]),
+        "trivial": trivial,
+        "per_class": [],
+        "per_scene": [
+            {"scene": scene, **_metrics(these), "samples": len(these)}
+            for scene in scenes
+            for these in [[frame for frame in rows.method if frame.scene == scene]]
+        ],
+        "truth_sha256": rows.truth,
+        "per_frame": [record(frame) for frame in rows.method],
+    }
+    if classes is not None:
+        scores = class_scores(rows.method)
+        entry["per_class"] = [{"name": name, **asdict(one)} for name, one in zip(classes.names, scores, strict=False)]
+    return entry
+
+
+def timing(frames: Sequence[FrameScores]) -> dict[str, float | None]:
+    """Medians of the seconds over targets (the first ones compile), and frames per second of both kinds.
+
+    `fps_encoding_each` encodes anew for each target, as ray-marching methods must; `fps_encoding_shared` is drawing alone,
+    where many targets are drawn from one encoding.
+    """
+    encode, render = (
+        median(known) if (known := [value for value in times if value is not None]) else None
+        for times in ([frame.seconds_encode for frame in frames], [frame.seconds_render for frame in frames])
+    )
+    both = None if encode is None or render is None else encode + render
+    return {
+        "seconds_encode": seconds(encode),
+        "seconds_render": seconds(render),
+        "fps_encoding_each": round(1 / both, 4) if both else None,
+        "fps_encoding_shared": round(1 / render, 4) if render else None,
+    }
+
+
+def below(numbers: Mapping[str, Any], copy: Mapping[str, Any]) -> list[str]:
+    """The metrics that are worse than those of the oracle that copies the nearest input view."""
+    worse = []
+    for name in COMPARED:
+        ours, theirs = numbers.get(name), copy.get(name)
+        if ours is not None and theirs is not None and (ours > theirs if name in LOWER_IS_BETTER else ours < theirs):
+            worse.append(name)
+    return worse
+
+
+def _numbers(frames: Sequence[FrameScores]) -> dict[str, Any]:
+    """The metrics of a row, with their intervals."""
+    found = intervals(frames)
+    return {
+        **_metrics(frames),
+        "intervals": {name: _ends(found[name]) for name in METRICS if name in found},
+        "intervals_over": units(frames),
+    }
+
+
+def _ends(interval: Interval) -> list[float | None]:
+    """The ends of an interval."""
+    return [finite(interval.low), finite(interval.high)]
+
+
+def _metrics(frames: Sequence[FrameScores]) -> dict[str, float | None]:
+    """All metrics, None where there is none."""
+    values = summary(frames)
+    return {name: finite(values.get(name)) for name in METRICS}
+
+
+@dataclass(frozen=True, eq=False)
+class SavedResult:
+    """One number of views of a report that was read back.
+
+    Attributes:
+        views: the number of contexts.
+        numbers: of the method: its entry in `results`.
+        trivial: of the trivial rows, by name.
+        frames: the scores of each target.
+        truth: the hash of what they were compared with.
+    """
+
+    views: int
+    numbers: Mapping[str, Any]
+    trivial: Mapping[str, Mapping[str, Any]]
+    frames: tuple[FrameScores, ...]
+    truth: str
+
+
+@dataclass(frozen=True, eq=False)
+class SavedReport:
+    """A report that was read back.
+
+    Attributes:
+        path: of its file.
+        name: of what was evaluated.
+        protocol: in words.
+        sizes: (height, width) of each scene [px].
+        classes: the name of the class table, None without labels.
+        results: by number of views.
+        data_name: what its data are called: the last part of their path, or the scene.
+        hardware: what it was computed on; nothing in reports of older versions.
+        sha256: of the weights' file; None for predictions.
+    """
+
+    path: Path
+    name: str
+    protocol: str
+    sizes: Mapping[str, tuple[int, int]]
+    classes: str | None
+    results: Mapping[int, SavedResult]
+    data_name: str = "data"
+    hardware: Mapping[str, str | int] = field(default_factory=dict)
+    sha256: str | None = None
+
+
+def read_report(path: str | Path) -> SavedReport:
+    """A report.json of `semgs evaluate`.
+
+    Raises:
+        InputError: the file cannot be read, or is none or of another version.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "report.json"
+    content = read_json(path, "the report.json of an evaluation")
+    if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):
+        found = content.get("format") if isinstance(content, dict) else type(content).__name__
+        raise InputError(path, f"a report of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")
+    try:
+        return saved_report(path, content)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise InputError(path, "a whole report of semgs evaluate", f"{type(error).__name__}: {error}") from error
+
+
+def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
+    """The report that a file holds or will hold.
+
+    Args:
+        path: of the file.
+        content: as `report_numbers` makes it.
+
+    Raises:
+        KeyError, TypeError, ValueError, IndexError, AttributeError: it is no whole report.
+    """
+    classes = content["classes"]
+    count = len(classes["names"]) if classes else 0
+    for entry in content["results"]:
+        for row in (entry, *entry["trivial"].values()):
+            for name in METRICS:
+                number(
+                    row.get(name) if name in SEEN_METRICS else row[name]
+                )  # reports of older versions have none of these
+        number(entry["fps_encoding_each"])
+        if entry["intervals_over"] not in ("scenes", "frames"):
+            raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
+    results = {
+        int(entry["views"]): SavedResult(
+            views=int(entry["views"]),
+            numbers=entry,
+            trivial={name: entry["trivial"][name] for name in NAMES if name in entry["trivial"]},
+            frames=tuple(frame_of(frame, count) for frame in entry["per_frame"]),
+            truth=str(entry["truth_sha256"]),
+        )
+        for entry in content["results"]
+    }
+    return SavedReport(
+        path=path,
+        name=str(content["method"]["name"]),
+        protocol=str(content["protocol"]),
+        sizes={one["scene"]: (int(one["size"][0]), int(one["size"][1])) for one in content["frames"]["scenes"]},
+        classes=classes["name"] if classes else None,
+        results=results,
+        data_name=data_name(str(content["data"]["path"]), [str(one["name"]) for one in content["data"]["scenes"]]),
+        hardware=dict(content.get("hardware", {})),
+        sha256=content["method"].get("sha256"),
+    )
+
+
+def data_name(path: str, scenes: Sequence[str]) -> str:
+    """What data are called: the scene, where there is one, or the last part of the folder's path."""
+    parts = [part for part in path.replace("\\", "/").split("/") if part not in ("", ".", "..")]
+    return scenes[0] if len(scenes) == 1 or not parts else parts[-1]

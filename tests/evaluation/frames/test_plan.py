@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from semgs.data.scene import Scene
+from semgs.evaluation.frames.plan import Plan, Task, frame_list, make_plan, pinned_plan
+from semgs.evaluation.frames.protocols import Sample, neighbours
+from semgs.files.errors import InputError
+
+MakeScene = Callable[..., Scene]
+
+
+def told(plan: Plan) -> list[tuple]:
+    return [(task.scene.name, task.size, task.target, task.contexts) for task in plan.tasks]
+
+
+@pytest.fixture
+def scenes(make_scene: MakeScene) -> tuple[Scene, Scene]:
+    return make_scene("attic", frames=5), make_scene("hall", frames=4, size=(48, 36))
+
+
+def test_landscape_scenes_are_compared_at_240x320_and_portrait_ones_at_320x240(scenes: tuple[Scene, Scene]):
+    plan = make_plan("neighbours", neighbours, scenes, (2,))
+    assert {task.scene.name: task.size for task in plan.tasks} == {"attic": (240, 320), "hall": (320, 240)}
+    asked = make_plan("neighbours", neighbours, scenes, (2,), (64, 96))
+    assert {task.size for task in asked.tasks} == {(64, 96)}
+
+
+def test_tasks_are_in_the_order_of_views_scenes_and_frames(scenes: tuple[Scene, Scene]):
+    plan = make_plan("neighbours", neighbours, scenes, (3, 2, 3))
+    assert plan.views == (2, 3)
+    assert [(task.views, task.stem) for task in plan.tasks] == [
+        (2, "N2/attic/001"), (2, "N2/attic/002"), (2, "N2/attic/003"), (2, "N2/hall/001"), (2, "N2/hall/002"),
+        (3, "N3/attic/001"), (3, "N3/attic/002"), (3, "N3/attic/003"), (3, "N3/hall/001"), (3, "N3/hall/002"),
+    ]  # fmt: skip
+
+
+def test_a_plan_survives_its_file_and_a_report_serves_as_one(scenes: tuple[Scene, Scene], tmp_path: Path):
+    plan = make_plan("neighbours", neighbours, scenes, (2, 3), (64, 96))
+    for name, content in (("frames", frame_list(plan)), ("report", {"results": [], "frames": frame_list(plan)})):
+        (tmp_path / name).write_text(json.dumps(content))
+        again = pinned_plan(tmp_path / name, scenes)
+        assert told(again) == told(plan)
+        assert again.protocol == "pinned: neighbours"
+    assert told(pinned_plan(tmp_path / "frames", scenes, (3,))) == told(plan)[5:]
+    assert {task.size for task in pinned_plan(tmp_path / "frames", scenes, size=(32, 48)).tasks} == {(32, 48)}
+
+
+def test_frames_are_pinned_by_name_whatever_else_the_scene_holds(make_scene: MakeScene, tmp_path: Path):
+    plan = make_plan("neighbours", neighbours, [make_scene("attic", frames=4)], (2,))
+    (tmp_path / "frames.json").write_text(json.dumps(frame_list(plan)))
+    longer = make_scene("more/attic", frames=6, change=lambda file: file["frames"].reverse())
+    again = pinned_plan(tmp_path / "frames.json", [longer])
+    assert told(again) == told(plan)
+    assert again.tasks[0].sample == Sample((5, 3), 4)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda file: file.update(format="x"), "format: expected format 'semgs.frames', version 1"),
+        (lambda file: file["scenes"][0].update(scene="cellar"), "scenes[0].scene: expected one of the scenes attic, hall"),
+        (lambda file: file["scenes"][1]["samples"][0].update(target="009.png"), "scenes[1].samples[0]: expected frames of hall"),
+        (lambda file: file["scenes"][0]["samples"][1]["contexts"].append("images/002.png"), "expected different frames"),
+        (lambda file: file["scenes"][0]["samples"][1].update(contexts=["images/000.png"]), "two or more contexts, by name"),
+        (lambda file: file["scenes"][0].update(size=[64]), "scenes[0].size: expected height and width"),
+        (lambda file: file.update(scenes=[]), "frames.scenes: expected a list"),
+        (lambda file: file["scenes"][0]["samples"].append(file["scenes"][0]["samples"][0]), "targets whose file names differ"),
+    ],
+)  # fmt: skip
+def test_a_list_of_frames_that_cannot_be_is_refused_where_it_is_wrong(
+    scenes: tuple[Scene, Scene], tmp_path: Path, change: Callable[[dict], object], told: str
+):
+    content = frame_list(make_plan("neighbours", neighbours, scenes, (2,)))
+    change(content)
+    (tmp_path / "frames.json").write_text(json.dumps(content))
+    with pytest.raises(InputError) as caught:
+        pinned_plan(tmp_path / "frames.json", scenes)
+    assert told in str(caught.value)
+
+
+def test_numbers_of_views_that_are_not_pinned_are_refused(scenes: tuple[Scene, Scene], tmp_path: Path):
+    (tmp_path / "frames.json").write_text(json.dumps(frame_list(make_plan("n", neighbours, scenes, (2, 3)))))
+    with pytest.raises(InputError, match="expected samples of 4 views, found of 2, 3 only"):
+        pinned_plan(tmp_path / "frames.json", scenes, (2, 4))
+
+
+def test_two_targets_whose_files_would_have_one_name_are_refused(make_scene: MakeScene):
+    def twice(file: dict) -> None:
+        file["frames"][2]["file_path"] = "labels/001.png"
+
+    scene = make_scene("attic", frames=4, change=twice, size=(36, 48))
+    with pytest.raises(InputError, match=r"found images/001\.png and labels/001\.png"):
+        make_plan("neighbours", neighbours, [scene], (2,))
+
+
+def test_a_name_with_dots_keeps_them_in_its_files(make_scene: MakeScene):
+    scene = make_scene("attic", frames=3)
+    task = Task(scene, (36, 48), Sample((0, 2), 1))
+    object.__setattr__(scene.frames[1], "name", "images/IMG.2024.01.png")
+    assert task.stem == "N2/attic/IMG.2024.01"

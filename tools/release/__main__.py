@@ -1,0 +1,86 @@
+"""The program of release work.
+
+    python -m tools.release card                                             docs/model_card.md, from the reports in docs/scores
+    python -m tools.release card --report "validation rooms" eval/report.json   keep a report there first, reduced
+    python -m tools.release ship runs/small/best.safetensors small --description "..."   weights into the package
+    python -m tools.release failures                                         where weights fail, into the card
+    python -m tools.release failures small --data SCENES --out look.jpg      in other labelled scenes; the card stays
+    python -m tools.release notice ROOMS/ATTRIBUTION.md [...]                NOTICE, from rooms that weights are trained in
+    python -m tools.release demo OUT                                         docs/images/demo.png, from what `semgs demo --out OUT` wrote
+
+A release runs them in this order, from the root.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from semgs.files.errors import InputError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a task; 2 where its input cannot be used."""
+    given = _parser().parse_args(arguments)
+    try:
+        _run(given)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run(given: argparse.Namespace) -> None:
+    """Run the task that was asked for."""
+    if given.task == "card":
+        from tools.release.card import write_card
+
+        write_card({title: Path(path) for title, path in given.report})
+    elif given.task == "ship":
+        from tools.release.ship import ship
+
+        header = {"description": given.description, "licence": given.licence}
+        ship(given.weights, given.name, header, given.data_terms)
+    elif given.task == "failures":
+        from tools.release.failures import write_failures
+
+        print(write_failures(given.weights, given.data, given.out))
+    elif given.task == "notice":
+        from tools.release.notice import write_notice
+
+        write_notice(given.attributions)
+    else:
+        from tools.release.demo import write_picture
+
+        write_picture(given.demo)
+
+
+def _parser() -> argparse.ArgumentParser:
+    """The tasks and their arguments."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.release", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    tasks = parser.add_subparsers(dest="task", required=True)
+    card = tasks.add_parser("card")
+    card.add_argument("--report", nargs=2, action="append", default=[], metavar=("TITLE", "REPORT.json"))
+    ship = tasks.add_parser("ship")
+    ship.add_argument("weights", type=Path)
+    ship.add_argument("name")
+    ship.add_argument("--description", required=True)
+    ship.add_argument("--licence", default="Apache-2.0")
+    ship.add_argument("--data-terms", nargs="+", default=(), metavar="TEXT")
+    failures = tasks.add_parser("failures")
+    failures.add_argument("weights", nargs="?", default="small")
+    failures.add_argument("--data", type=Path, metavar="DIR")
+    failures.add_argument("--out", type=Path, metavar="FILE.jpg")
+    notice = tasks.add_parser("notice")
+    notice.add_argument("attributions", nargs="+", type=Path, metavar="ATTRIBUTION.md")
+    demo = tasks.add_parser("demo")
+    demo.add_argument("demo", type=Path, metavar="OUT")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

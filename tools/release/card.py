@@ -1,0 +1,64 @@
+"""The tables of docs/model_card.md, from the reports in docs/scores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from semgs.evaluation.tables.card import card_grids
+from semgs.evaluation.tables.grid import printed
+from semgs.evaluation.tables.report import read_report
+from semgs.files.atomic import write_json
+from semgs.files.strict_json import read_json
+from tools.release.pages import CARD, SCORES, write_between
+
+BEGIN, END = "<!-- tables of docs/scores -->", "<!-- end of tables -->"
+"""Lines of the card between which the tables are."""
+
+
+def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
+    """A report without what it says of single targets, small enough to keep beside the card.
+
+    Args:
+        content: of a `report.json`, as `semgs.evaluation.tables.report.report_numbers` made it.
+        title: what its data are called, in place of their path.
+
+    Returns:
+        What `semgs.evaluation.tables.report.read_report` reads, with no frames.
+    """
+    frames = [{"scene": one["scene"], "size": one["size"], "samples": []} for one in content["frames"]["scenes"]]
+    return {
+        **content,
+        "data": {**content["data"], "path": title},
+        "results": [{**entry, "per_frame": []} for entry in content["results"]],
+        "frames": {**content["frames"], "scenes": frames},
+    }
+
+
+def tables(folder: Path) -> str:
+    """The tables of all reports in a folder, in Markdown.
+
+    Raises:
+        InputError: a report cannot be read.
+    """
+    grids = card_grids([read_report(path) for path in sorted(folder.glob("*.json"))])
+    return "\n\n".join(printed(grid, "markdown") for grid in grids)
+
+
+def write_card(reports: Mapping[str, Path]) -> None:
+    """Write the tables into the card.
+
+    Args:
+        reports: to keep in docs/scores first, by title; one of the same title is replaced. Those of older weights are to be deleted by hand.
+
+    Raises:
+        InputError: a report cannot be read.
+    """
+    for title, path in reports.items():
+        read_report(path)  # refuses what is none
+        SCORES.mkdir(exist_ok=True)
+        content = read_json(path, "the report.json of an evaluation")
+        assert isinstance(content, dict)
+        write_json(SCORES / f"{title.replace(' ', '_')}.json", reduced(content, title))
+    write_between(CARD, tables(SCORES), BEGIN, END)

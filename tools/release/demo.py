@@ -1,0 +1,47 @@
+"""docs/images/demo.png, from the folder that `semgs demo` wrote: rows are the input views, then those held out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from semgs.figures.depth import depth_limits, depth_picture
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+from semgs.files.pictures import png_bytes, read_rgb, read_uint16
+from tools.release.pages import DOCS
+
+TILE = (180, 240)
+"""(height, width) of each picture [px]."""
+
+
+def write_picture(demo: Path) -> None:
+    """Write the picture; errors as `drawn`."""
+    write_bytes(DOCS / "images" / "demo.png", png_bytes(drawn(demo)))
+
+
+def drawn(demo: Path) -> np.ndarray:
+    """The picture [h w 3], RGB: photo, render, classes and depth of each view side by side.
+
+    Raises:
+        InputError: the folder is none of `semgs demo`.
+    """
+    renders = demo / "renders"
+    if not renders.is_dir():
+        raise InputError(demo, "a folder that semgs demo wrote", "no renders/ in it")
+    views = [
+        (renders / f"{path.name.removesuffix('_image.png')}", "input" if path.name.startswith("context") else "truth")
+        for path in sorted(renders.glob("*_image.png"))
+    ]
+    depths = [read_uint16(Path(f"{view}_depth.png")).astype(np.float32) / 1000 for view, _ in views]
+    limits = depth_limits(depths)
+    rows = []
+    for (view, photo), depth in zip(views, depths, strict=True):
+        tiles = [read_rgb(Path(f"{view}_{name}.png")) for name in (photo, "image", "classes")]
+        tiles.append(depth_picture(depth, limits))
+        rows.append(
+            np.concatenate([cv2.resize(tile, TILE[::-1], interpolation=cv2.INTER_AREA) for tile in tiles], axis=1)
+        )
+    return np.concatenate(rows)

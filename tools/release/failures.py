@@ -1,0 +1,243 @@
+"""Where weights fail, and what they take for what: docs/images/failures.jpg and the part "Failures" of docs/model_card.md.
+
+The rooms are drawn here, from the seed of validation, in the world that nothing is trained in, without assets: anyone may show them. The
+same weights give the same bytes on the same machine.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from PIL import Image
+
+from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.scenes import open_scenes
+from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.protocols import neighbours
+from semgs.evaluation.page.figure import Compared, Part, comparison_legend
+from semgs.evaluation.run import network_candidate
+from semgs.evaluation.scoring.scores import FrameScores, score
+from semgs.evaluation.scoring.summary import summary, total_confusion
+from semgs.figures.classes import class_picture, true_class_picture
+from semgs.figures.comparison import Block, PictureRow, comparison
+from semgs.figures.depth import depth_limits, depth_picture
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+from semgs.reconstruction.renders import as_bytes
+from semgs.rooms.sets.dataset import Recipe, write_dataset
+from semgs.training.settings import VALIDATION_SEED
+from semgs.weights.index import SHOWN
+from tools.release.pages import CARD, DOCS, write_between
+
+BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"
+"""Lines of the model card between which they stand."""
+
+HEADINGS = ("truth", "picture", "true classes", "classes", "depth")
+"""Of the columns of the sheet."""
+
+WIDTH = 1200
+"""Of the sheet [px]; pages show no more of it."""
+
+QUALITIES = range(95, 45, -5)
+"""Of a JPEG, the best first."""
+
+PICTURE = DOCS / "images" / "failures.jpg"
+
+SCENES, SIZE, FRAMES, VIEWS = 16, (240, 320), 4, 2
+"""Rooms that are drawn: with so many frames of this (height, width) [px]; each inner one is a target, from so many views."""
+
+ROWS, MISTAKES, BYTES = 5, 8, 200_000
+"""Targets on the picture, lines of the table, and the picture's largest size."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A class that is taken for another.
+
+    Attributes:
+        true: what it is.
+        given: what it is taken for.
+        share: of all labelled pixels, 0..1.
+        of_class: of the pixels of the true class, 0..1.
+    """
+
+    true: str
+    given: str
+    share: float
+    of_class: float
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A target, what one method says of it, and how that turned out.
+
+    Attributes:
+        shown: with the prediction of this method alone.
+        scores: of the prediction.
+    """
+
+    shown: Compared
+    scores: FrameScores
+
+    @property
+    def miou(self) -> float:
+        """Mean IoU over the classes that the target's truth shows."""
+        return summary([self.scores])["miou_per_image"]
+
+
+def write_failures(weights: str, data: Path | None = None, out: Path | None = None) -> str:
+    """Write the picture, and unless it goes elsewhere the card, and give the card's text.
+
+    Args:
+        weights: a file, or the name of those inside the package.
+        data: labelled scenes in place of the rooms that are drawn here.
+        out: the picture in place of the card's.
+
+    Raises:
+        InputError: weights or scenes cannot be used, or only one of `data` and `out` is given.
+    """
+    if (data is None) != (out is None):
+        raise InputError("failures", "--data and --out together", "one of them")
+    found, sha256 = targets(weights, data)
+    text = told(found, sha256)
+    write_bytes(out or PICTURE, sheet(worst(found, ROWS), BYTES))
+    if out is None:
+        write_between(CARD, text, BEGIN, END)
+    return text
+
+
+def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
+    """What weights say of all targets of some scenes, or of rooms that are drawn for it; and the hash of their file.
+
+    Raises:
+        InputError: the weights or scenes cannot be used, or no weights of that name ship.
+    """
+    with TemporaryDirectory() as drawn:
+        if data is None:
+            write_dataset(drawn, Recipe(VALIDATION_SEED, SIZE, FRAMES, "other"), SCENES)
+        scenes = open_scenes(data or drawn)
+        classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
+        plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
+        try:
+            candidate = network_candidate(weights, classes, "cpu")
+        except ValueError as error:
+            raise InputError(weights, "weights", str(error)) from error
+        found = judged(Part("", plan, (candidate.method,), classes).compare())
+    if not found:
+        raise InputError(data or drawn, "labelled scenes", "none with labels")
+    return found, str(candidate.subject.sha256)
+
+
+def told(found: tuple[Judged, ...], sha256: str) -> str:
+    """What the card says of them, but for the picture."""
+    scores = [one.scores for one in found]
+    scenes = len({one.scene for one in scores})
+    return (
+        f"{len(found)} targets in {scenes} rooms, weights {sha256[:SHOWN]}: mIoU {summary(scores)['miou']:.3f}, "
+        f"accuracy {summary(scores)['accuracy']:.3f}. The commonest mistakes:\n\n{mistakes_table(found, MISTAKES)}"
+    )
+
+
+def judged(frames: Sequence[Compared]) -> tuple[Judged, ...]:
+    """Targets with the scores of the first method's predictions; those without labels are left out."""
+    return tuple(
+        Judged(one, score(one.task, one.predictions[0], one.target)) for one in frames if one.target.labels is not None
+    )
+
+
+def worst(targets: Sequence[Judged], count: int) -> tuple[Judged, ...]:
+    """The targets with the smallest mIoU, the worst first; at most one of each scene, as frames of one scene fail alike."""
+    of_scene: dict[str, Judged] = {}
+    for one in sorted(targets, key=lambda one: one.miou):
+        of_scene.setdefault(one.scores.scene, one)
+    return tuple(of_scene.values())[:count]
+
+
+def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[Mistake, ...]:
+    """Every pair of a true class and another that its pixels are given, those of most pixels first."""
+    confusion, truth = total_confusion(frames)
+    wrong = confusion.copy()
+    np.fill_diagonal(wrong, 0)
+    pairs = sorted(np.argwhere(wrong).tolist(), key=lambda pair: -wrong[tuple(pair)])
+    return tuple(
+        Mistake(
+            true=classes.names[row],
+            given=classes.names[column],
+            share=float(wrong[row, column] / truth.sum()),
+            of_class=float(wrong[row, column] / truth[row]),
+        )
+        for row, column in pairs
+    )
+
+
+def caption(target: Judged, most: int = 3) -> str:
+    """A line below a target's pictures: its scores, and which classes were taken for which."""
+    values = summary([target.scores])
+    told = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
+    if "depth_abs_rel" in values:
+        told.append(f"depth error {values['depth_abs_rel']:.2f}")
+    taken = [
+        f"{one.true} → {one.given} {100 * one.share:.0f} %"
+        for one in mistakes([target.scores], target.shown.classes)[:most]
+    ]
+    return "; ".join([", ".join(told), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
+
+
+def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
+    """A JPEG of some targets, each a row of pictures with its caption, and the legend of the classes below.
+
+    Args:
+        targets: at least one, whose predictions have classes, and colour and depth or not.
+        most_bytes: that it may be long; it has the best quality that allows it.
+
+    Raises:
+        ValueError: there are no targets, or they do not fit.
+    """
+    block = Block("", HEADINGS, tuple(_row(one) for one in targets))
+    png = comparison([block], comparison_legend([one.shown for one in targets]))["png"]
+    with Image.open(io.BytesIO(png)) as opened:
+        size = (WIDTH, round(opened.height * WIDTH / opened.width))
+        pixels = opened.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    for quality in QUALITIES:
+        buffer = io.BytesIO()
+        pixels.save(buffer, "JPEG", quality=quality, optimize=True, progressive=True)
+        if buffer.tell() <= most_bytes:
+            return buffer.getvalue()
+    raise ValueError(f"{len(targets)} rows of pictures do not fit into {most_bytes} bytes; take fewer")
+
+
+def mistakes_table(targets: Sequence[Judged], most: int) -> str:
+    """The commonest mistakes of all targets together, in Markdown.
+
+    Args:
+        targets: at least one.
+        most: rows.
+    """
+    found = mistakes([one.scores for one in targets], targets[0].shown.classes)[:most]
+    rows = [f"| {one.true} | {one.given} | {100 * one.share:.1f} % | {100 * one.of_class:.0f} % |" for one in found]
+    return "\n".join(
+        ["| what it is | taken for | of all labelled pixels | of its class |", "|---|---|---:|---:|", *rows]
+    )
+
+
+def _row(target: Judged) -> PictureRow:
+    """The pictures of a target, in the order of `HEADINGS`."""
+    one = target.shown
+    said = one.predictions[0]
+    assert one.target.labels is not None
+    assert said.labels is not None
+    span = said.depths if one.target.depths is None else one.target.depths[0]
+    limits = depth_limits([] if span is None else [span.numpy()])
+    pictures = (
+        as_bytes(one.target.images[0]),
+        None if said.image is None else as_bytes(said.image),
+        true_class_picture(one.target.labels[0].numpy(), one.classes),
+        class_picture(said.labels.numpy(), one.classes),
+        None if said.depths is None else depth_picture(said.depths.numpy(), limits),
+    )
+    return PictureRow(one.task.truth_stem, pictures, caption(target))
