@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,73 +45,85 @@ class Shot:
     labels: MapSource | None = None
 
 
-def recorded(
-    path: Path,
-    layout: str,
-    shots: Sequence[Shot],
-    lens: Callable[[Path, tuple[int, int]], Lens],
-    *,
-    name: str,
-    unit: str,
-    classes: ClassTable | None = None,
-    notes: Iterable[str] = (),
-) -> Scene:
-    """The scene of a recording: the shots that have a picture and a pose, in their order.
+@dataclass(frozen=True, eq=False)
+class ShotList:
+    """A recording as its files list it.
 
-    Args:
+    Attributes:
         path: the recording.
         layout: what it is.
-        shots: what it lists.
-        lens: the lens of a picture (path, size).
         name: of the scene.
         unit: "metric" or "unknown".
+        shots: in their order.
+        lens: the lens of a picture (path, size).
         classes: the table of its labels, where it has any.
         notes: what else the user should be told.
-
-    Raises:
-        InputError: a pose is no rigid motion, a picture has another size than its camera, or fewer than two frames are left.
     """
-    posed = [shot for shot in shots if shot.pose is not None and np.isfinite(shot.pose).all()]
-    lost = [shot.name for shot in shots if shot.pose is not None and not np.isfinite(shot.pose).all()]
-    unposed = [shot.name for shot in shots if shot.pose is None]
-    poses = _poses(posed)
-    lenses: dict[tuple[int, int], Lens] = {}
-    frames, absent, mapless, unlabelled = [], [], [], []
-    for shot, pose in zip(posed, poses, strict=True):
-        if not shot.picture.is_file():
-            absent.append(shot.name)
-            continue
-        header = read_header(shot.picture)
-        is_turned(shot.picture, header, header.size)  # refuses an EXIF rotation, which nobody says whether to apply
-        if header.size not in lenses:
-            lenses[header.size] = lens(shot.picture, header.size)
-        if shot.depth is None:
-            mapless.append(shot.name)
-        if shot.labels is None:
-            unlabelled.append(shot.name)
-        frames.append(Frame(shot.name, shot.picture, lenses[header.size], pose, shot.depth, shot.labels))
-    counted = [
-        (lost, "have a pose that is no number and are left out"),
-        (unposed, "have no pose and are left out"),
-        (absent, "have no picture"),
-        (mapless if 0 < len(mapless) < len(frames) else [], "have no depth map"),
-        (unlabelled if 0 < len(unlabelled) < len(frames) else [], "have no class map"),
-    ]
-    told = [f"{len(names)} of {len(shots)} frames {what}, the first is {names[0]}." for names, what in counted if names]
-    if len(frames) < 2:
-        raise InputError(
-            path, "at least two usable frames", f"{len(frames)}", layout, advice=" ".join(told[:3]) or None
+
+    path: Path
+    layout: str
+    name: str
+    unit: str
+    shots: Sequence[Shot]
+    lens: Callable[[Path, tuple[int, int]], Lens]
+    classes: ClassTable | None = None
+    notes: Sequence[str] = ()
+
+    def scene(self) -> Scene:
+        """The scene of the shots that have a picture and a pose.
+
+        Raises:
+            InputError: a pose is no rigid motion, a picture has another size than its camera, or fewer than two frames are left.
+        """
+        posed = [shot for shot in self.shots if shot.pose is not None and np.isfinite(shot.pose).all()]
+        lost = [shot.name for shot in self.shots if shot.pose is not None and not np.isfinite(shot.pose).all()]
+        unposed = [shot.name for shot in self.shots if shot.pose is None]
+        poses = _poses(posed)
+        lenses: dict[tuple[int, int], Lens] = {}
+        frames, absent, mapless, unlabelled = [], [], [], []
+        for shot, pose in zip(posed, poses, strict=True):
+            if not shot.picture.is_file():
+                absent.append(shot.name)
+                continue
+            header = read_header(shot.picture)
+            is_turned(shot.picture, header, header.size)  # refuses an EXIF rotation, which nobody says whether to apply
+            if header.size not in lenses:
+                lenses[header.size] = self.lens(shot.picture, header.size)
+            if shot.depth is None:
+                mapless.append(shot.name)
+            if shot.labels is None:
+                unlabelled.append(shot.name)
+            frames.append(Frame(shot.name, shot.picture, lenses[header.size], pose, shot.depth, shot.labels))
+        counted = [
+            (lost, "have a pose that is no number and are left out"),
+            (unposed, "have no pose and are left out"),
+            (absent, "have no picture"),
+            (mapless if 0 < len(mapless) < len(frames) else [], "have no depth map"),
+            (unlabelled if 0 < len(unlabelled) < len(frames) else [], "have no class map"),
+        ]
+        told = [
+            f"{len(names)} of {len(self.shots)} frames {what}, the first is {names[0]}."
+            for names, what in counted
+            if names
+        ]
+        if len(frames) < 2:
+            raise InputError(
+                self.path,
+                "at least two usable frames",
+                f"{len(frames)}",
+                self.layout,
+                advice=" ".join(told[:3]) or None,
+            )
+        return Scene(
+            path=self.path,
+            name=self.name,
+            layout=self.layout,
+            unit=self.unit,
+            frames=tuple(frames),
+            classes=self.classes if len(unlabelled) < len(frames) else None,
+            absent=tuple(absent),
+            notes=(*self.notes, *told),
         )
-    return Scene(
-        path=path,
-        name=name,
-        layout=layout,
-        unit=unit,
-        frames=tuple(frames),
-        classes=classes if len(unlabelled) < len(frames) else None,
-        absent=tuple(absent),
-        notes=(*notes, *told),
-    )
 
 
 def numbered(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -> dict[int, Path]:

@@ -20,7 +20,7 @@ from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
 from semgs.data.layouts.parts.calibrations import asked_calibration
 from semgs.data.layouts.parts.fields import parsed
-from semgs.data.layouts.parts.recordings import Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.parts.recordings import Shot, ShotList, numbered, sequence_name
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.replica.classes import IDS, NYU40
 from semgs.data.layouts.scannet.labels import labels_of_ids
@@ -80,11 +80,11 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         for number in sorted({*colours, *range(len(trajectory))})
     ]
     unknown = sorted(set(names.values()) - NYU40.keys())
-    scene = recorded(
-        path,
-        LAYOUT,
-        shots,
-        given.lens if given else partial(_lens, row=PEERS_ROW if ROW_229 in as_peers else 0.5),
+    scene = ShotList(
+        path=path,
+        layout=LAYOUT,
+        shots=shots,
+        lens=given.lens if given else partial(_lens, row=PEERS_ROW if ROW_229 in as_peers else 0.5),
         name=sequence_name(path),
         unit="metric",
         classes=SCANNET20,
@@ -96,7 +96,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
             ),
             *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
         ],
-    )
+    ).scene()
     return scene if unread is None else replace(scene, classes=None, unread_labels=unread)
 
 

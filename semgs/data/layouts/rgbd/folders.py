@@ -23,7 +23,7 @@ import numpy as np
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, recorded, sequence_name
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, sequence_name
 from semgs.data.layouts.parts.trajectories import Trajectory, read_pose, read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
@@ -112,20 +112,20 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
     maps = {
         picture: DepthMap(path, unit or MILLIMETRE, rotated=files.source == "SUN3D") for picture, path in depths.items()
     }
-    return recorded(
-        path,
-        LAYOUT,
-        [
+    return ShotList(
+        path=path,
+        layout=LAYOUT,
+        shots=[
             replace(shot, depth=maps.get(shot.picture))
             for shot in (
                 _shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses)
             )
         ],
-        calibration.lens,
+        lens=calibration.lens,
         name=sequence_name(path),
         unit="metric" if depths else "unknown",
         notes=notes,
-    )
+    ).scene()
 
 
 def _files(path: Path) -> Files | None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, numbered, recorded, sequence_name
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, numbered, sequence_name
 from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
@@ -70,10 +70,10 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
             + ", and the 2.5 cm between the two are not accounted for."
         )
     unit = asked.depth_unit or (calibration and calibration.depth_unit) or MILLIMETRE
-    return recorded(
-        path,
-        LAYOUT,
-        [
+    return ShotList(
+        path=path,
+        layout=LAYOUT,
+        shots=[
             Shot(
                 colour.name,
                 colour,
@@ -83,11 +83,11 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
             )
             for number, colour in colours.items()
         ],
-        (calibration or KINECT_COLOUR).lens,
+        lens=(calibration or KINECT_COLOUR).lens,
         name=sequence_name(path),
         unit="metric",
         notes=notes,
-    )
+    ).scene()
 
 
 def _depth(path: Path | None, unit: float, lens: Lens | None) -> MapSource | None:

@@ -20,7 +20,7 @@ from semgs.data.asked import Asked
 from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
 from semgs.data.layouts.parts.numbers import lines
-from semgs.data.layouts.parts.recordings import Shot, recorded, sequence_name
+from semgs.data.layouts.parts.recordings import Shot, ShotList, sequence_name
 from semgs.data.layouts.parts.trajectories import Trajectory, read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
@@ -73,10 +73,10 @@ def open_tum(path: Path, asked: Asked) -> Scene:
         if (path / depths[other]).is_file()
     }
     calibration, why = _calibration(path, asked)
-    return recorded(
-        path,
-        LAYOUT,
-        [
+    return ShotList(
+        path=path,
+        layout=LAYOUT,
+        shots=[
             Shot(
                 name,
                 path / name,
@@ -86,11 +86,11 @@ def open_tum(path: Path, asked: Asked) -> Scene:
             )
             for index, name in enumerate(names)
         ],
-        calibration.lens,
+        lens=calibration.lens,
         name=sequence_name(path),
         unit="metric",
         notes=why,
-    )
+    ).scene()
 
 
 def _calibration(path: Path, asked: Asked) -> tuple[Calibration, list[str]]:
