@@ -26,9 +26,9 @@ from semgs.evaluation.scoring.summary import summary, total_confusion
 from semgs.figures.classes import class_picture, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, comparison
 from semgs.figures.depth import depth_limits, depth_picture
+from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
-from semgs.reconstruction.renders import as_bytes
 from semgs.rooms.dataset import Recipe, write_dataset
 from semgs.training.settings import VALIDATION_SEED
 from semgs.weights.index import SHOWN
