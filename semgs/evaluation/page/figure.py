@@ -94,7 +94,7 @@ def compared(
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class FigurePart:
     """What a figure shows of one data set.
 
     Attributes:
