@@ -924,8 +924,8 @@ MUTANTS = (
         "a wall in front hides nothing", COVISIBILITY, "HIDDEN = 1.1", "HIDDEN = 100", OF_COVISIBILITY,
     ),
     Mutant(
-        "classes over the seen pixels are over all", VIEW_SCORES,
-        "labels.masked_fill(~seen, IGNORE)", "labels", OF_VIEW_SCORES,
+        "classes over the seen pixels are over all", "semgs/objectives/maps.py",
+        "truth.labels.masked_fill(~seen, IGNORE)", "truth.labels", OF_VIEW_SCORES,
     ),
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,

@@ -1,1 +1,1 @@
-"""Bench: how long things take, how much memory they need, and whether that is what was aimed at."""
+"""Bench: how long things take, and how much memory they need."""

@@ -18,7 +18,7 @@ from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
-    from semgs.evaluation.tables.ablation import Row
+    from semgs.evaluation.tables.ablation import AblationRow
     from semgs.evaluation.tables.report import SavedReport
     from semgs.training.settings import TrainingSettings
 
@@ -158,14 +158,14 @@ class Ablate:
         if not finished(self.full):
             raise UsageError(f"--full {self.full} is not finished; the same semgs train goes on with it")
 
-    def _folder(self, row: Row, seed: int) -> Path:
+    def _folder(self, row: AblationRow, seed: int) -> Path:
         return self.out / f"seed_{seed}" / row.name
 
-    def _run(self, row: Row, seed: int) -> Path:
+    def _run(self, row: AblationRow, seed: int) -> Path:
         """Where a row is trained."""
         return self.full if self.full is not None and row.name == "full" else self._folder(row, seed) / RUN
 
-    def _train(self, title: str, row: Row, settings: TrainingSettings, ends: float | None) -> bool:
+    def _train(self, title: str, row: AblationRow, settings: TrainingSettings, ends: float | None) -> bool:
         """Train a row, or go on with it; whether it is finished."""
         from rich.console import Console
 
@@ -197,7 +197,7 @@ class Ablate:
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error
 
-    def _evaluate(self, row: Row, settings: TrainingSettings) -> None:
+    def _evaluate(self, row: AblationRow, settings: TrainingSettings) -> None:
         """Evaluate a row that is trained, if that was not done before."""
         from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
         from semgs.training.run import WEIGHTS
@@ -229,7 +229,7 @@ class Ablate:
             write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.workers, done=done)
         return self.out / ROOMS
 
-    def _table(self, runs: list[tuple[Row, int]]) -> str:
+    def _table(self, runs: list[tuple[AblationRow, int]]) -> str:
         """The table of all runs that are evaluated, which is also written."""
         from semgs.evaluation.tables.ablation import ablation_grid, steps_grid
         from semgs.evaluation.tables.compare import check_comparable

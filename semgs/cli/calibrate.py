@@ -20,7 +20,7 @@ from semgs.files.paths import existing_folder
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from semgs.evaluation.scoring.calibration import Calibration
+    from semgs.evaluation.scoring.confidence import TemperatureEffect
     from semgs.evaluation.tables.grid import Grid
 
 
@@ -69,7 +69,7 @@ class Calibrate:
         with show_stage("Starting"):
             from semgs.data.scene_lists import check_unseen
             from semgs.evaluation.run import labelled_scenes, plan_of
-            from semgs.evaluation.scoring.calibration import calibration, statements
+            from semgs.evaluation.scoring.confidence import statements, temperature_effect
             from semgs.evaluation.tables.grid import printed
             from semgs.files.atomic import write_bytes
             from semgs.weights.file import is_ours, read_header, restate
@@ -94,7 +94,7 @@ class Calibrate:
         with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
             said = statements(plan, model, done=done)
         known = held if self.out is None else None
-        found = {kind: calibration(said[kind], known[kind] if known else None) for kind in KINDS}
+        found = {kind: temperature_effect(said[kind], known[kind] if known else None) for kind in KINDS}
         if self.plot is not None:
             write_bytes(self.plot, _plot(found))
         if self.out is not None:
@@ -116,7 +116,7 @@ class Calibrate:
                 check_file(file)
 
 
-def _grid(found: Mapping[str, Calibration], data: str) -> Grid:
+def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
     """Temperature and errors of each kind."""
     from semgs.evaluation.tables.grid import Cell, Grid
 
@@ -127,7 +127,7 @@ def _grid(found: Mapping[str, Calibration], data: str) -> Grid:
     return Grid(f"Calibration, {data}", (), ("", "temperature", "ECE before", "ECE after"), rows)
 
 
-def _plot(found: Mapping[str, Calibration]) -> bytes:
+def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
     """The reliability plot of each kind."""
     from semgs.figures.reliability import ReliabilityPlot, reliability_png
 

@@ -24,7 +24,7 @@ from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.predictions import Method
-    from semgs.evaluation.page.figure import Compared, Part
+    from semgs.evaluation.page.figure import Compared, FigurePart
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
 """The columns of the figure about the smoothness of regions."""
@@ -165,7 +165,7 @@ class Figure:
             return self.weights, (WITHOUT, WITH)
         return (self.weights[index if len(self.weights) > 1 else 0],), ("ours",)
 
-    def _part(self, index: int) -> Part:
+    def _part(self, index: int) -> FigurePart:
         """What is drawn of one of the data.
 
         Raises:
@@ -174,7 +174,7 @@ class Figure:
         """
         from semgs.data.scene_lists import check_unseen
         from semgs.evaluation.frames.saved import SavedPredictions
-        from semgs.evaluation.page.figure import Part, chosen_tasks
+        from semgs.evaluation.page.figure import FigurePart, chosen_tasks
         from semgs.evaluation.run import labelled_scenes, network_candidate, plan_of
         from semgs.evaluation.tables.report import data_name
         from semgs.weights.load import find, table_of, trained_scenes
@@ -205,7 +205,7 @@ class Figure:
                 methods.append(network_candidate(one, classes, chosen_device(self.device), name).method)
         assert classes is not None
         title = self.names[index] if self.names else data_name(str(self.data[index]), [scene.name for scene in scenes])
-        return Part(title, plan, tuple(methods), classes)
+        return FigurePart(title, plan, tuple(methods), classes)
 
 
 def _after(before: int, done: Callable[[int], object], count: int) -> None:

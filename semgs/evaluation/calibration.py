@@ -1,4 +1,6 @@
-"""The old name of `semgs.evaluation.scoring.calibration`, for one release."""
+"""The old name of `semgs.evaluation.scoring.confidence`, for one release."""
 
-from semgs.evaluation.scoring.calibration import calibration as calibration
-from semgs.evaluation.scoring.calibration import statements as statements
+from semgs.evaluation.scoring.confidence import statements as statements
+from semgs.evaluation.scoring.confidence import temperature_effect as calibration
+
+__all__ = ["calibration", "statements"]

@@ -18,12 +18,13 @@ import io
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.figures.classes import class_picture, label_maps
+from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.pictures import write_png
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
@@ -41,11 +42,6 @@ def write_renders(folder: Path, result: Reconstruction) -> None:
     _write(folder, "context", "input", result.context, result.classes, result.metric)
     if result.target is not None:
         _write(folder, "target", "truth", result.target, result.classes, result.metric)
-
-
-def as_bytes(image: Float[Tensor, "3 h w"]) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture of 0..1 (clamped) as bytes with the channels last."""
-    return np.rint(255 * image.clamp(0, 1).permute(1, 2, 0).numpy()).astype(np.uint8)
 
 
 def millimetres(depths: Float[Tensor, "h w"]) -> np.ndarray:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from semgs.data.classes import IGNORE
-from semgs.figures.classes import class_picture, label_maps, legend, overlay, true_class_picture
-from semgs.figures.depth import depth_bar, depth_limits, depth_picture, depth_ticks
+from semgs.figures.classes import label_maps, legend, overlay
+from semgs.figures.depth import depth_bar, depth_limits, depth_ticks
 from semgs.figures.numbers import decibels, duration, length, percent
 from semgs.figures.page import (
     Block,
@@ -18,16 +18,15 @@ from semgs.figures.page import (
     Legend,
     Link,
     Links,
-    Notes,
     Picture,
     Scale,
     Section,
     Table,
     html_page,
 )
+from semgs.figures.views import as_bytes, class_map, depth_map, photo, please_note, true_class_map
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
-from semgs.reconstruction.renders import as_bytes
 from semgs.reconstruction.report import Origin, outputs
 from semgs.reconstruction.score_table import score_table, scores_lead
 from semgs.reconstruction.scores import by_measure, mean_scores
@@ -44,7 +43,7 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
     limits = depth_limits(_depth_maps(result))
     held_out = len(result.target.positions) if result.target else 0
     sections = [
-        *([Section("Please note", "", (Notes(result.notes),))] if result.notes else []),
+        *please_note(result.notes),
         Section("Input views", _own_lead(result), (*_galleries(result, True, limits), *_keys(result, maps, limits))),
         *([Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
         Section("Scores", scores_lead(result), (score_table(result),)),
@@ -124,24 +123,21 @@ def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -
     labels = None if result.classes is None else label_maps(shown.rendering)
     rows = []
     for index, (position, name) in enumerate(zip(shown.positions, shown.names, strict=True)):
-        photo = as_bytes(shown.views.images[index])
         pictures = [
-            Picture(photo, "photo (input)" if own else "photo (held out)", lossy=True),
-            Picture(as_bytes(shown.rendering.images[index]), "render", lossy=True),
+            photo(shown.views.images[index], "photo (input)" if own else "photo (held out)"),
+            photo(shown.rendering.images[index], "render"),
         ]
         more = []
         if labels is not None and result.classes is not None:
-            pictures.append(Picture(class_picture(labels[index], result.classes), "classes"))
+            pictures.append(class_map(labels[index], result.classes))
             if shown.views.labels is not None and shown.views.classes == result.classes:
-                truth = true_class_picture(shown.views.labels[index].numpy(), result.classes)
-                more.append(Picture(truth, "true classes"))
-        depths = shown.rendering.depths[index].numpy()
-        pictures.append(Picture(depth_picture(depths, limits), "depth", lossy=True))
+                more.append(true_class_map(shown.views.labels[index], result.classes))
+        pictures.append(depth_map(shown.rendering.depths[index], limits))
         if shown.views.depths is not None:
-            truth = depth_picture(shown.views.depths[index].numpy(), limits)
-            more.append(Picture(truth, "measured depth", lossy=True))
+            more.append(depth_map(shown.views.depths[index], limits, "measured depth"))
         if labels is not None and result.classes is not None:
-            more.append(Picture(overlay(photo, labels[index], result.classes), "classes over the photo", lossy=True))
+            tinted = overlay(as_bytes(shown.views.images[index]), labels[index], result.classes)
+            more.append(Picture(tinted, "classes over the photo", lossy=True))
         one = shown.scores[index]
         detail = f"frame {position}, PSNR {decibels(one.psnr)}, {percent(one.coverage)} seen"
         rows.append(Gallery(name, detail, tuple(pictures), tuple(more)))

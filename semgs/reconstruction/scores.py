@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from torch import Tensor
-
-from semgs.data.classes import IGNORE
 from semgs.data.views import Views
 from semgs.figures.classes import SEEN_ALPHA
-from semgs.objectives.metrics import accuracy, confusion_matrix, depth_scores, miou, psnr, psnr_seen
+from semgs.objectives.maps import Maps, map_scores
 from semgs.rendering.rendering import Rendering, likeliest
 
 
@@ -92,40 +89,33 @@ def by_measure(score: ViewScores) -> dict[str, float]:
 
 def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
     """The scores of one view."""
-    image, photo = rendering.images[index], truth.images[index]
-    seen = rendering.alphas[index] >= SEEN_ALPHA
-    ratio_seen = psnr_seen(image, photo, seen)
-    labelled: tuple[float | None, float | None] = (None, None)
-    labelled_seen = labelled
-    if truth.labels is not None and rendering.semantics is not None:
-        labels, count = truth.labels[index], rendering.semantics.shape[-3]
-        given = likeliest(rendering.semantics[index])
-        labelled = _class_scores(given, labels, count)
-        labelled_seen = _class_scores(given, labels.masked_fill(~seen, IGNORE), count)
-    depth = depth_seen = None
-    if truth.depths is not None:
-        depths, true_depths = rendering.depths[index], truth.depths[index]
-        depth = depth_scores(depths, true_depths)
-        depth_seen = depth_scores(depths, true_depths, seen)
-    return ViewScores(
-        psnr=float(psnr(image, photo)),
-        coverage=float(seen.double().mean()),
-        psnr_seen=None if ratio_seen is None else float(ratio_seen),
-        depth_error=None if depth_seen is None else depth_seen.abs_rel,
-        accuracy=labelled[0],
-        miou=labelled[1],
-        accuracy_seen=labelled_seen[0],
-        miou_seen=labelled_seen[1],
-        depth_abs_rel=None if depth is None else depth.abs_rel,
-        depth_pixels=0 if depth is None else depth.pixels,
-        depth_pixels_seen=0 if depth_seen is None else depth_seen.pixels,
+    given = Maps(
+        image=rendering.images[index],
+        labels=None if rendering.semantics is None else likeliest(rendering.semantics[index]),
+        depths=rendering.depths[index],
     )
-
-
-def _class_scores(given: Tensor, labels: Tensor, count: int) -> tuple[float | None, float | None]:
-    """Accuracy and mean IoU of one view, None without a labelled pixel."""
-    confusion = confusion_matrix(given, labels, count)
-    return (float(accuracy(confusion)), float(miou(confusion))) if confusion.any() else (None, None)
+    true = Maps(
+        image=truth.images[index],
+        labels=None if truth.labels is None else truth.labels[index],
+        depths=None if truth.depths is None else truth.depths[index],
+    )
+    classes = 0 if rendering.semantics is None else rendering.semantics.shape[-3]
+    seen = rendering.alphas[index] >= SEEN_ALPHA
+    whole, part = map_scores(given, true, classes), map_scores(given, true, classes, seen)
+    assert whole.psnr is not None
+    return ViewScores(
+        psnr=whole.psnr,
+        coverage=float(seen.double().mean()),
+        psnr_seen=part.psnr,
+        depth_error=None if part.depth is None else part.depth.abs_rel,
+        accuracy=whole.accuracy,
+        miou=whole.miou,
+        accuracy_seen=part.accuracy,
+        miou_seen=part.miou,
+        depth_abs_rel=None if whole.depth is None else whole.depth.abs_rel,
+        depth_pixels=0 if whole.depth is None else whole.depth.pixels,
+        depth_pixels_seen=0 if part.depth is None else part.depth.pixels,
+    )
 
 
 def _mean(values: Sequence[float | None], weights: Sequence[int] | None = None) -> float | None:

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.files.text import printable
+from semgs.files.text import listed, printable
 
 
 @pytest.mark.parametrize(
@@ -29,3 +29,9 @@ def test_letters_of_any_script_stay_and_what_a_terminal_obeys_is_escaped(text: s
 def test_an_error_about_a_hostile_name_can_be_printed_anywhere() -> None:
     error = InputError(os.fsdecode(b"\xff/\x1b]0;title\x07.png"), "a picture", "nothing\nthere")
     assert str(error) == "\\udcff/\\x1b]0;title\\x07.png: expected a picture, found nothing there"
+
+
+def test_a_list_names_the_first_ones_and_counts_the_rest():
+    assert listed(["a", "b", "c"], 3) == "a, b, c"
+    assert listed(["a", "b", "c", "d"], 2) == "a, b and 2 more"
+    assert listed([]) == ""

@@ -10,6 +10,7 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.protocols import Sample
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
+from semgs.files.text import listed
 
 LANDSCAPE = (240, 320)
 """(height, width) that the field compares at [px]; portrait scenes have it turned."""
@@ -169,11 +170,11 @@ def pinned_plan(
         place = f"scenes[{number}]"
         name = entry.get("scene") if isinstance(entry, dict) else None
         if name not in known:
-            raise InputError(path, f"one of the scenes {_some(list(known))}", f"{name!r}", key=f"{place}.scene")
-        listed = _size(path, entry.get("size"), f"{place}.size")
+            raise InputError(path, f"one of the scenes {listed(list(known))}", f"{name!r}", key=f"{place}.scene")
+        pinned = _size(path, entry.get("size"), f"{place}.size")
         for index, sample in enumerate(_list(path, entry, "samples", place)):
             one = _sample(path, known[name], sample, f"{place}.samples[{index}]")
-            tasks.append(Task(known[name], size or listed or usual_size(known[name]), one))
+            tasks.append(Task(known[name], size or pinned or usual_size(known[name]), one))
     held = sorted({task.views for task in tasks})
     for count in views:
         if count not in held:
@@ -258,9 +259,3 @@ def _checked(plan: Plan) -> Plan:
             )
         stems[task.stem] = task
     return plan
-
-
-def _some(names: Sequence[str], most: int = 5) -> str:
-    """A list of names that stays on a line."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -25,10 +25,11 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.evaluation.frames.plan import Task
+from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.pictures import write_png
 from semgs.geometry.cameras import Cameras
-from semgs.reconstruction.renders import as_bytes, millimetres
+from semgs.reconstruction.renders import millimetres
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header, read_rgb, read_uint16
 from semgs.files.strict_json import read_json
+from semgs.files.text import listed
 from semgs.reconstruction.renders import MILLIMETRES
 
 KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
@@ -59,7 +60,7 @@ class SavedPredictions:
                     raise InputError(
                         self.folder,
                         f"{'labels' if kind == 'labels' else f'a file of {kind}'} of all {asked} targets of {views} views",
-                        f"none of {_named(absent)}",
+                        f"none of {listed(absent, 6)}",
                     )
         wrong = []
         for task in plan.tasks:
@@ -71,7 +72,7 @@ class SavedPredictions:
         if wrong:
             sizes = sorted({f"{task.size[0]}x{task.size[1]}" for task in plan.tasks})
             raise InputError(
-                self.folder, f"pictures of {' and '.join(sizes)} pixels (height x width)", f"others: {_named(wrong)}"
+                self.folder, f"pictures of {' and '.join(sizes)} pixels (height x width)", f"others: {listed(wrong, 6)}"
             )
 
     def predict(self, inputs: Inputs) -> Prediction:
@@ -193,9 +194,3 @@ def _timing(path: Path) -> dict[str, float]:
             raise InputError(path, "seconds", f"{value!r:.40}", key=key)
         found[key] = float(value)
     return found
-
-
-def _named(names: list[str], most: int = 6) -> str:
-    """Names on one line, the first ones and how many more."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -20,8 +20,8 @@ from semgs.evaluation.scoring.scores import score
 from semgs.evaluation.scoring.summary import summary
 from semgs.figures.classes import LegendEntry, class_picture, legend, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, mosaic
+from semgs.figures.views import as_bytes
 from semgs.files.errors import InputError
-from semgs.reconstruction.renders import as_bytes
 
 VISIBLE = 0.001
 """Classes on a smaller part of all maps are not in the legend."""
@@ -94,7 +94,7 @@ def compared(
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class FigurePart:
     """What a figure shows of one data set.
 
     Attributes:

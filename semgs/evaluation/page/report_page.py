@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,12 @@ from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_c
 from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.evaluation.tables.texts import TITLES, shown_number
-from semgs.figures.classes import LegendEntry, class_picture, true_class_picture
+from semgs.figures.classes import LegendEntry
 from semgs.figures.depth import (
     WORST_ERROR,
     depth_error_bar,
     depth_error_picture,
     depth_limits,
-    depth_picture,
 )
 from semgs.figures.numbers import percent
 from semgs.figures.page import (
@@ -40,14 +39,14 @@ from semgs.figures.page import (
     Link,
     Links,
     Matrix,
-    Notes,
     Picture,
     Scale,
     Section,
     Table,
     html_page,
 )
-from semgs.reconstruction.renders import as_bytes
+from semgs.figures.views import class_map, depth_map, photo, please_note, true_class_map
+from semgs.files.text import listed
 
 PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")
 
@@ -78,7 +77,7 @@ def report_page(evaluation: Evaluation, report: SavedReport) -> str:
     scenes = evaluation.plan.scenes
     targets = len(next(iter(report.results.values())).frames)
     sections = [
-        *([Section("Please note", "", (Notes(evaluation.notes),))] if evaluation.notes else []),
+        *please_note(evaluation.notes),
         Section("Results", _results_lead(), (_overview(report),)),
     ]
     for rows in evaluation.rows:
@@ -142,9 +141,9 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> Facts:
     rows = [
         ("Method" if subject.kind == "weights" else "Predictions", f"{subject.name}: {subject.source}"),
         *([("SHA-256 of the weights", subject.sha256)] if subject.sha256 else []),
-        ("Data", f"{evaluation.data}: {_listed([scene.name for scene in evaluation.plan.scenes])}"),
+        ("Data", f"{evaluation.data}: {listed([scene.name for scene in evaluation.plan.scenes], 12)}"),
         ("Protocol", evaluation.plan.protocol),
-        ("Size", f"{_listed(sizes)} (height x width)"),
+        ("Size", f"{listed(sizes, 12)} (height x width)"),
         *(
             [("Class table", f"{evaluation.classes.name}, {len(evaluation.classes)} classes")]
             if evaluation.classes
@@ -291,16 +290,16 @@ def _gallery(
 ) -> Gallery:
     """The pictures of one target."""
     truth = read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)
-    shown = [Picture(as_bytes(truth.images[0]), "photo (truth)", lossy=True)]
+    shown = [photo(truth.images[0], "photo (truth)")]
     if predicted.image is not None:
-        shown.append(Picture(as_bytes(predicted.image), "render", lossy=True))
+        shown.append(photo(predicted.image, "render"))
     if predicted.labels is not None and classes is not None and truth.labels is not None:
-        shown.append(Picture(class_picture(predicted.labels.numpy(), classes), "classes"))
-        shown.append(Picture(true_class_picture(truth.labels[0].numpy(), classes), "true classes"))
+        shown.append(class_map(predicted.labels.numpy(), classes))
+        shown.append(true_class_map(truth.labels[0], classes))
     if predicted.depths is not None:
         depths = predicted.depths.numpy()
         known = depths if truth.depths is None else truth.depths[0].numpy()
-        shown.append(Picture(depth_picture(depths, depth_limits([known])), "depth", lossy=True))
+        shown.append(depth_map(predicted.depths, depth_limits([known])))
         if truth.depths is not None:
             shown.append(Picture(depth_error_picture(depths, known), "depth error", lossy=True))
     values = summary([frame])
@@ -310,9 +309,3 @@ def _gallery(
         if metric in values
     ]
     return Gallery(heading, ", ".join([*told, "from " + " ".join(task.contexts)]), tuple(shown))
-
-
-def _listed(names: Sequence[str], most: int = 12) -> str:
-    """Names as text, the first ones and how many more."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

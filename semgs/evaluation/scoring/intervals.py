@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from semgs.evaluation.scoring.scores import FrameScores
-from semgs.evaluation.scoring.summary import Part, parts
+from semgs.evaluation.scoring.summary import MetricGroup, metric_groups
 
 LEVEL = 0.95
 RESAMPLES = 5000
@@ -44,8 +44,8 @@ def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:
     """The 95 % percentile interval of every metric that two or more scenes (or frames) have."""
     over = units(frames)
     found: dict[str, Interval] = {}
-    for part in parts(frames):
-        found |= _intervals(part, over, part.values)
+    for group in metric_groups(frames):
+        found |= _intervals(group, over, group.values)
     return found
 
 
@@ -61,19 +61,19 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
     if [(one.scene, one.target) for one in first] != [(one.scene, one.target) for one in second]:
         raise ValueError("the two are scores of different targets; expected the same ones in the same order")
     over = units(first)
-    others = {part.names: part for part in parts(second)}
+    others = {group.names: group for group in metric_groups(second)}
     found: dict[str, Interval] = {}
-    for part in parts(first):
-        other = others.get(part.names)
-        if other is not None and np.array_equal(part.scene_of, other.scene_of):
-            found |= _intervals(part, over, lambda *times, a=part, b=other: b.values(*times) - a.values(*times))
+    for group in metric_groups(first):
+        other = others.get(group.names)
+        if other is not None and np.array_equal(group.scene_of, other.scene_of):
+            found |= _intervals(group, over, lambda *times, a=group, b=other: b.values(*times) - a.values(*times))
     return found
 
 
-def _intervals(part: Part, over: Over, values: Callable[..., np.ndarray]) -> dict[str, Interval]:
-    """The intervals of the metrics of a part; none for a single scene or frame, or where a metric is infinite."""
-    scenes = int(part.scene_of.max()) + 1
-    count = scenes if over == "scenes" else len(part.scene_of)
+def _intervals(group: MetricGroup, over: Over, values: Callable[..., np.ndarray]) -> dict[str, Interval]:
+    """The intervals of the metrics of a group; none for a single scene or frame, or where a metric is infinite."""
+    scenes = int(group.scene_of.max()) + 1
+    count = scenes if over == "scenes" else len(group.scene_of)
     if count < 2:
         return {}
 
@@ -83,7 +83,7 @@ def _intervals(part: Part, over: Over, values: Callable[..., np.ndarray]) -> dic
         times = np.zeros((len(flat), count), np.int64)
         np.add.at(times, (np.arange(len(flat))[:, None], flat), 1)
         if over == "scenes":
-            found = values(times[:, part.scene_of], times)
+            found = values(times[:, group.scene_of], times)
         else:
             found = values(times, np.ones((len(flat), scenes), np.int64))
         return found.reshape(-1, *drawn.shape[:-1])
@@ -96,5 +96,5 @@ def _intervals(part: Part, over: Over, values: Callable[..., np.ndarray]) -> dic
         confidence_level=LEVEL, method="percentile", rng=np.random.default_rng(SEED),
     )  # fmt: skip
     low, high = drawn.confidence_interval
-    ends = zip(part.names, once.tolist(), np.atleast_1d(low).tolist(), np.atleast_1d(high).tolist(), strict=True)
+    ends = zip(group.names, once.tolist(), np.atleast_1d(low).tolist(), np.atleast_1d(high).tolist(), strict=True)
     return {name: Interval(*numbers) for name, *numbers in ends}

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from jaxtyping import Int64
 
-from semgs.evaluation.scoring.scores import DepthScores, FrameScores
-from semgs.objectives.metrics import accuracy, class_accuracy, miou
+from semgs.evaluation.scoring.scores import FrameScores
+from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
 
 
 def finite(value: float | None) -> float | None:

@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int64
-from torch import Tensor
+from jaxtyping import Int64
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.frames.plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
-from semgs.objectives.metrics import (
-    DELTA,
-    DepthScores,
-    accuracy,
-    confusion_matrix,
-    depth_scores,
-    miou,
-    present_classes,
-    psnr,
-    psnr_seen,
-)
-
-__all__ = ["DELTA", "DepthScores", "FrameScores", "depth_scores", "score"]
+from semgs.objectives.maps import Maps, MapScores, map_scores
+from semgs.objectives.metrics import DepthScores
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,48 +65,32 @@ def score(
         truth: one view, at that size.
         perceptual: LPIPS, where there is one.
     """
-    confusion = counts = None
-    if truth.labels is not None:
-        labels = truth.labels[0]
+    labels = None if truth.labels is None else truth.labels[0]
+    counts = None
+    if labels is not None:
         counts = np.bincount(labels[labels != IGNORE].numpy(), minlength=len(truth.classes)).astype(np.int64)
-        if prediction.labels is not None:
-            confusion = confusion_matrix(prediction.labels, labels, len(truth.classes)).numpy()
     image, photo = prediction.image, truth.images[0]
-    found = FrameScores(
+    given = Maps(None if image is None else image.double(), prediction.labels, prediction.depths)
+    true = Maps(photo.double(), labels, None if truth.depths is None else truth.depths[0])
+    whole = map_scores(given, true, len(truth.classes))
+    part = MapScores()
+    if prediction.unseen is not None:
+        part = map_scores(given, true, len(truth.classes), ~prediction.unseen)
+    return FrameScores(
         scene=task.scene.name,
         target=task.target,
         contexts=task.contexts,
-        confusion=confusion,
+        confusion=None if whole.confusion is None else whole.confusion.numpy(),
         truth=counts,
-        psnr=None if image is None else float(psnr(image.double(), photo.double())),
+        psnr=whole.psnr,
         ssim=None if image is None else ssim(image, photo),
         lpips=None if image is None or perceptual is None else perceptual(image, photo),
-        depth=None
-        if prediction.depths is None or truth.depths is None
-        else depth_scores(prediction.depths, truth.depths[0]),
+        depth=whole.depth,
         unseen=None if prediction.unseen is None else float(prediction.unseen.double().mean()),
         seconds_encode=prediction.seconds_encode,
         seconds_render=prediction.seconds_render,
+        miou_seen=part.miou,
+        accuracy_seen=part.accuracy,
+        psnr_seen=part.psnr,
+        depth_seen=part.depth,
     )
-    return (
-        found if prediction.unseen is None else replace(found, **_over_the_seen(prediction, truth, ~prediction.unseen))
-    )
-
-
-def _over_the_seen(prediction: Prediction, truth: Views, seen: Bool[Tensor, "h w"]) -> dict[str, Any]:
-    """The scores over the pixels that a method saw, by their names in `FrameScores`."""
-    found: dict[str, Any] = {}
-    if prediction.labels is not None and truth.labels is not None:
-        labels = truth.labels[0].masked_fill(~seen, IGNORE)
-        present = present_classes(labels, len(truth.classes))
-        if present.any():
-            confusion = confusion_matrix(prediction.labels, labels, len(truth.classes))
-            found |= {"miou_seen": float(miou(confusion, present)), "accuracy_seen": float(accuracy(confusion))}
-    if (
-        prediction.image is not None
-        and (ratio := psnr_seen(prediction.image.double(), truth.images[0].double(), seen)) is not None
-    ):
-        found["psnr_seen"] = float(ratio)
-    if prediction.depths is not None and truth.depths is not None:
-        found["depth_seen"] = depth_scores(prediction.depths, truth.depths[0], seen)
-    return found

@@ -42,7 +42,7 @@ LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "no
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MetricGroup:
     """Metrics that are of the same targets, as a function of how often each target counts.
 
     Attributes:
@@ -63,8 +63,8 @@ class Part:
         return dict(zip(self.names, values[:, 0].tolist(), strict=True))
 
 
-def parts(frames: Sequence[FrameScores]) -> list[Part]:
-    """The metrics of some targets; each part is of those targets that have what it needs, none where no target has."""
+def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
+    """The metrics of some targets; each group is of those targets that have what it needs, none where no target has."""
     found = []
     for names, has, values in (
         (CLASS_METRICS, lambda frame: frame.confusion is not None, _class_values),
@@ -80,15 +80,15 @@ def parts(frames: Sequence[FrameScores]) -> list[Part]:
         if those:
             order = {scene: number for number, scene in enumerate(dict.fromkeys(frame.scene for frame in those))}
             scene_of = np.array([order[frame.scene] for frame in those], np.int64)
-            found.append(Part(names, scene_of, values(those, scene_of)))
+            found.append(MetricGroup(names, scene_of, values(those, scene_of)))
     return found
 
 
 def summary(frames: Sequence[FrameScores]) -> dict[str, float]:
     """The metrics that some targets have, in the order of `METRICS`."""
     values: dict[str, float] = {}
-    for part in parts(frames):
-        values |= part.once()
+    for group in metric_groups(frames):
+        values |= group.once()
     return {name: values[name] for name in METRICS if name in values}
 
 

@@ -18,7 +18,7 @@ METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")
 
 
 @dataclass(frozen=True)
-class Row:
+class AblationRow:
     """A row of the paper's table: it has the parts of the row above it and one more.
 
     Attributes:
@@ -42,16 +42,16 @@ class Row:
 
 
 ROWS = (
-    Row("none", "none", shared_layers=False, windows=False, camera_aware=False, smoothness=False),
-    Row("shared", "+ Sh-Layer", windows=False, camera_aware=False, smoothness=False),
-    Row("windows", "+ Sw-Trans", camera_aware=False, smoothness=False),
-    Row("camera", "+ C-Inj", smoothness=False),
-    Row("full", "+ Sm-Loss"),
+    AblationRow("none", "none", shared_layers=False, windows=False, camera_aware=False, smoothness=False),
+    AblationRow("shared", "+ Sh-Layer", windows=False, camera_aware=False, smoothness=False),
+    AblationRow("windows", "+ Sw-Trans", camera_aware=False, smoothness=False),
+    AblationRow("camera", "+ C-Inj", smoothness=False),
+    AblationRow("full", "+ Sm-Loss"),
 )
 """From nothing to the full method, in the paper's order."""
 
 
-def row_settings(settings: TrainingSettings, row: Row, seed: int) -> TrainingSettings:
+def row_settings(settings: TrainingSettings, row: AblationRow, seed: int) -> TrainingSettings:
     """The training of a row: that of the full method with the row's parts alone, from that seed.
 
     Raises:

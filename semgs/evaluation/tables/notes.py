@@ -12,6 +12,7 @@ from semgs.evaluation.scoring.intervals import FEWEST_SCENES, units
 from semgs.evaluation.scoring.summary import summary
 from semgs.evaluation.tables.report import below
 from semgs.evaluation.tables.texts import TITLES
+from semgs.files.text import listed
 
 STRETCH_TOLERANCE = 0.01
 """Pictures whose aspect changes by more than this are told of."""
@@ -46,7 +47,7 @@ def notes(plan: Plan, scenes: Sequence[Scene], rows: Sequence[Rows], workers: in
 def _left_out(plan: Plan, scenes: Sequence[Scene]) -> list[str]:
     """Scenes that the plan does not name."""
     unused = [scene.name for scene in scenes if scene not in plan.scenes]
-    return [f"Not in the list of frames, and left out: {_listed(unused)}."] if unused else []
+    return [f"Not in the list of frames, and left out: {listed(unused)}."] if unused else []
 
 
 def _without_truth(plan: Plan) -> list[str]:
@@ -58,7 +59,7 @@ def _without_truth(plan: Plan) -> list[str]:
     ):
         bare = [scene.name for scene in plan.scenes if not any(getattr(frame, attribute) for frame in scene.frames)]
         if bare:
-            found.append(f"No {what} in {_listed(bare)}: {left}.")
+            found.append(f"No {what} in {listed(bare)}: {left}.")
     return found
 
 
@@ -114,9 +115,3 @@ def _equal_pictures(rows: Sequence[Rows]) -> list[str]:
     """That some PSNR is infinite."""
     count = sum(frame.psnr is not None and math.isinf(frame.psnr) for one in rows for frame in one.method)
     return [f"{count} pictures equal the truth: their PSNR is infinite, and so is any mean over them."] if count else []
-
-
-def _listed(names: Sequence[str], most: int = 5) -> str:
-    """Names as text, the first few and how many more."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

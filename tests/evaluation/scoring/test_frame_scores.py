@@ -17,9 +17,10 @@ from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import Sample
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.records import frame_of, record
-from semgs.evaluation.scoring.scores import depth_scores, score
+from semgs.evaluation.scoring.scores import score
 from semgs.evaluation.scoring.similarity import ssim
 from semgs.evaluation.scoring.summary import summary
+from semgs.objectives.metrics import depth_scores
 from semgs.reconstruction.scores import by_measure, mean_scores, scores
 from semgs.rendering.rendering import Rendering, likeliest
 

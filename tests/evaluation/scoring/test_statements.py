@@ -13,7 +13,7 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
-from semgs.evaluation.scoring.calibration import calibration, own_classes, statements
+from semgs.evaluation.scoring.confidence import own_classes, statements, temperature_effect
 from semgs.rendering.render import render
 from semgs.weights.load import load
 
@@ -63,12 +63,12 @@ def test_some_pixels_of_each_view_are_drawn_by_the_seed_and_scenes_without_label
 def test_a_fitted_temperature_does_not_raise_the_cost_and_a_given_one_is_kept(make_scene: MakeScene, network):
     plan = make_plan("neighbours", neighbours, [make_scene("a", frames=4)], [2], size=(32, 48))
     said = statements(plan, network)["rendered"]
-    fitted = calibration(said)
-    assert calibration(said, 1.0).error_after == pytest.approx(fitted.error_before, abs=1e-6)
+    fitted = temperature_effect(said)
+    assert temperature_effect(said, 1.0).error_after == pytest.approx(fitted.error_before, abs=1e-6)
     # Labels here are noise that the network cannot know, so that it is too sure of itself.
     assert fitted.temperature > 1
     assert fitted.error_after < fitted.error_before
-    assert calibration(said, 3.0).temperature == 3.0
+    assert temperature_effect(said, 3.0).temperature == 3.0
 
 
 def test_what_classify_says_of_each_pixel_is_what_its_gaussian_says(network):

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from semgs.evaluation.scoring.intervals import intervals, paired_differences, units
-from semgs.evaluation.scoring.scores import DepthScores, FrameScores
+from semgs.evaluation.scoring.scores import FrameScores
 from semgs.evaluation.scoring.summary import class_scores, extremes, summary
-from semgs.objectives.metrics import confusion_matrix
+from semgs.objectives.metrics import DepthScores, confusion_matrix
 
 CLASSES = 5
 Pixels = list[tuple[int, int]]

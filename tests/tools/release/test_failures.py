@@ -18,7 +18,7 @@ from semgs.evaluation.frames.plan import make_plan
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
-from semgs.evaluation.page.figure import Part
+from semgs.evaluation.page.figure import FigurePart
 from semgs.evaluation.scoring.scores import FrameScores
 from semgs.weights.index import SHOWN, read_index
 from semgs.weights.scores import read_scores
@@ -59,7 +59,7 @@ def found(make_scene: Callable[..., Scene]) -> tuple[Judged, ...]:
     """Two targets in each of a good scene, a bad one, and one without labels."""
     scenes = [make_scene(name, frames=4, labels=name != "unknown") for name in ("good", "bad", "unknown")]
     plan = make_plan("neighbours", neighbours, scenes, [2], (36, 48))
-    return judged(Part("", plan, (WallIsFloor(),), SCANNET20).compare())
+    return judged(FigurePart("", plan, (WallIsFloor(),), SCANNET20).compare())
 
 
 def scores(confusion: list[list[int]], truth: list[int]) -> FrameScores:

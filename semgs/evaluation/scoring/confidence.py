@@ -37,7 +37,7 @@ class Statements:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class TemperatureEffect:
     """How far confidence is from accuracy, before and after a temperature.
 
     Attributes:
@@ -104,7 +104,7 @@ def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]
     return maps.repeat_interleave(stride, -2).repeat_interleave(stride, -1)[..., :height, :width]
 
 
-def calibration(said: Statements, temperature: float | None = None) -> Calibration:
+def temperature_effect(said: Statements, temperature: float | None = None) -> TemperatureEffect:
     """The error with and without a temperature; None fits it to these very statements.
 
     Raises:
@@ -113,7 +113,7 @@ def calibration(said: Statements, temperature: float | None = None) -> Calibrati
     if temperature is None:
         temperature = fitted_temperature(said.distributions, said.labels)
     after = tempered(said.distributions, temperature)
-    return Calibration(
+    return TemperatureEffect(
         temperature,
         expected_calibration_error(said.distributions, said.labels),
         expected_calibration_error(after, said.labels),
