@@ -547,8 +547,9 @@ MUTANTS = (
         "_ratio(hits, confusion.sum(-1))", "_ratio(hits, confusion.sum(-2))", OF_METRICS,
     ),
     Mutant(
-        "mean IoU of images is that of their sum", METRICS,
-        "return miou(confusions, present).mean()", "return miou(confusions.sum(0)).mean()", OF_METRICS,
+        "mean IoU of images is that of their sum", "semgs/evaluation/scoring/summary.py",
+        "each, shown = torch.from_numpy(confusions),", "each, shown = torch.from_numpy(0 * confusions + confusions.sum(0)),",
+        ("tests/evaluation/scoring/test_summary.py",),
     ),
     Mutant(
         "validation scores the mean of scenes for that of pixels", "semgs/training/validation.py",

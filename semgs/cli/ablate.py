@@ -32,14 +32,14 @@ TIMED_STEPS = 3
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
 class Ablate:
-    """Train and evaluate the five rows of the paper's ablation, then print their table with intervals.
+    """Train and evaluate the five variants of the paper's ablation, then print their table with intervals.
 
-    The rows are the method with none of its four parts, then one more in each: shared layers, windows, camera-aware
-    attention, and the smoothness of regions in the loss, which is the full method. All have the same settings, steps and
-    seeds; type a preset, then what shall differ from it, as for semgs train.
+    The first variant has none of the method's four parts; each further one adds a part: shared layers, windows, camera-aware attention,
+    and the smoothness loss, which gives the full method. All use the same settings, steps and seeds. Name a preset, then the settings
+    to change, as for semgs train.
 
-    OUT holds SEED/ROW/run and SEED/ROW/evaluation, as semgs train and semgs evaluate write them, rooms/ to evaluate on where
-    --test names no scenes, and ablation.md, the table. The same command goes on where it was interrupted.
+    OUT will contain SEED/ROW/run and SEED/ROW/evaluation, as from semgs train and semgs evaluate, rooms/ to evaluate on (without --test),
+    and ablation.md, the table. To resume, repeat the command.
 
     Examples
     - semgs ablate small --out ablation --steps 3000 --dry-run
@@ -49,33 +49,33 @@ class Ablate:
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
-    test: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Scenes to evaluate on at the size of the training; none draws 24 rooms that no training sees."""
+    """Output folder: new, empty, or one with the same settings to resume."""
+    test: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    """Scenes to evaluate on, at the training size. By default, 24 generated rooms that training never sees."""
     test_scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
-    """Of a folder, evaluate on the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file."""
+    """Only evaluate on the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line."""
     protocol: Literal["neighbours", "peers"] = "neighbours"
-    """Which frames of them, as for semgs evaluate."""
+    """Which frames to evaluate, as for semgs evaluate."""
     views: int = 4
-    """Input views of the evaluation; the paper's table has 4."""
-    seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]")] = ()
-    """Of the trainings, each of all five rows; by default that of the settings."""
-    minutes: float | None = None
-    """End after this time, with a checkpoint; the same command goes on. None ends when all is done."""
+    """Input views in the evaluation; the paper's table uses 4."""
+    seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
+    """Train all five variants once per seed; by default, once with the seed of the settings."""
+    minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """Stop after this time, with a checkpoint; repeat the command to resume. By default it runs to the end."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
-    """Where to compute; auto takes a CUDA GPU where there is one."""
+    """Where to compute; auto uses a CUDA GPU if there is one."""
     devices: int = 1
-    """GPUs, or processes on the CPU; they share the scenes of each step, as for semgs train."""
+    """GPUs, or CPU processes. They share the scenes of each step, as for semgs train."""
     precision: Literal["auto", "32", "bf16"] = "32"
-    """Of the layers, as for semgs train."""
+    """Precision of the layers, as for semgs train."""
     accumulate: int = 1
-    """Pieces in which each process computes its scenes of a step, one after the other, to save memory."""
+    """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
-    """A finished run of the full method with these settings, from semgs train: it is evaluated, and not trained again."""
+    """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
     workers: int = 1
-    """Processes that prepare scenes ahead."""
+    """Processes that load scenes ahead."""
     dry_run: bool = False
-    """Say what would be trained and how long it would take here, from three steps of the full method; write nothing."""
+    """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
 
     def run(self) -> None:
         """Train and evaluate what is not there yet, and print the table.

@@ -17,17 +17,17 @@ from semgs.files.atomic import check_file
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure how long things take on this machine, and how much memory they need.
+    """Measure time and memory on this machine.
 
-    A row is one thing that is measured; its name says all of it
-    - total_small_n2_float32: two 240x320 views to Gaussians, and one target drawn with colour, classes and depth
+    Each row of the table is one measurement, and its name describes it:
+    - total_small_n2_float32: two 240x320 views to Gaussians, and one target rendered with colour, classes and depth
     - cnn_base_n2, transformer_colour_base_n2, ...: the parts of that
     - render_n2, render_n2_colour, render_n2_backward: a generated scene of 153,600 Gaussians
     - train_small_n2, command_small_n2, command_help: a training step, and the program itself
 
-    All rows are of two threads, at 240x320. Batches and CUDA are at the end of the name (_b8_cuda). Each time is the
-    least of five, taken in turns after two that warm up; what takes more than 20 s is measured once. Leave the machine
-    alone meanwhile. docs/benchmarks.md has what other machines found.
+    All rows use two threads, at 240x320. Batch size and CUDA are at the end of the name (_b8_cuda). Each time is the best of
+    five, taken in turns after two warm-up runs; anything over 20 s is measured once. Do not use the machine meanwhile.
+    docs/benchmarks.md has results from other machines.
 
     Examples
     - semgs bench --quick
@@ -36,12 +36,12 @@ class Bench:
     - semgs compare before.json after.json
     """
 
-    json: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    json: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """Write the numbers to this file."""
-    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")] = ()
-    """Measure these rows alone."""
+    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    """Only measure these."""
     quick: bool = False
-    """A look at what takes least, in under a minute."""
+    """Only the quick measurements, in under a minute."""
 
     def run(self) -> None:
         """Measure, write the file, and print the table.

@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Fit how sure weights may be, on scenes that they were not trained on, and keep it in their header.
+    """Calibrate confidence on labelled scenes, and save the result in the header of the weights.
 
-    Two temperatures are fitted: one for pixels after splatting, one for single Gaussians. They make no class more likely than another,
-    so that class maps and all scores stay as they are; semgs.tempered(distributions, temperature) applies one.
+    This fits two temperatures: one for rendered pixels, one for single Gaussians. They change how confident the network is, never which
+    class wins, so class maps and scores stay the same. semgs.tempered(distributions, temperature) applies one.
 
-    Without --out nothing is fitted: the temperatures that WEIGHTS has are measured on these scenes. Printed is the expected calibration
-    error before and after.
+    Without --out, nothing is fitted; the existing temperatures are measured on these scenes. The output is the expected calibration error
+    before and after.
 
-    Scenes that WEIGHTS name as trained on are refused. Rooms that semgs drew cannot be told so, as weights do not name every seed of
-    theirs: take style other, in which nothing is trained, or a seed of your own.
+    Scenes that WEIGHTS were trained on are refused. Generated rooms cannot be recognised, because weights do not list every seed: use
+    style other, which is never trained on, or a seed of your own.
 
     Examples
     - semgs weights calibrate runs/mine/weights.safetensors --data rooms/other --out mine.safetensors --plot reliability.png
@@ -43,17 +43,17 @@ class Calibrate:
     """
 
     weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="WEIGHTS")]
-    """"small" for those inside the package, a file of weights, or hf://OWNER/NAME on the hub."""
+    """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """A labelled scene, or a folder of scenes."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
-    """File to write: the same tensors, the temperatures in the header."""
+    """Output file: the same tensors, with the temperatures in the header."""
     plot: Annotated[Path | None, tyro.conf.arg(metavar="PNG", help_behavior_hint="")] = None
-    """Reliability plot to write."""
+    """Write a reliability plot."""
     protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
     """Which frames, as for semgs evaluate: neighbours, peers, or pinned FILE."""
     views: int = 2
-    """How many frames go in."""
+    """Number of input views."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
     """Height x width; by default 240x320, 320x240 for portrait scenes."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)

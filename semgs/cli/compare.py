@@ -15,10 +15,10 @@ from semgs.files.errors import InputError
 
 @dataclass(frozen=True)
 class Compare:
-    """Print a table of reports that semgs evaluate wrote, or of two files that semgs bench wrote.
+    """Compare reports of semgs evaluate, or two files of semgs bench, in one table.
 
-    All reports must be of the same frames, at the same size, with the same truth; what differs is told. Of two files of
-    the bench, the rows that both measured are shown with their ratio.
+    All reports must have the same frames, size and truth; if not, the error lists the differences. For two files of the bench, the table
+    shows what both measured, and the ratio.
 
     Examples
     - semgs compare eval/small/report.json
@@ -28,14 +28,17 @@ class Compare:
     - semgs compare before.json after.json
     """
 
-    reports: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...")]
-    """The reports, or the folders that they are in; differences are to the first."""
+    reports: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...", help_behavior_hint="")
+    ]
+    """Reports, or the folders that contain them. Differences are relative to the first."""
     layout: Literal["paper", "difference", "data", "card"] = "paper"
-    """paper has the columns of the paper's tables; difference subtracts the first report from each other one, with
-    paired 95 % bootstrap intervals; data puts reports of different data below each other; card, for the page about weights, adds
-    intervals and a table of classes."""
-    published: Literal["scannet", "scannetpp", "ablation"] | None = None
-    """With paper: the rows of the paper's table above ours, marked as published, and what cannot be known of them below."""
+    """paper: the columns of the paper's tables. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
+    reports of different data, one below the other. card: as data, with intervals and a table of classes, for a model card."""
+    published: Annotated[Literal["scannet", "scannetpp", "ablation"] | None, tyro.conf.arg(help_behavior_hint="")] = (
+        None
+    )
+    """With --layout paper: add the numbers that the paper published, with a note on what is unknown about them."""
     format: Literal["text", "markdown", "latex"] = "text"
     """For a terminal, a page or a paper (LaTeX with booktabs)."""
 

@@ -33,22 +33,22 @@ NETWORKS = ("small", "base", "base_text", "mvsplat")
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Score weights, or anybody's predictions, on frames that are named, beside trivial rows.
+    """Score weights, or saved predictions, on a fixed list of frames, next to simple baselines.
 
-    DIR after --data is a scene, or a folder of scenes. Which frames are compared, and from which others each is drawn:
-    - neighbours: every inner frame, from the nearest in file order, alternately before and after
-    - peers: the test frames and sources of S-Ray; with --gsnerf-distance those that GSNeRF's code would choose
-    - pinned FILE: those of a frames.json or report.json of an earlier evaluation
+    --data is a scene, or a folder of scenes. The protocol sets the target views and their input views:
+    - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
+    - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
+    - pinned FILE: the frames in frames.json or report.json of an earlier evaluation
 
-    The output folder holds
-    - report.html: one page to look at: tables, confusion matrices, bars per class, best and worst frames
-    - report.json: all its numbers, with 95 % intervals; semgs compare prints tables of several
+    The output folder contains
+    - report.html: start here: tables, confusion matrices, scores per class, best and worst frames
+    - report.json: all numbers, with 95 % intervals; semgs compare makes tables from several
     - frames.json: the frames by name, for --protocol pinned
-    - predictions/: what was drawn, in the form that --predictions reads; truth/: the true labels at the same size
+    - predictions/: the rendered maps, in the format of --predictions; truth/: the true labels at the same size
 
     Every table has simple baselines: the nearest input view copied with its true labels (an oracle), the input views warped with
     true depth, and the most frequent class.
-    docs/evaluate.md defines every number. It appears only when it is complete.
+    docs/evaluate.md defines every number. The folder appears only once it is complete.
 
     Examples
     - semgs evaluate small --data scenes --out eval/small
@@ -60,34 +60,34 @@ class Evaluate:
     data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """A scene or a folder of scenes."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Folder to write: a new one, an empty one, or with --overwrite one that an earlier run wrote."""
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
-    """"small" for those inside the package, a file of weights, or hf://OWNER/NAME on the hub."""
+    """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
-    """Of a folder, take the scenes of a list: one that comes with semgs (scannet-sray-test), or a text file with a name a line; docs/data.md."""
+    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
     predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
-    """In place of WEIGHTS, somebody's label maps: DIR/N2/SCENE/STEM.png, a class per pixel, 255 = none given."""
+    """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
     protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
     views: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N ...]", help_behavior_hint="")] = ()
-    """How many frames go in. By default 2, 3 and 4; those in the file, or those that predictions are there for."""
+    """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
-    """Height x width to compare at. By default 240x320, 320x240 for portrait scenes, or what the pinned file says."""
+    """Height x width for the comparison. By default 240x320, 320x240 for portrait scenes, or that of the pinned file."""
     depth_range: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="NEAR FAR", help_behavior_hint="")] = None
-    """Near and far given to the network, in the unit of the scenes; by default what the scene knows, 0.5 10 where it is metric. The
-    peers have 0.1 10 for ScanNet and 0.1 6 for Replica."""
+    """Depth bounds for the network, in the scenes' unit. By default they come from the scene; 0.5 10 if it is metric. Other papers use
+    0.1 10 for ScanNet and 0.1 6 for Replica."""
     gsnerf_distance: bool = False
-    """With peers: rank source frames as GSNeRF's code does, by world-to-camera translations."""
+    """With --protocol peers: rank input frames as GSNeRF's code does, by world-to-camera translations."""
     allow_seen: bool = False
-    """Score rooms that the weights were trained in too, and say so; else they are refused."""
+    """Also score rooms that the weights were trained in, and say so; by default they are refused."""
     name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
-    """What tables call it; by default the name of the network or of the folder of predictions."""
+    """Name in the tables; by default that of the network or of the predictions folder."""
     workers: int = 0
-    """Processes that evaluate side by side, each on one thread; 0 uses this process with all its threads."""
+    """Worker processes, one thread each; 0 for none, using all threads."""
     device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
-    """Where the network computes; auto takes a CUDA GPU where there is one."""
+    """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
-    """Replace the output folder if an earlier run wrote it, once the new one is complete."""
+    """Replace an output folder from an earlier run, once the new result is complete."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:

@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Rooms:
-    """Draw synthetic rooms with exact labels of ScanNet's 20 classes, exact depth and poses.
+    """Generate synthetic rooms with exact labels of ScanNet's 20 classes, exact depth and poses.
 
-    OUT becomes a folder of scenes, each a walk through a furnished room that no other seed or number has:
+    OUT will contain scenes, each a walk through a furnished room of its own:
     - scene_00000/transforms.json: cameras, in nerfstudio's layout, metric; semgs reconstruct takes the folder
-    - scene_00000/images/: JPEG pictures
+    - scene_00000/images/: JPEG images
     - scene_00000/depth/: z-depth in millimetres, 16-bit PNG
     - scene_00000/labels/: class number per pixel, 8-bit PNG, 255 = ignore
     - scene_00000/room.json: the kind of room and how many pixels each class has
-    - index.json: the same for all scenes together; settings.json: what was asked for
+    - index.json: the same counts for all scenes; settings.json: the options
 
-    Scene k of a seed is the same however many are drawn, by how many workers, wherever and whenever. The same command
-    goes on where an interrupted one stopped; a larger --scenes adds to what is there. What is drawn without --assets is CC0:
-    do with it what you like; with them ATTRIBUTION.md says whose work is in the pictures, and under which licences.
+    Scene k of a seed is always the same, on any machine and with any number of workers. To resume, repeat the command; a larger
+    --scenes adds scenes. Without --assets, the images are CC0. With them, ATTRIBUTION.md lists the works that appear in the images
+    and their licences.
 
     Examples
     - semgs rooms data/rooms --scenes 100
@@ -44,26 +44,25 @@ class Rooms:
     - python -m tools.furniture furniture --pieces 100 makes furniture for --assets, in a clone of the repository
     """
 
-    out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")] = None
-    """Folder to write: a new one, an empty one, or one of the same settings to go on with."""
+    out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT", help_behavior_hint="")] = None
+    """Output folder: new, empty, or one with the same settings to resume."""
     scenes: int = 10
-    """How many rooms."""
+    """Number of rooms."""
     seed: int = 0
-    """Of the stream of rooms; streams of different seeds have nothing in common."""
+    """Random seed. Different seeds give entirely different rooms."""
     size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
-    """Height x width of the pictures [px]."""
+    """Height x width of the images, in pixels."""
     frames: int = 12
-    """Pictures of each room, along one walk."""
+    """Images of each room, along one walk."""
     style: Style = "home"
-    """The world: home is furnished as people live; other is a second world that is held out: choose by it, do not train in it.
-    Both have all 20 classes."""
+    """home: rooms furnished as people live. other: a second, different world, reserved for testing. Both have all 20 classes."""
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
-    """Folder of meshes and pictures, which is checked once against its lock: half of the homes are furnished with its meshes,
-    most get its pictures. Other uses files of its own. Again for another folder; none needs nothing."""
-    workers: int | None = None
-    """Processes that draw; by default as many as this process may use cores. 0 draws in this one."""
-    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
-    """Draw 48 random frames of the seed's and style's rooms with their labels on one picture, to look at. Needs no OUT."""
+    """Folder of meshes and images, verified against its lock. Half of the homes use its meshes, most use its images. Repeatable.
+    Without it, built-in furniture only."""
+    workers: Annotated[int | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """Worker processes; by default one per core, 0 for none."""
+    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png", help_behavior_hint="")] = None
+    """Write a contact sheet of 48 random frames and their labels. Needs no OUT."""
 
     def run(self) -> None:
         """Draw the data set, the sheet, or both, and say what there is.

@@ -54,7 +54,7 @@ class TypedSettings(TrainingSettings):
 
     model: Annotated[str, tyro.conf.Suppress]
     size: Annotated[tuple[int, int], HEIGHT_BY_WIDTH] = TrainingSettings.size
-    classes: Annotated[ClassTable | None, CLASS_FILE] = TrainingSettings.classes
+    classes: Annotated[ClassTable | None, CLASS_FILE, tyro.conf.arg(help_behavior_hint="")] = TrainingSettings.classes
     assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = TrainingSettings.assets
     preset: Annotated[str, tyro.conf.Suppress] = TrainingSettings.preset
 

@@ -1,0 +1,44 @@
+"""Help texts: no empty defaults, and none of the phrases that we keep out of them (CONTRIBUTING.md)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from semgs.cli.main import COMMANDS, main
+
+ROOT = Path(__file__).resolve().parents[2]
+
+BANNED = (
+    "found out", "goes on", "go on with", "told", "tells", "asked for", "nobody", "anybody", "peers'", "sitting", "torn",
+    "trivial", "beforehand", "what ships", "lend", "stands in", "a name a line", "shall", "of it.", "one's own", "drawn live",
+    "beside what", "again for another", "none needs nothing", "where there is one", "which else",
+)  # fmt: skip
+"""Phrases that read as if translated, with a better one for each in use: detected, resumes, reported, requested, repeatable ..."""
+
+LONGEST_README = 120
+
+
+def text_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What a help prints, without colours, frames and line breaks."""
+    assert main([*arguments, "--help"]) == 0
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
+    return " ".join(re.sub(r"[│╭╰─╮╯]", " ", plain).split())
+
+
+HELPS = [[], *([name] for name in COMMANDS)]
+
+
+@pytest.mark.parametrize("arguments", HELPS, ids=" ".join)
+def test_no_help_shows_an_empty_default_or_a_banned_phrase(arguments: list[str], capsys: pytest.CaptureFixture[str]):
+    text = text_of([word for name in arguments for word in name.split()], capsys)
+    assert [found for found in ("default: None)", "default: )") if found in text] == []
+    assert [phrase for phrase in BANNED if phrase in text.lower()] == []
+
+
+def test_the_readme_fits_on_two_screens_and_is_free_of_those_phrases():
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= LONGEST_README
+    assert [phrase for phrase in BANNED if phrase in " ".join(text.lower().split())] == []
