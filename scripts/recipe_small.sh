@@ -5,7 +5,7 @@
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (two CPU hours; those of an earlier call are kept) and five runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (two CPU hours; those of an earlier call are kept) and six runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -54,19 +54,23 @@ train "$first" 1600 --init "$start" "${backbone_given[@]}" --seed "$seed" --data
 train "$second" 1100 --init "$first/weights.safetensors" "${taught[@]}" --seed "$((seed + 1))" --data "$folder/wide=2" "$folder/many=1" \
     --size 240x320 --batch 12 --learning-rate 1.5e-3
 
-# How far things are, from pairs of images: 6,400 small ones, then 1,440 and 1,920 of the size that they are used at. The classes no longer change.
+# How far things are, from pairs of images: 6,400 small ones, then 1,440 and 1,920 of the size that they are used at; then from two to four views. The classes no longer change.
 deepen() {  # deepen OUT STEPS OPTIONS...
-    $semgs train small --supervision depth --contexts 2 2 --targets 1 --batch 4 --learning-rate 5e-4 --out "$1" --steps "$(steps "$2")" \
+    $semgs train small --supervision depth --targets 1 --out "$1" --steps "$(steps "$2")" \
         --validate-every "$(steps "$2")" --validation "$folder/held" --validation-scenes 24 --augmentation.flip --augmentation.colour 0.3 "${@:3}"
 }
 third="$folder/third_$share""_$seed"
 fourth="$folder/fourth_$share""_$seed"
 fifth="$folder/fifth_$share""_$seed"
-deepen "$third" 1600 --init "$second/weights.safetensors" --network.cost-filter 16 --network.depth-cue --seed "$((seed - 1))" \
+sixth="$folder/sixth_$share""_$seed"
+pairs=(--contexts 2 2 --batch 4 --learning-rate 5e-4)
+deepen "$third" 1600 "${pairs[@]}" --init "$second/weights.safetensors" --network.cost-filter 16 --network.depth-cue --seed "$((seed - 1))" \
     --data "$folder/many=2" "$folder/wide=1" --size 120x160 --average-decay 0.995 --augmentation.crop 0.5 --augmentation.camera 0.5
-deepen "$fourth" 360 --init "$third/weights.safetensors" --seed "$seed" --data "$folder/wide" "$folder/long" --size 240x320 \
+deepen "$fourth" 360 "${pairs[@]}" --init "$third/weights.safetensors" --seed "$seed" --data "$folder/wide" "$folder/long" --size 240x320 \
     --average-decay 0.99 --augmentation.crop 0.6 --augmentation.camera 0.5
-deepen "$fifth" 480 --init "$fourth/weights.safetensors" --seed "$((seed + 4))" --data "$folder/wide=2" "$folder/more=1" "$folder/long=1" --size 240x320 \
+deepen "$fifth" 480 "${pairs[@]}" --init "$fourth/weights.safetensors" --seed "$((seed + 4))" --data "$folder/wide=2" "$folder/more=1" "$folder/long=1" --size 240x320 \
     --average-decay 0.99 --augmentation.crop 0.7 --augmentation.camera 0.3
+deepen "$sixth" 130 --contexts 2 4 --batch 3 --learning-rate 4e-4 --init "$fifth/weights.safetensors" --seed "$((seed + 5))" --data "$folder/long" \
+    --size 240x320 --average-decay 0.97 --augmentation.crop 0.7 --augmentation.camera 0.3
 
-grep -h '"validation"' "$first/log.jsonl" "$second/log.jsonl" "$third/log.jsonl" "$fourth/log.jsonl" "$fifth/log.jsonl"
+grep -h '"validation"' "$first/log.jsonl" "$second/log.jsonl" "$third/log.jsonl" "$fourth/log.jsonl" "$fifth/log.jsonl" "$sixth/log.jsonl"
