@@ -122,7 +122,8 @@ def _lent(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int,
     """
     with as_large_as(path):
         model = drawn(settings, seed, classes)
-    own, theirs = model.state_dict(), dict(read_tensors(path))
+    own = model.state_dict()
+    theirs = {key: one for key, one in read_tensors(path).items() if key in own or not key.startswith(ADDED)}
     added = [name for name in own if name.startswith(ADDED) and name not in theirs]
     kept = theirs | {name: own[name] for name in added}
     notes = [f"the layers added to depth drawn with seed {seed}"] if added else []

@@ -14,13 +14,16 @@ from semgs.weights.file import read_header
 KEY = "temperatures"
 """Where a header has them, as JSON."""
 
+DIGITS = 3
+"""Decimal places of a temperature in a header."""
+
 KINDS = ("rendered", "gaussians")
 """What has a temperature of its own: pixels after splatting, and single Gaussians."""
 
 
 def temperatures_text(temperatures: Mapping[str, float]) -> str:
     """Temperatures as a header keeps them."""
-    return json.dumps({kind: round(temperatures[kind], 3) for kind in KINDS})
+    return json.dumps({kind: round(temperatures[kind], DIGITS) for kind in KINDS})
 
 
 def read_temperatures(path: str | Path) -> dict[str, float] | None:

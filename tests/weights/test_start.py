@@ -63,7 +63,8 @@ def test_weights_lend_a_network_with_another_semantic_branch_all_else():
     there, here = load("small").state_dict(), model.state_dict()
     assert model.settings == switched(load("small").settings, {"semantic_pyramid": (16, 24)})
     kept = {name for name in here if not name.startswith("semantic.")}
-    assert kept == {name for name in there if not name.startswith("semantic.")}
+    cue = {name for name in there if name.startswith("colour.depth.regressor.cues.")}  # it goes with the backbone
+    assert kept == {name for name in there if not name.startswith("semantic.")} - cue
     assert all(torch.equal(here[name], there[name]) for name in kept)
     assert f"small.safetensors: {len(kept)} of {len(here)} tensors kept" in model.origin
     assert "the semantic branch drawn anew with seed 3" in model.origin
@@ -85,19 +86,26 @@ def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path
         assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
 
 
+def plain(folder: Path) -> Path:
+    """Weights of a network with a class backbone and nothing added to depth."""
+    save(folder / "plain.safetensors", start("small", "random", switches={"class_backbone": True}), {})
+    return folder / "plain.safetensors"
+
+
 def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp_path: Path):
     more = {"cost_filter": 4, "depth_cue": True}
-    model = start("small", "small", seed=3, switches=more)
-    there, here = load("small").state_dict(), model.state_dict()
+    path = plain(tmp_path)
+    model = start("small", str(path), seed=3, switches=more)
+    there, here = load("small", path).state_dict(), model.state_dict()
     assert all(torch.equal(here[name], tensor) for name, tensor in there.items())
     # Five 3D convolutions; two cues of a norm and two convolutions; weight and bias each.
     assert len(here) - len(there) == 2 * (5 + 2 * 3)
     assert (
-        f"small.safetensors: {len(there)} of {len(here)} tensors kept; the layers added to depth drawn" in model.origin
+        f"plain.safetensors: {len(there)} of {len(here)} tensors kept; the layers added to depth drawn" in model.origin
     )
     views = posed_views(2, (32, 48))
     with torch.inference_mode():
-        torch.testing.assert_close(model.eval().sweep(views).depths, load("small").sweep(views).depths)
+        torch.testing.assert_close(model.eval().sweep(views).depths, load("small", path).sweep(views).depths)
     save(tmp_path / "more.safetensors", model, {})
     there = load("small", tmp_path / "more.safetensors").state_dict()
     for switches in ({}, more):
@@ -107,11 +115,12 @@ def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp
         start("small", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
 
 
-def test_more_layers_in_depth_and_other_classes_are_one_start():
-    model = start("small", "small", seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
+def test_more_layers_in_depth_and_other_classes_are_one_start(tmp_path: Path):
+    path = str(plain(tmp_path))
+    model = start("small", path, seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
     assert "the layers added to depth drawn with seed 3; drawn anew for the 5 classes of five" in model.origin
     with pytest.raises(InputError, match="class table five"):
-        start("small", "small", seed=3, classes=FIVE, switches={"cost_filter": 4})
+        start("small", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
 
 
 def test_a_cue_without_a_backbone_is_refused_in_one_line():

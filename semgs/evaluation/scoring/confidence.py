@@ -22,7 +22,7 @@ from semgs.objectives.calibration import (
     tempered,
 )
 from semgs.reconstruction.encode import encode
-from semgs.weights.temperatures import KINDS
+from semgs.weights.temperatures import DIGITS, KINDS
 
 PIXELS = 2048
 """Labelled pixels that are taken of each view, at random: neighbours say the same."""
@@ -105,13 +105,13 @@ def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]
 
 
 def temperature_effect(said: Statements, temperature: float | None = None) -> TemperatureEffect:
-    """The error with and without a temperature; None fits it to these very statements.
+    """The error with and without a temperature; None fits it to these very statements, to the digits that a header keeps.
 
     Raises:
         ValueError: there are no statements to fit to.
     """
     if temperature is None:
-        temperature = fitted_temperature(said.distributions, said.labels)
+        temperature = round(fitted_temperature(said.distributions, said.labels), DIGITS)
     after = tempered(said.distributions, temperature)
     return TemperatureEffect(
         temperature,
