@@ -91,8 +91,9 @@ def start(
             path, f"class table {classes.name} ({len(classes)} classes)", f"{header.classes.name} ({len(header.classes)} classes)",
             key="classes", advice="name the table to train on with --classes FILE",
         )  # fmt: skip
-    if fresh_semantics or header.classes != classes or wanted != header.settings:
-        return _lent(path, wanted, classes, seed, fresh_semantics)
+    fresh_classes = header.classes != classes
+    if fresh_semantics or fresh_classes or wanted != header.settings:
+        return _lent(path, wanted, classes, seed, fresh_classes, fresh_semantics)
     model = load(name, path, classes=classes)
     model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
     return model
@@ -110,14 +111,17 @@ def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkS
         raise InputError("--network", "switches that fit together", "some that do not", advice=f"{error}") from None
 
 
-def _lent(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int, fresh_semantics: bool) -> SemGS:
+def _lent(
+    path: Path, settings: NetworkSettings, classes: ClassTable, seed: int, fresh_classes: bool, fresh_semantics: bool
+) -> SemGS:
     """A network of these settings with all of a file's tensors that have a place in it; the others are drawn.
 
     Args:
         path: of the weights.
         settings: which may have another semantic branch than the weights, and more layers in depth.
-        classes: the table; rows of other classes are drawn, beside those that are not of classes.
+        classes: the table.
         seed: of what is drawn.
+        fresh_classes: draw the rows of the classes, as the weights have another table.
         fresh_semantics: draw the whole semantic branch.
     """
     with as_large_as(path):
@@ -134,7 +138,7 @@ def _lent(path: Path, settings: NetworkSettings, classes: ClassTable, seed: int,
         kept |= {name: own[name] for name in semantic}
         fresh += semantic
         notes.append(f"the semantic branch drawn anew with seed {seed}")
-    elif read_header(path).classes != classes:
+    elif fresh_classes:
         predict = model.parts()["classes"]
         names = [name for name in own if name in predict]
         for name in names:
