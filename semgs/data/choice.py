@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 
@@ -176,6 +177,45 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
         others.append(_one_of((shared >= LEAST_SEEN).astype(float), shared, [*chosen, *others], rng))
     context = tuple(sorted(int(few[index]) for index in chosen))
     return Choice(context, tuple(sorted(int(few[index]) for index in others)), "drawn", bounds)
+
+
+def consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
+    """Frames for training that lie as those of the protocol `neighbours` do: a frame, the contexts around it, targets beside them.
+
+    The first target is any inner frame, its contexts are the nearest in file order, and further targets are the next nearest.
+
+    Args:
+        scene: to draw from.
+        bounds: near and far of the scene.
+        contexts: how many input views.
+        targets: how many others, at least 1.
+        rng: the random numbers; of the same state, the same frames.
+
+    Raises:
+        InputError: the scene has fewer frames than that, or fewer than three.
+    """
+    wanted = max(contexts + targets, 3)
+    if wanted > len(scene):
+        raise InputError(
+            scene.path,
+            f"at least {wanted} usable frames, for {contexts} input views around one to compare with",
+            f"{len(scene)}",
+        )
+    target = int(rng.integers(1, len(scene) - 1))
+    forward = bool(rng.integers(2))
+    order = around(target, len(scene), contexts + targets - 1, forward)
+    return Choice(tuple(sorted(order[:contexts])), tuple(sorted((target, *order[contexts:]))), "consecutive", bounds)
+
+
+def around(frame: int, frames: int, count: int, forward: bool = False) -> tuple[int, ...]:
+    """The `count` nearest to one of `frames` in file order: alternately before and after it; where one side ends, the other fills.
+
+    Args:
+        forward: begin after it.
+    """
+    sides = [range(frame - 1, -1, -1), range(frame + 1, frames)]
+    turns = zip_longest(*(reversed(sides) if forward else sides))
+    return tuple([other for pair in turns for other in pair if other is not None][:count])
 
 
 def _beside(scene: Scene, first: int, bounds: DepthRange, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -140,7 +140,7 @@ def training_batches(
             )  # fmt: skip
     samples = Samples(
         settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
-        (settings.contexts, settings.targets), data.classes, settings.augmentation,
+        (settings.contexts, settings.targets), data.classes, settings.augmentation, settings.frames,
         _turns(settings, settings.seed, weights, rooms, data.folders, settings.batch, length), teacher_of(settings),
         settings.batch * round(settings.half_size * settings.steps),
     )  # fmt: skip
@@ -187,7 +187,7 @@ def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
         folders = Folder(scene_paths(source.path))
     samples = Samples(
         VALIDATION_SEED, settings.size, 1, rooms, [folders] if folders else [], [1.0],
-        ((fewest, fewest), settings.targets), data.classes, Augmentation(),
+        ((fewest, fewest), settings.targets), data.classes, Augmentation(), settings.frames,
         _turns(settings, VALIDATION_SEED, [1.0], rooms, [folders] if folders else [], 1, count),
     )  # fmt: skip
     return [_batch([samples[k]]) for k in range(count)]

@@ -6,12 +6,13 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from semgs.data.choice import drawn
+from semgs.data.choice import consecutive, drawn
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.depth_range import DepthRange
 from semgs.data.scene import Scene
@@ -77,6 +78,7 @@ class Samples:
         counts: of views, where there are no rooms: fewest and most contexts, and targets.
         classes: the table that labels are brought to.
         augmentation: of every sample.
+        frames: which frames of a scene in a folder go together.
         turns: which scene each sample is of, for samples of a single picture; None draws them.
         teacher: of single pictures, if there is one.
         halved: samples before this number have half the size.
@@ -93,6 +95,7 @@ class Samples:
         counts: tuple[tuple[int, int], int],
         classes: ClassTable,
         augmentation: Augmentation,
+        frames: Literal["covisible", "consecutive"] = "covisible",
         turns: Turns | None = None,
         teacher: Teacher | None = None,
         halved: int = 0,
@@ -101,6 +104,7 @@ class Samples:
         self._rooms, self._folders, self._counts = rooms, tuple(folders), counts
         self._chances = np.array(weights, dtype=np.float64) / sum(weights)
         self._classes, self._augmentation = classes, augmentation
+        self._choose = {"covisible": drawn, "consecutive": consecutive}[frames]
         self._turns, self._teacher = turns, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0
@@ -161,7 +165,7 @@ class Samples:
         """Frames of a scene that go together, drawn."""
         contexts, targets = self.counts(k)
         scene, bounds = self._opened(path)
-        choice = drawn(scene, bounds, contexts, targets, rng)
+        choice = self._choose(scene, bounds, contexts, targets, rng)
         views = self._read(scene, bounds, [*choice.context, *choice.targets])
         context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
         return Sample(context, target, scene.name)

@@ -75,6 +75,9 @@ class TrainingSettings:
     make each sample a single image of another scene."""
     targets: int = 2
     """Target views per scene, rendered and compared, besides the input views."""
+    frames: Literal["covisible", "consecutive"] = "covisible"
+    """Which frames of a folder's scene form a sample. covisible: views that share enough of what they see, wherever they stand in the file.
+    consecutive: a frame and the input views around it in file order, as semgs evaluate takes them."""
     context_targets: bool = False
     """Also render and compare the input views (not in the paper). Depth is easiest to learn there."""
     learning_rate: float = 2e-4

@@ -6,13 +6,12 @@ A protocol is a function from a scene and a number of views to a list of samples
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Literal
 
 import numpy as np
 
+from semgs.data.choice import around
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -46,10 +45,7 @@ def neighbours(scene: Scene, views: int) -> list[Sample]:
         InputError: the scene has fewer than three usable frames, or fewer than `views` beside a target.
     """
     _check(scene, views, sources=len(scene) - 1, least=3)
-    return [
-        Sample(_alternately(range(target - 1, -1, -1), range(target + 1, len(scene)), views), target)
-        for target in range(1, len(scene) - 1)
-    ]
+    return [Sample(around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
 
 
 def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray") -> list[Sample]:
@@ -85,12 +81,6 @@ def nearest_first(scene: Scene, sample: Sample) -> tuple[int, ...]:
     centres = np.stack([scene.frames[index].world_from_camera[:3, 3] for index in (*sample.contexts, sample.target)])
     order = np.argsort(np.linalg.norm(centres[:-1] - centres[-1], axis=1), kind="stable")
     return tuple(sample.contexts[index] for index in order)
-
-
-def _alternately(before: Iterable[int], after: Iterable[int], count: int) -> tuple[int, ...]:
-    """The first `count` of two series, taking turns; where one ends, the other goes on alone."""
-    turns = [frame for pair in zip_longest(before, after) for frame in pair if frame is not None]
-    return tuple(turns[:count])
 
 
 def _check(scene: Scene, views: int, sources: int, least: int) -> None:
