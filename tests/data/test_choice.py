@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from landmarks import looking
 
-from semgs.data.choice import _preference, choose, drawn, given
+from semgs.data.choice import _preference, around, choose, consecutive, drawn, given
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
 from semgs.data.maps import InMemory
@@ -251,3 +251,33 @@ def test_the_same_numbers_draw_the_same_frames_and_few_frames_are_all_drawn():
     assert sorted((*one.context, *one.targets)) == [0, 1, 2, 3]
     with pytest.raises(InputError, match="at least 5 usable frames, for 3 input views and 2 to compare with, found 4"):
         drawn(room, bounds, 3, 2, np.random.default_rng(4))
+
+
+def test_the_nearest_in_file_order_alternate_and_one_side_fills_for_the_other():
+    assert around(3, 8, 5) == (2, 4, 1, 5, 0)
+    assert around(3, 8, 5, forward=True) == (4, 2, 5, 1, 6)
+    assert around(1, 8, 4) == (0, 2, 3, 4)
+    assert around(0, 2, 1) == (1,)
+
+
+def test_consecutive_frames_are_a_target_the_contexts_around_it_and_targets_beside_them():
+    """Of eight frames, whatever they see: N = 2 with one target more is t-1, t+1 and t-2 or t+2 (0 or 7 at the ends fill in order)."""
+    room = scene(beside(*np.arange(0, 0.8, 0.1)))
+    found = set()
+    for draw in range(60):
+        choice = consecutive(room, room.depth_range(), 2, 2, np.random.default_rng(draw))
+        found.add((choice.context, choice.targets))
+    inner = {((t - 1, t + 1), targets) for t in range(2, 6) for targets in ((t - 2, t), (t, t + 2))}
+    ends = {((0, 2), (1, 3)), ((5, 7), (4, 6))}
+    assert found == inner | ends
+    four = consecutive(room, room.depth_range(), 4, 1, np.random.default_rng(0))
+    (target,) = four.targets
+    assert sorted((*four.context, target)) == list(range(min(four.context), min(four.context) + 5))
+
+
+def test_consecutive_frames_need_as_many_and_an_inner_one():
+    room = scene(beside(0.0, 0.1))
+    with pytest.raises(
+        InputError, match="at least 3 usable frames, for 1 input views around one to compare with, found 2"
+    ):
+        consecutive(room, room.depth_range(), 1, 1, np.random.default_rng(0))

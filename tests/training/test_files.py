@@ -85,6 +85,20 @@ def test_a_sample_holds_frames_of_its_scene_with_their_cameras(scans, tmp_path):
             assert len(set(distances.argmin(1).tolist())) == len(here), "no frame comes twice"
 
 
+def test_consecutive_samples_are_a_frame_and_those_around_it_in_training_and_validation(scans, tmp_path):
+    settings = replace(
+        SETTINGS, data=(str(scans),), validation=str(scans), contexts=(2, 2), targets=1, steps=8, frames="consecutive"
+    )
+    samples = [*batches(settings, tmp_path), *validation_batches(settings, surveyed(settings, tmp_path))]
+    assert len(samples) > 8
+    for one in samples:
+        for index, name in enumerate(one.scenes):
+            there = labelled_views(int(name.removeprefix("scene"))).cameras.centres
+            here = torch.cat((one.context.cameras.centres[index], one.target.cameras.centres[index]))
+            first, second, target = torch.cdist(here, there).argmin(1).tolist()
+            assert (first, second) == (target - 1, target + 1)
+
+
 def test_a_mixture_draws_its_sources_by_their_weights_and_stays_a_function_of_k(scans, tmp_path, monkeypatch):
     def drawn(self, k):
         views = labelled_views(k + 100, frames=5)
