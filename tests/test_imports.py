@@ -15,10 +15,10 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = (
     ("files", "geometry"),
     ("data", "rendering"),
-    ("model", "rooms", "capture", "preparation"),
-    ("weights", "objectives", "figures"),
+    ("model", "rooms", "preparation"),
+    ("weights", "objectives", "figures", "segmenters"),
     ("training", "reconstruction", "export"),
-    ("evaluation", "viewer", "bench"),
+    ("evaluation", "bench"),
     ("cli",),
 )
 """From the ground up; `semgs` itself, which resolves the public names, stands above them all."""

@@ -18,6 +18,9 @@ from semgs.geometry.summaries import array_of, summary
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 
+SUMS_TO_1 = 1e-3
+"""Probabilities sum to 1 up to this."""
+
 
 @dataclass(frozen=True)
 class Encoding:
@@ -72,6 +75,36 @@ class Encoding:
         rendering = render(self.gaussians, cameras, **({"near": near} | options))
         return replace(rendering, classes=self.classes)
 
+    def with_classes(self, distributions: Float[Tensor, "*batch v class h w"], classes: ClassTable) -> Encoding:
+        """The same Gaussians with other classes: each takes the distribution of the pixels that it stands for.
+
+        Semantic Gaussians keep their shapes. Without a semantic branch they take those of the colour Gaussians.
+
+        Args:
+            distributions: over the classes of every pixel of the context views, at their size; summing to 1.
+            classes: the table.
+
+        Raises:
+            ValueError: the maps are not of the context views' size, have other classes than the table, or do not sum to 1.
+        """
+        views, height, width = self.depths.shape[-3:]
+        expected = (*self.depths.shape[:-2], len(classes), height, width)
+        if tuple(distributions.shape) != expected:
+            raise ValueError(
+                f"distributions are {tuple(distributions.shape)}; expected {expected}: views, the {len(classes)} classes of {classes.name}, height, width"
+            )
+        if not torch.isfinite(distributions).all() or (distributions.sum(-3) - 1).abs().max() > SUMS_TO_1:
+            raise ValueError("the distributions do not sum to 1 over the classes")
+        stride = _stride(len(self.gaussians), views, height, width)
+        maps = distributions.to(self.gaussians.means)
+        places = torch.nn.functional.avg_pool2d(maps.flatten(end_dim=-4), stride, ceil_mode=True)
+        features = places.flatten(-2).mT.reshape(*self.gaussians.opacities.shape, len(classes))
+        features = features / features.sum(-1, keepdim=True)
+        shape = self.gaussians.semantic or self.gaussians.colour
+        return replace(
+            self, gaussians=replace(self.gaussians, semantic=replace(shape, features=features)), classes=classes
+        )
+
     def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
         """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
         return replace(
@@ -87,3 +120,17 @@ class Encoding:
         """The same encoding on a device and in a dtype; the near and far bounds stay as they are."""
         moved = self.map(lambda tensor: tensor.to(device, dtype))
         return replace(moved, depth_range=self.depth_range)
+
+
+def _stride(gaussians: int, views: int, height: int, width: int) -> int:
+    """Pixels along each side of a Gaussian's place, from how many there are of both.
+
+    Raises:
+        ValueError: they do not stand on a grid of the views' pixels.
+    """
+    for stride in range(1, min(height, width) + 1):
+        if views * -(-height // stride) * -(-width // stride) == gaussians:
+            return stride
+    raise ValueError(
+        f"{gaussians} Gaussians for {views} views of {height}x{width}; expected one for each pixel or block of pixels"
+    )

@@ -1,0 +1,1 @@
+"""Classes from any 2D segmentation: files, exported networks or published models, fused over the input views."""

@@ -1,0 +1,65 @@
+"""Fusion: what several input views say about the class of one surface point becomes one answer.
+
+Every pixel of an input view is a point at the network's depth. The point is projected into each other input view; that view's answer counts as far as
+its depth agrees there, where the network's own uncertainty says what agreement is. Answers are pooled as a weighted mean of log probabilities.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras, back_project, project
+
+LEAST = 1e-3
+"""Added to every probability: one view that is sure of something else does not veto the others."""
+
+SPREAD = 0.02
+"""Added to the uncertainty of log depth of both views: pixels are sampled, and surfaces slant."""
+
+TOLERANCE = 2.0
+"""A view counts if log depths differ by no more than this many standard deviations."""
+
+
+def fused(
+    probabilities: Float[Tensor, "v class h w"],
+    depths: Float[Tensor, "v h w"],
+    spread: Float[Tensor, "v h w"],
+    cameras: Cameras,
+    weights: Float[Tensor, " v"] | None = None,
+) -> Float[Tensor, "v class h w"]:
+    """The class distribution of every pixel of every view, given what all views say about its point.
+
+    Args:
+        probabilities: what each view says by itself; sums to 1 over classes.
+        depths: z-depth of every pixel [m].
+        spread: standard deviation of log depth of every pixel.
+        cameras: of the views [v], at the size of the maps.
+        weights: how much each view's answer counts; None is 1 for all.
+
+    Raises:
+        ValueError: the maps are not of the cameras' size.
+    """
+    count, (height, width) = len(depths), cameras.size
+    logs = (probabilities + LEAST).log()
+    shares = torch.ones(count).to(logs) if weights is None else weights.to(logs)
+    points = back_project(depths, cameras).flatten(1, 2)
+    rows = []
+    for one in range(count):
+        total, weight = shares[one] * logs[one].flatten(1), shares[one].expand(height * width)
+        for other in range(count):
+            if other == one:
+                continue
+            x, y, z = project(points[one], cameras[other]).unbind(-1)
+            inside = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            place = y.clamp(0, height - 1).long() * width + x.clamp(0, width - 1).long()
+            place = torch.where(inside, place, 0)
+            seen = depths[other].flatten()[place]
+            sigma = (spread[one].flatten().square() + spread[other].flatten()[place].square()).sqrt() + SPREAD
+            agrees = inside & ((z.clamp(min=1e-6) / seen).log().abs() <= TOLERANCE * sigma)
+            vote = shares[other] * agrees
+            total = total + vote * logs[other].flatten(1)[:, place]
+            weight = weight + vote
+        rows.append((total / weight.clamp(min=1e-12)).softmax(0).unflatten(1, (height, width)))
+    return torch.stack(rows)
