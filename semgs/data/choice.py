@@ -13,7 +13,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from semgs.data.covisibility import WIDEST_ANGLE, Covisibility, Surfaces, flat
+from semgs.data.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat
 from semgs.data.depth_range import DepthRange
 from semgs.data.parallax import Seen
 from semgs.data.scene import Scene
@@ -85,9 +85,9 @@ def choose(scene: Scene, count: int) -> Choice:
     _check_count(scene, count)
     features: dict[int, Seen] = {}
     typical = scene.depth_range(features=features).typical
-    surfaces = Surfaces(scene)
-    few = _spread(range(len(scene)), max(_most(surfaces), count))
-    together = Covisibility(scene, few, surfaces.of(few, typical))
+    grids = DepthGrids(scene)
+    few = _spread(range(len(scene)), max(_most(grids), count))
+    together = Covisibility(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
     depths = np.sqrt(together.medians[:, None] * together.medians)
     scores = np.where(overlaps >= LEAST_SHARED, overlaps * _preference(baselines / depths), -1)
@@ -124,7 +124,7 @@ def choose(scene: Scene, count: int) -> Choice:
         notes.append(
             f"{len(context)} input views instead of {count}: no other frame shares {LEAST_SHARED:.0%} of what it sees with them."
         )
-    return _with_targets(scene, surfaces, context, scene.depth_range(context, features), "chosen: ", notes)
+    return _with_targets(scene, grids, context, scene.depth_range(context, features), "chosen: ", notes)
 
 
 def given(scene: Scene, context: Sequence[int | str]) -> Choice:
@@ -137,7 +137,7 @@ def given(scene: Scene, context: Sequence[int | str]) -> Choice:
     _check_count(scene, len(indices))
     if len(set(indices)) != len(indices):
         raise ValueError(f"the context views are {', '.join(map(str, context))}; expected different frames")
-    return _with_targets(scene, Surfaces(scene), indices, scene.depth_range(indices), "as asked: ")
+    return _with_targets(scene, DepthGrids(scene), indices, scene.depth_range(indices), "as asked: ")
 
 
 def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
@@ -265,9 +265,9 @@ def _best(fit: np.ndarray, leaves_target: Callable[[int], bool]) -> int | None:
     return next((index for index in good if leaves_target(index)), good[0] if good else None)
 
 
-def _most(surfaces: Surfaces) -> int:
+def _most(grids: DepthGrids) -> int:
     """How many frames are considered."""
-    return CANDIDATES_TO_READ if surfaces.measured else CANDIDATES
+    return CANDIDATES_TO_READ if grids.measured else CANDIDATES
 
 
 def _spread(frames: Sequence[int], most: int) -> list[int]:
@@ -277,7 +277,7 @@ def _spread(frames: Sequence[int], most: int) -> list[int]:
 
 def _with_targets(
     scene: Scene,
-    surfaces: Surfaces,
+    grids: DepthGrids,
     context: tuple[int, ...],
     bounds: DepthRange,
     prefix: str,
@@ -293,7 +293,7 @@ def _with_targets(
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
     distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
     nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
-    seen = _covered(scene, surfaces, context, [*_spread(between, _most(surfaces)), *nearest], bounds.typical)
+    seen = _covered(scene, grids, context, [*_spread(between, _most(grids)), *nearest], bounds.typical)
     well = [index for index in seen if seen[index] >= WELL_SEEN]
     targets = _spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
     if not targets:
@@ -305,23 +305,23 @@ def _with_targets(
                 *notes,
                 f"The input views see less than {WELL_SEEN:.0%} of each held-out frame, so compare the scores over the seen pixels.",
             ]
-    reason = prefix + _reason(scene, surfaces, context, bounds)
+    reason = prefix + _reason(scene, grids, context, bounds)
     return Choice(context, tuple(sorted(targets)), reason, bounds, tuple(notes))
 
 
 def _covered(
-    scene: Scene, surfaces: Surfaces, context: Sequence[int], frames: Sequence[int], depth: float
+    scene: Scene, grids: DepthGrids, context: Sequence[int], frames: Sequence[int], depth: float
 ) -> dict[int, float]:
     """The part of what each of some frames sees that the contexts see too, in the order of the frames."""
     every = list(dict.fromkeys((*context, *frames)))
-    together = Covisibility(scene, every, surfaces.of(every, depth))
+    together = Covisibility(scene, every, grids.of(every, depth))
     parts = together.covered(range(len(context))).tolist()
     return dict(zip(every[len(context) :], parts[len(context) :], strict=True))
 
 
-def _reason(scene: Scene, surfaces: Surfaces, context: Sequence[int], bounds: DepthRange) -> str:
+def _reason(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: DepthRange) -> str:
     """One sentence with the figures of the contexts."""
-    found = surfaces.of(context, bounds.typical)
+    found = grids.of(context, bounds.typical)
     together = Covisibility(scene, context, found)
     overlaps, baselines = together.overlaps(), together.baselines[np.triu_indices(len(context), 1)]
     np.fill_diagonal(overlaps, 0)
@@ -332,7 +332,7 @@ def _reason(scene: Scene, surfaces: Surfaces, context: Sequence[int], bounds: De
     if len(context) > 2:
         share = f"each {share} with another".replace("they see", "it sees")
     depth = float(np.median(together.medians))
-    sources = " and ".join(dict.fromkeys(surface.source for surface in found if surface.source))
+    sources = " and ".join(dict.fromkeys(grid.source for grid in found if grid.source))
     kind = "middle" if bounds.median is None else "median"
     where = (
         f", by {sources} with a median of {depth:.2g}{unit},"

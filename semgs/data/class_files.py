@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.classes import IGNORE, ClassTable
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
@@ -75,12 +75,10 @@ def read_class_file(path: str | Stored) -> LabelSet:
             if meaning[number] is not None:
                 raise InputError(path, "numbers that mean one thing each", f"{number} twice", key="classes")
             meaning[number] = label
-    try:
+    with input_error(path, expected, "classes"):
         table = ClassTable(
             str(content.get("name", Path(path.name).stem)), tuple(names), tuple(colours), tuple(own[0] for own in ids)
         )
-    except ValueError as error:
-        raise InputError(path, expected, str(error), key="classes") from error
     return LabelSet(table, tuple(meaning))
 
 

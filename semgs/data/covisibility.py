@@ -20,14 +20,14 @@ FEWEST_CELLS = 10
 """Of a depth map that is known in fewer cells than this, or of fewer sparse points, nothing is believed."""
 
 WIDEST_ANGLE = np.radians(60)
-"""From directions further apart than this a surface is not the same to see."""
+"""A surface seen from directions further apart than this does not look the same."""
 
 HIDDEN = 1.1
 """What is further away than this times the farthest that a frame measured in a cell is hidden from it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class DepthGrid:
     """What one frame sees.
 
     Attributes:
@@ -46,37 +46,37 @@ class Surface:
         return float(np.nanmedian(self.depths))
 
 
-def flat(depth: float) -> Surface:
-    """The surface of a frame of which nothing is known: everything at one depth."""
-    return Surface(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
+def flat(depth: float) -> DepthGrid:
+    """The grid of a frame of which nothing is known: everything at one depth."""
+    return DepthGrid(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
 
 
-class Surfaces:
-    """The surfaces of a scene's frames. Each is found when it is first asked for."""
+class DepthGrids:
+    """The grids of a scene's frames. Each is found when it is first asked for."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._found: dict[int, Surface | None] = {}
+        self._found: dict[int, DepthGrid | None] = {}
         self.measured = any(frame.depth is not None for frame in scene.frames)
         """Whether depth maps are read, which takes milliseconds a frame."""
 
-    def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[Surface]:
-        """The surfaces of some frames; of those whose depth is not known, one at the depth `otherwise`."""
-        return [self._surface(int(index)) or flat(otherwise) for index in indices]
+    def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[DepthGrid]:
+        """The grids of some frames; of those whose depth is not known, one at the depth `otherwise`."""
+        return [self._grid(int(index)) or flat(otherwise) for index in indices]
 
-    def _surface(self, index: int) -> Surface | None:
+    def _grid(self, index: int) -> DepthGrid | None:
         """What is known of a frame, None if that is nothing."""
         if index not in self._found:
             frame, points = self._scene.frames[index], self._scene.points
-            surface = _from_depth_map(frame)
-            if surface is None and points is not None:
-                surface = _from_points(frame, points)
-            self._found[index] = surface
+            grid = _from_depth_map(frame)
+            if grid is None and points is not None:
+                grid = _from_points(frame, points)
+            self._found[index] = grid
         return self._found[index]
 
 
-def _from_depth_map(frame: Frame) -> Surface | None:
-    """The surface that a frame's own depth map shows, None if there is none or it is nearly empty."""
+def _from_depth_map(frame: Frame) -> DepthGrid | None:
+    """The grid that a frame's own depth map shows, None if there is none or it is nearly empty."""
     try:
         depths = frame.measured()
     except InputError:
@@ -90,10 +90,10 @@ def _from_depth_map(frame: Frame) -> Surface | None:
         return None
     above, left = (np.arange(GRID) * side // GRID for side in (height, width))
     farthest = np.maximum.reduceat(np.maximum.reduceat(depths, above, axis=0), left, axis=1).astype(np.float64).ravel()
-    return Surface(np.where(middles > 0, middles, np.nan), np.where(farthest > 0, farthest, np.inf), "measured depth")
+    return DepthGrid(np.where(middles > 0, middles, np.nan), np.where(farthest > 0, farthest, np.inf), "measured depth")
 
 
-def _from_points(frame: Frame, points: np.ndarray) -> Surface | None:
+def _from_points(frame: Frame, points: np.ndarray) -> DepthGrid | None:
     """Each cell at the depth of the sparse point nearest to its middle in the picture; None if the frame sees too few."""
     ours = points if frame.points is None else points[frame.points]
     pose, (height, width) = frame.world_from_camera, frame.lens.size
@@ -105,7 +105,7 @@ def _from_points(frame: Frame, points: np.ndarray) -> Surface | None:
     if len(depths) < FEWEST_CELLS:
         return None
     distances = np.linalg.norm((_middles()[:, None] - places) * (width, height), axis=-1)
-    return Surface(depths[distances.argmin(axis=1)], np.full(GRID * GRID, np.inf), "sparse points")
+    return DepthGrid(depths[distances.argmin(axis=1)], np.full(GRID * GRID, np.inf), "sparse points")
 
 
 def _middles() -> np.ndarray:
@@ -122,12 +122,12 @@ class Covisibility:
         baselines: distances between the cameras [n n].
     """
 
-    def __init__(self, scene: Scene, indices: Sequence[int] | np.ndarray, surfaces: Sequence[Surface]) -> None:
+    def __init__(self, scene: Scene, indices: Sequence[int] | np.ndarray, grids: Sequence[DepthGrid]) -> None:
         frames = [scene.frames[index] for index in indices]
         lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
         poses = np.stack([frame.world_from_camera for frame in frames])
         intrinsics = np.stack([lenses[frame.lens] for frame in frames])
-        depths = np.stack([surface.depths for surface in surfaces])
+        depths = np.stack([grid.depths for grid in grids])
         rotations, self._centres = poses[:, :3, :3], poses[:, :3, 3]
         self._sizes = np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64)
         self._projections = intrinsics @ rotations.mT
@@ -137,8 +137,8 @@ class Covisibility:
         self._points = self._centres[:, None] + rays
         self._directions = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         self._known = np.isfinite(depths).sum(axis=1)
-        self._farthest = np.stack([surface.farthest for surface in surfaces])
-        self.medians = np.array([surface.median for surface in surfaces])
+        self._farthest = np.stack([grid.farthest for grid in grids])
+        self.medians = np.array([grid.median for grid in grids])
         self.baselines = np.linalg.norm(self._centres[:, None] - self._centres, axis=-1)
         self._seen = np.stack([self._seen_by(index) for index in range(len(frames))])
 

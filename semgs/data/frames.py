@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import final
 
 import numpy as np
@@ -57,23 +58,14 @@ class Frame:
         *,
         size: Sequence[int] | None = None,
         crop: bool = False,
-        maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """The frame as one view, distortion undone, every number checked.
-
-        Args:
-            depth_range: near and far to give the view.
-            classes: the table of its labels; None leaves labels out.
-            size: (height, width) to resize to, as `semgs.data.resampling.resized`; None leaves the picture at its own size.
-            crop: where the size has another aspect, crop to it, as `semgs.data.resampling.reframed`; else the picture is stretched.
-            maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
+        """As `view`, every number checked.
 
         Raises:
-            InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
-            ImportError: labels or depth are cast at a mesh, and embreex or trimesh is not installed.
+            InputError, ImportError: as `view`.
             ValueError: as `Views`.
         """
-        return self.view(depth_range, classes, size=size, crop=crop, maps=maps).checked()
+        return self.view(depth_range, classes, size=size, crop=crop).checked()
 
     def view(
         self,
@@ -82,14 +74,20 @@ class Frame:
         *,
         size: Sequence[int] | None = None,
         crop: bool = False,
-        maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """As `read`, but trusted: for those that join several frames and check them together.
+        """The frame as one view, distortion undone, trusted: callers join several and check them together.
+
+        Args:
+            depth_range: near and far to give the view.
+            classes: the table of its labels; None leaves labels out.
+            size: (height, width) to resize to, as `semgs.data.resampling.resized`; None leaves the picture at its own size.
+            crop: where the size has another aspect, crop to it, as `semgs.data.resampling.reframed`; else the picture is stretched.
 
         Raises:
-            InputError, ImportError: as `read`.
+            InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
+            ImportError: labels or depth are cast at a mesh, and embreex or trimesh is not installed.
         """
-        image, maps = self.read_image(), self._maps(maps)
+        image, maps = self.read_image(), _maps(self.lens)
         if maps is not None:
             image = self.lens.undistorted(image, maps)
         view = Views.trusted(
@@ -125,10 +123,10 @@ class Frame:
         """
         if self.depth is None or not self.depth.stored:
             return None
-        return self.depth.read(Pixels(self.lens, self.camera, self._maps(None)))
+        return self.depth.read(Pixels(self.lens, self.camera, _maps(self.lens)))
 
-    def _maps(self, given: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray] | None:
-        """What undoes its distortion, None for a pinhole."""
-        if self.lens.is_pinhole:
-            return None
-        return self.lens.maps() if given is None else given
+
+@lru_cache(maxsize=2)
+def _maps(lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
+    """What undoes the distortion of a lens, None for a pinhole; kept, for most frames of a scene have the same lens."""
+    return None if lens.is_pinhole else lens.maps()

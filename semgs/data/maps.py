@@ -19,6 +19,7 @@ from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.lens import AbstractLens, carried_over
 from semgs.data.resampling import kept_window, nearest
 from semgs.files.arrays import read_array
+from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.pictures import decode_map, read_uint8, read_uint16
 from semgs.files.stored import Stored
@@ -281,10 +282,7 @@ def read_ids(path: Stored) -> np.ndarray:
     Raises:
         InputError: it cannot be read, or is no map.
     """
-    try:
-        return decode_map(path.read_bytes(), path)
-    except OSError as error:
-        raise InputError(path, "a label map", error.strerror or str(error)) from error
+    return decode_map(read_bytes(path, "a label map"), path)
 
 
 def read_labels(

@@ -18,7 +18,7 @@ from semgs.data.parallax import Seen
 from semgs.data.resampling import default_size
 from semgs.data.views import FAR_OUT, Views, joined
 from semgs.files.errors import InputError
-from semgs.files.notebook import MOST, Row, html, small
+from semgs.files.notebook import MOST, Strip, html, small
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.summaries import summary
 
@@ -96,7 +96,7 @@ class Scene:
                 said.append(f"{index}: {frame.name}")
             except InputError as error:
                 said.append(f"{index}: {error}")
-        return html(repr(self), [Row("frames", tuple(pictures), ", ".join(said))])
+        return html(repr(self), [Strip("frames", tuple(pictures), ", ".join(said))])
 
     def __len__(self) -> int:
         """The number of usable frames."""
@@ -195,12 +195,8 @@ class Scene:
         chosen = [self.frames[index] for index in self._asked(frames)]
         bounds = depth_range or self.depth_range(frames)
         wanted = _wanted(chosen, size)
-        views, lens, maps = [], None, None
-        for frame in chosen:
-            if frame.lens != lens and not frame.lens.is_pinhole:
-                lens, maps = frame.lens, frame.lens.maps()
-            given = None if frame.lens.is_pinhole else maps
-            views.append(frame.view((bounds.near, bounds.far), self.classes, size=wanted, crop=True, maps=given))
+        near_far = bounds.near, bounds.far
+        views = [frame.view(near_far, self.classes, size=wanted, crop=True) for frame in chosen]
         return self.local(joined(views)).checked()
 
 

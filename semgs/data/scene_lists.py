@@ -19,6 +19,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
 
+from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 
@@ -90,11 +91,7 @@ def read_list(asked: str | Path) -> SceneList:
         return SceneList(text, _names(text, (_folder() / f"{text}.txt").read_text(encoding="utf-8")))
     rule = next((one for one in (TEN, ALL_BUT_TEN) if text.startswith(one)), "")
     path = typed_path(text.removeprefix(rule))
-    try:
-        names = _names(path, path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        known = f"a text file of scenes, or one of {', '.join(package_lists())}"
-        raise InputError(path, known, getattr(error, "strerror", None) or str(error)) from error
+    names = _names(path, read_text(path, f"a text file of scenes, or one of {', '.join(package_lists())}"))
     if not rule:
         return SceneList(text, names)
     if len(set(names)) <= HELD_OUT:
@@ -159,11 +156,6 @@ def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
         for name in (place.as_posix(), place.name, *([f"sequence{numbered[1]}"] if numbered else [])):
             known.setdefault(_plain(name), path)
     return known
-
-
-def _room(name: str) -> str:
-    """The room of a scene; of one whose name does not say, the scene itself."""
-    return room_of(name) or name
 
 
 def _plain(name: str) -> str:

@@ -12,7 +12,7 @@ from semgs.data.layouts.colmap import model as colmap
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.rgbd import folders as rgbd
 from semgs.data.layouts.rgbd import frame_files, tum
-from semgs.data.layouts.ros import bag as ros_bag
+from semgs.data.layouts.ros import recording as ros
 from semgs.data.layouts.scannet import scan as scannet
 from semgs.data.layouts.scannetpp import scan as scannetpp
 from semgs.data.peers import check_applicable, check_readings
@@ -61,12 +61,12 @@ LAYOUTS = (
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
     Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
     Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
-    Layout(ros_bag.recognises, ros_bag.open_bag, ros_bag.LOOKED_FOR, asks=ros_bag.ASKS),
+    Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, asks=ros.ASKS),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
 )
 """The known layouts; of a folder that has several, the first counts."""
 
-SINGLE_FILES = (".zip", *ros_bag.ENDINGS)
+SINGLE_FILES = (".zip", *ros.ENDINGS)
 """Endings of files that may be a scene each, where a folder is looked through."""
 
 LOOKED_FOR = ", or ".join(layout.looked_for for layout in LAYOUTS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -97,20 +97,10 @@ class Views:
             raise ValueError("depths hold a number that is negative or not finite; expected z-depths, 0 where unknown")
 
     @classmethod
-    def trusted(
-        cls,
-        images: Tensor,
-        cameras: Cameras,
-        depth_range: Tensor,
-        labels: Tensor | None = None,
-        depths: Tensor | None = None,
-        classes: ClassTable = SCANNET20,
-    ) -> Views:
+    def trusted(cls, **parts: Any) -> Views:
         """Views as the constructor makes them, without its checks: for parts that were checked, or that will be, joined to others."""
         views = object.__new__(cls)
-        vars(views).update(
-            images=images, cameras=cameras, depth_range=depth_range, labels=labels, depths=depths, classes=classes
-        )
+        vars(views).update({field.name: field.default for field in fields(cls)} | parts)
         return views
 
     @classmethod

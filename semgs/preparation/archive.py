@@ -14,7 +14,6 @@ stretched. Their cameras follow. The bytes depend on the source and the settings
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import re
@@ -25,21 +24,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from semgs import __version__
 from semgs.data.classes import IGNORE
 from semgs.data.frames import Frame
-from semgs.data.lens import AbstractLens
 from semgs.data.maps import SATURATED
 from semgs.data.prepared_record import RECORD
 from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
 from semgs.data.terms import terms_of
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
-from semgs.files.atomic import partial_name
+from semgs.files.atomic import new_file
 from semgs.files.errors import InputError
-from semgs.files.pictures import png_bytes
+from semgs.files.pictures import jpeg_bytes, png_bytes
 
 MILLIMETRE = 0.001
 _MIDNIGHT = (1980, 1, 1, 0, 0, 0)
@@ -76,7 +73,7 @@ class Preparation:
 
 
 def prepare_scene(
-    scene: Scene, target: Path, settings: Preparation, *, done: Callable[[int], None] = lambda count: None
+    scene: Scene, target: Path, settings: Preparation, *, done: Callable[[int], None] | None = None
 ) -> dict[str, Any]:
     """Write a scene as one zip archive, complete or not at all.
 
@@ -94,16 +91,8 @@ def prepare_scene(
         OSError: the disk is full.
     """
     frames = _kept(scene, settings)
-    partial = partial_name(target)
-    try:
-        with partial.open("xb") as file:
-            record = _fill(file, scene, frames, settings, done)
-        partial.replace(target)
-    except BaseException:
-        with contextlib.suppress(OSError):  # the first error is the one to tell
-            partial.unlink(missing_ok=True)
-        raise
-    return record
+    with new_file(target) as file:
+        return _fill(file, scene, frames, settings, done)
 
 
 def estimated_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int:
@@ -115,7 +104,7 @@ def estimated_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int
     frames = _kept(scene, settings)
     few = [frames[round(step)] for step in np.linspace(0, len(frames) - 1, min(len(frames), sample))]
     trial = io.BytesIO()
-    _fill(trial, scene, few, settings, lambda count: None)
+    _fill(trial, scene, few, settings)
     return round(trial.tell() / len(few) * len(frames))
 
 
@@ -132,54 +121,41 @@ def _kept(scene: Scene, settings: Preparation) -> tuple[Frame, ...]:
 
 
 def _fill(
-    file: io.BufferedIOBase, scene: Scene, frames: Sequence[Frame], settings: Preparation, done: Callable[[int], None]
+    file: io.BufferedIOBase,
+    scene: Scene,
+    frames: Sequence[Frame],
+    settings: Preparation,
+    done: Callable[[int], None] | None = None,
 ) -> dict[str, Any]:
     """Write the archive of some frames; what its record holds."""
     pixels = np.zeros(IGNORE + 1, np.int64)
     listed: list[dict[str, Any]] = []
-    maps = _Maps()
     with zipfile.ZipFile(file, "w") as archive:
         for frame, stem in zip(frames, _stems(frames), strict=True):
-            view = prepared_view(scene, frame, settings.size, maps.of(frame.lens))
+            view = prepared_view(scene, frame, settings.size)
             listed.append(_write_frame(archive, frame, stem, view, scene, settings))
             if view.labels is not None:
                 pixels += np.bincount(view.labels.numpy().ravel(), minlength=IGNORE + 1)
-            done(len(listed))
+            if done is not None:
+                done(len(listed))
         record = _record(scene, listed, pixels, settings)
         _write(archive, "transforms.json", _json(_transforms(scene, listed)))
         _write(archive, RECORD, _json(record))
     return record
 
 
-class _Maps:
-    """What undoes the distortion of the lens that was used last: most frames of a scene have the same."""
-
-    def __init__(self) -> None:
-        self._lens: AbstractLens | None = None
-        self._maps: tuple[np.ndarray, np.ndarray] | None = None
-
-    def of(self, lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
-        """Its maps, None for a pinhole."""
-        if lens != self._lens:
-            self._lens, self._maps = lens, None if lens.is_pinhole else lens.maps()
-        return self._maps
-
-
-def prepared_view(
-    scene: Scene, frame: Frame, size: tuple[int, int], maps: tuple[np.ndarray, np.ndarray] | None = None
-) -> Views:
+def prepared_view(scene: Scene, frame: Frame, size: tuple[int, int]) -> Views:
     """One frame as it is kept: cropped to the aspect of `size` and resized; `size` is turned where the picture is higher than wide.
 
     Args:
         scene: of the frame.
         frame: to read.
         size: (height, width) to bring it to [px].
-        maps: as for `Frame.read`.
 
     Raises:
         InputError: a file of the frame cannot be used.
     """
-    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes, maps=maps)
+    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes)
     rows, columns = view.size
     height, width = size if (rows <= columns) == (size[0] <= size[1]) else size[::-1]
     return reframed(view, (height, width))
@@ -216,9 +192,7 @@ def _write_frame(
 ) -> dict[str, Any]:
     """Write the files of a frame; what `transforms.json` says of it."""
     picture = (view.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=settings.quality)
-    _write(archive, f"images/{stem}.jpg", buffer.getvalue())
+    _write(archive, f"images/{stem}.jpg", jpeg_bytes(picture, settings.quality))
     k = view.cameras.intrinsics[0].numpy()
     pose = view.cameras.world_from_camera[0].numpy().copy()
     pose[:3, 1:3] *= -1  # OpenGL axes, as the format wants
@@ -260,9 +234,7 @@ def _transforms(scene: Scene, listed: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, settings: Preparation) -> dict[str, Any]:
     """The content of `prepared.json`."""
-    named = (
-        {} if scene.classes is None else {name: int(pixels[label]) for label, name in enumerate(scene.classes.names)}
-    )
+    named = {name: int(pixels[label]) for label, name in enumerate(scene.classes.names)} if scene.classes else {}
     return {
         **settings.as_json(),
         "frames": len(listed),

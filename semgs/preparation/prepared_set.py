@@ -44,7 +44,7 @@ MARGIN = 1.05
 
 
 @dataclass(frozen=True)
-class Source:
+class SceneSource:
     """A scene to prepare.
 
     Attributes:
@@ -68,7 +68,7 @@ class Reading:
     as_peers: tuple[str, ...] = ()
     asked: Asked = Asked()  # noqa: RUF009
 
-    def open(self, source: Source) -> Scene:
+    def open(self, source: SceneSource) -> Scene:
         """The scene of a source.
 
         Raises:
@@ -83,7 +83,7 @@ class Reading:
         return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(told))}
 
 
-def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
+def sources(path: Path, wanted: SceneList | None = None) -> list[SceneSource]:
     """The scenes at a path, named by where they are below it.
 
     Args:
@@ -100,7 +100,7 @@ def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
     else:
         below = [one.relative_to(path) for one in paths]
     found = [
-        Source(one, _safe("_".join((place if one.is_dir() else place.with_suffix("")).parts)))
+        SceneSource(one, _safe("_".join((place if one.is_dir() else place.with_suffix("")).parts)))
         for one, place in zip(paths, below, strict=True)
     ]
     twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
@@ -115,7 +115,7 @@ def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
 
 def prepare_set(
     out: Path,
-    found: Sequence[Source],
+    found: Sequence[SceneSource],
     settings: Preparation,
     reading: Reading,
     *,
@@ -152,7 +152,8 @@ def prepare_set(
     with _alone(out):
         for path in out.glob(".*.zip.*.part"):  # archives that were cut short
             path.unlink(missing_ok=True)
-        failed = _prepared(out, found, settings, reading, workers, done, frame_done)
+        work = partial(_entry, out, settings, reading, frame_done)
+        failed = _prepared(work, found, workers if frame_done is None else 0, done)
         return _write_index(out, settings, reading, failed)
 
 
@@ -166,13 +167,7 @@ def _alone(out: Path) -> AbstractContextManager[None]:
 
 
 def _prepared(
-    out: Path,
-    found: Sequence[Source],
-    settings: Preparation,
-    reading: Reading,
-    workers: int,
-    done: Callable[[int], None],
-    frame_done: Callable[[int], None] | None,
+    work: Callable[[SceneSource], object], found: Sequence[SceneSource], workers: int, done: Callable[[int], None]
 ) -> dict[str, InputError]:
     """Prepare the scenes that are not there yet; those that could not be, and why.
 
@@ -180,19 +175,15 @@ def _prepared(
         InputError: none could be (the first one's error).
     """
     failed: dict[str, InputError] = {}
-    entries: dict[str, dict[str, Any]] = {}
     done(0)
-    work = partial(_entry, out, settings, reading, frame_done or _nothing)
-    with closing(outcomes(work, found, workers if frame_done is None else 0)) as prepared:
+    with closing(outcomes(work, found, workers)) as prepared:
         for count, (source, outcome) in enumerate(zip(found, prepared, strict=True), start=1):
             if isinstance(outcome, InputError):
                 failed[source.name] = outcome
             elif isinstance(outcome, Exception):
                 raise outcome
-            else:
-                entries[source.name] = outcome
             done(count)
-    if not entries:
+    if len(failed) == len(found):
         raise next(iter(failed.values()))
     return failed
 
@@ -214,7 +205,7 @@ def _settings(settings: Preparation, reading: Reading) -> dict[str, Any]:
     return {**settings.as_json(), **reading.as_json()}
 
 
-def needed_space(out: Path, found: Sequence[Source], settings: Preparation, reading: Reading) -> int:
+def needed_space(out: Path, found: Sequence[SceneSource], settings: Preparation, reading: Reading) -> int:
     """How many bytes the scenes that are not there yet will take, from some frames of some of them.
 
     Raises:
@@ -240,7 +231,7 @@ def free_space(out: Path) -> int:
 
 
 def _entry(
-    out: Path, settings: Preparation, reading: Reading, frame_done: Callable[[int], None], source: Source
+    out: Path, settings: Preparation, reading: Reading, frame_done: Callable[[int], None] | None, source: SceneSource
 ) -> dict[str, Any]:
     """The entry of a scene in the index; it is prepared if that is not there yet.
 
@@ -253,10 +244,6 @@ def _entry(
     if there is not None and there.get("source") == fingerprint(scene):
         return there
     return prepare_scene(scene, target, settings, done=frame_done)
-
-
-def _nothing(count: int) -> None:
-    """What is told where nobody listens."""
 
 
 def _write_index(out: Path, settings: Preparation, reading: Reading, failed: dict[str, InputError]) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def test_a_second_prepare_into_a_folder_is_told_before_it_works(room: Path, tmp_
     with alone(out / "settings.json", "", ""):
         assert told(*command) == (
             f"{out}: expected a folder that nobody prepares scenes into, found one that another process is filling; "
-            "end that first, or name another folder"
+            "stop that process first, or name another folder"
         )
         assert part.exists(), "what the other is writing is cleared away"
     assert main([str(one) for one in command]) == 0

@@ -21,7 +21,7 @@ def test_a_folder_and_a_file_in_it_lead_to_the_folder(tmp_path):
 
 
 def test_a_path_that_leads_nowhere_is_told_with_the_part_that_exists(tmp_path):
-    with pytest.raises(InputError, match=f"nothing there; the path exists as far as {tmp_path}$"):
+    with pytest.raises(InputError, match=f"nothing there; the path exists up to {tmp_path}$"):
         existing_folder(tmp_path / "a" / "b")
 
 

@@ -128,7 +128,7 @@ def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
     (rooms / "kitchen" / "images" / "002.jpg").unlink()
     index = prepare_set(tmp_path / "out", sources(rooms), SMALL, Reading())
     assert [scene["frames"] for scene in index["scenes"]] == [2, 3, 3]
-    assert "1 of the 3 listed pictures are absent" in index["scenes"][0]["notes"][0]
+    assert "1 of 3 listed pictures are absent" in index["scenes"][0]["notes"][0]
     assert sha256(tmp_path / "out" / "kitchen.zip") == index["scenes"][0]["sha256"]
 
 
@@ -169,9 +169,9 @@ def test_the_space_is_told_beforehand_to_a_tenth(rooms: Path, tmp_path: Path):
 
 def test_other_settings_and_other_folders_are_refused(rooms: Path, tmp_path: Path):
     prepare_set(tmp_path / "out", sources(rooms)[:1], SMALL, Reading())
-    with pytest.raises(ValueError, match=r"other settings: every is 1 there, 2 asked"):
+    with pytest.raises(ValueError, match=r"other settings: every is 1 there, not 2"):
         check(tmp_path / "out", Preparation((48, 64), every=2), Reading())
-    with pytest.raises(ValueError, match=r"told is \{\} there, \{'depth_unit': 0\.001\} asked"):
+    with pytest.raises(ValueError, match=r"told is \{\} there, not \{'depth_unit': 0\.001\}"):
         check(tmp_path / "out", SMALL, Reading(asked=Asked(depth_unit=0.001)))
     with pytest.raises(InputError, match="a new or empty folder"):
         check(rooms, SMALL, Reading())

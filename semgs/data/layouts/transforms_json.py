@@ -19,11 +19,12 @@ from semgs.data.classes import IGNORE, ClassTable, class_table
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, parsed
 from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.parts.sentences import lacking, on_white
 from semgs.data.lens import Lens
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
 from semgs.files.archives import Archive, Member, members
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.pictures import is_turned, read_header
 from semgs.files.stored import Stored
 
@@ -127,7 +128,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=tuple(notes.sentences(absent, len(listed), listed)),
+        notes=tuple(notes.sentences(absent, listed)),
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
     )
@@ -137,30 +138,20 @@ class _Notes:
     """What is counted while frames are read, to be told in a sentence each."""
 
     def __init__(self) -> None:
-        self.transparent = 0
+        self.transparent = self.maps = 0
         self.missing_maps: list[str] = []
         self.unread_maps: list[str] = []
 
-    def sentences(self, absent: Sequence[str], count: int, listed: Sequence[Fields]) -> list[str]:
+    def sentences(self, absent: Sequence[str], listed: Sequence[Fields]) -> list[str]:
         """The notes on a scene."""
-        notes = []
-        if absent:
-            notes.append(f"{len(absent)} of the {count} listed pictures are absent, the first is {absent[0]}.")
-        if self.transparent:
-            notes.append(
-                f"{self.transparent} pictures have an alpha channel; where transparent they are laid on white."
-            )
-        if self.missing_maps:
-            notes.append(
-                f"{len(self.missing_maps)} listed depth or label files are absent, the first is {self.missing_maps[0]}."
-            )
-        if self.unread_maps:
-            notes.append(
-                f"{len(self.unread_maps)} depth or label files are of a kind that is not read, the first is {self.unread_maps[0]}."
-            )
-        if any(frame.value("mask_path") for frame in listed):
-            notes.append("The frames list masks, which are not used.")
-        return notes
+        masked = any(frame.value("mask_path") for frame in listed)
+        return [
+            *lacking(absent, len(listed), "listed pictures are absent"),
+            *on_white(self.transparent),
+            *lacking(self.missing_maps, self.maps, "listed depth and label files are absent"),
+            *lacking(self.unread_maps, self.maps, "listed depth and label files are of a kind that is not read"),
+            *(["The frames list masks, which are not used."] if masked else []),
+        ]
 
 
 def _file(folder: Path) -> Path | None:
@@ -207,6 +198,7 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
     name = Fields(fields.path, fields.values, fields.place).text(key)
     if name is None:
         return None
+    notes.maps += 1
     path = _found(beside, name.replace("\\", "/"))
     if path is None:
         notes.missing_maps.append(name)
@@ -249,11 +241,9 @@ def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     cx, cy = fields.number("cx"), fields.number("cy")
     k1, k2, p1, p2, k3 = (fields.number(key) or 0.0 for key in DISTORTION)
     centre = (size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy)
-    try:
+    key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
+    with input_error(fields.path, "a camera that can be", fields.key(key)):
         return Lens(size, (focal[0], focal[1]), centre, (k1, k2, p1, p2, k3))
-    except ValueError as error:
-        key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
-        raise fields.refused(key, "a camera that can be", str(error)) from error
 
 
 def _focal(fields: Fields, axis: str, side: int) -> float | None:

@@ -103,7 +103,7 @@ def test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not
         (tmp_path / render).mkdir()
         (tmp_path / render / "settings.json").write_text(json.dumps({**record, "render": render}))
     claim(tmp_path / "shaded", RECIPE, 2)
-    with pytest.raises(ValueError, match="render is traced there, shaded asked"):
+    with pytest.raises(ValueError, match="render is traced there, not shaded"):
         claim(tmp_path / "traced", RECIPE, 2)
 
 

@@ -18,7 +18,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from semgs.files.errors import InputError
+from semgs.data.lens import Lens
+from semgs.files.contents import read_bytes
+from semgs.files.errors import InputError, input_error, readable
 from semgs.geometry.rotations import matrix_from_quaternion
 
 PARAMETERS = {
@@ -65,6 +67,30 @@ class ColmapCamera:
     size: tuple[int, int]
     values: dict[str, float]
 
+    @property
+    def focal(self) -> tuple[float, float]:
+        """(fx, fy) [px]."""
+        return self.values.get("fx", self.values.get("f", 0.0)), self.values.get("fy", self.values.get("f", 0.0))
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """(cx, cy) [px]."""
+        return self.values["cx"], self.values["cy"]
+
+    def lens(self, path: Path, key: str) -> Lens:
+        """The lens of any model but fisheye.
+
+        Args:
+            path: the file that it is from.
+            key: its place there.
+
+        Raises:
+            InputError: its numbers make no camera.
+        """
+        k1, k2, p1, p2 = (self.values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
+        with input_error(path, "a camera that can be", key):
+            return Lens(self.size, self.focal, self.centre, (k1, k2, p1, p2, 0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class ColmapImage:
@@ -109,7 +135,7 @@ def read_cameras(path: Path, models: Collection[str]) -> dict[int, ColmapCamera]
         InputError: the file cannot be read or is damaged, or a camera has another model.
     """
     cameras: dict[int, ColmapCamera] = {}
-    for number, camera in (_binary_cameras if _is_binary(path) else _text_cameras)(path, models):
+    for number, camera in (_binary_cameras if path.suffix == ".bin" else _text_cameras)(path, models):
         if number in cameras:
             raise InputError(path, "each camera once", f"camera {number} twice")
         cameras[number] = camera
@@ -126,7 +152,7 @@ def read_images(path: Path, cameras: Collection[int]) -> list[ColmapImage]:
     Raises:
         InputError: the file cannot be read or is damaged, an image has no pose or a camera that is not there, or comes twice.
     """
-    listed = list((_binary_images if _is_binary(path) else _text_images)(path))
+    listed = list((_binary_images if path.suffix == ".bin" else _text_images)(path))
     poses = _world_from_camera(path, [one.pose for one in listed], [one.place for one in listed])
     known: set[int] = set()
     for one in listed:
@@ -152,7 +178,7 @@ def read_points(path: Path, images: Collection[int], most: int) -> ColmapPoints:
     Raises:
         InputError: the file cannot be read or is damaged, or a point is seen by an image that is not there.
     """
-    positions, tracks = (_binary_points if _is_binary(path) else _text_points)(path, most)
+    positions, tracks = (_binary_points if path.suffix == ".bin" else _text_points)(path, most)
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -239,7 +265,7 @@ def _binary_images(path: Path) -> Iterator[_Listed]:
             number, *pose, camera = _IMAGE.unpack_from(data, at)
             stop = data.find(b"\0", at + _IMAGE.size)
             if stop < 0:
-                raise _cut_short(path)
+                raise _incomplete(path)
             yield _Listed(number, data[at + _IMAGE.size : stop], camera, pose, f"image {number}")
             (points,) = _COUNT.unpack_from(data, stop + 1)
             at = stop + 1 + _COUNT.size + _IMAGE_POINT * points
@@ -274,7 +300,7 @@ def _binary_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndar
             _, x, y, z, length = _POINT.unpack_from(data, at)
             start, at = at + _POINT.size, at + _POINT.size + _SIGHTING * length
             if at > len(data):
-                raise _cut_short(path)
+                raise _incomplete(path)
             positions[index] = x, y, z
             if index % step == 0:
                 tracks[index] = np.frombuffer(data[start:at], "<u4")[::2].astype(np.int64)
@@ -318,11 +344,6 @@ def _world_from_camera(path: Path, poses: Sequence[Sequence[float]], places: Seq
     return matrices
 
 
-def _is_binary(path: Path) -> bool:
-    """Whether a file of a model is binary, by its ending."""
-    return path.suffix == ".bin"
-
-
 @contextmanager
 def _mapped(path: Path) -> Iterator[mmap.mmap]:
     """The bytes of a binary file; to read beyond their end is an InputError.
@@ -331,15 +352,13 @@ def _mapped(path: Path) -> Iterator[mmap.mmap]:
         InputError: it cannot be read, or ends before what the block reads.
     """
     try:
-        with path.open("rb") as file:
+        with readable(path), path.open("rb") as file:
             if not path.stat().st_size:
-                raise _cut_short(path)
+                raise _incomplete(path)
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 yield data
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
     except (struct.error, OverflowError) as error:  # the next entry would begin beyond the end, perhaps far beyond
-        raise _cut_short(path) from error
+        raise _incomplete(path) from error
 
 
 def _count(path: Path, data: mmap.mmap, least: int) -> int:
@@ -350,7 +369,7 @@ def _count(path: Path, data: mmap.mmap, least: int) -> int:
     """
     (count,) = _COUNT.unpack_from(data)
     if count > (len(data) - _COUNT.size) // least:
-        raise _cut_short(path)
+        raise _incomplete(path)
     return int(count)
 
 
@@ -361,17 +380,12 @@ def _check_end(path: Path, data: mmap.mmap, end: int) -> None:
         InputError: it does not.
     """
     if end > len(data):
-        raise _cut_short(path)
+        raise _incomplete(path)
     if end < len(data):
         raise _incomplete(path, f"{len(data) - end} bytes behind their end")
 
 
-def _cut_short(path: Path) -> InputError:
-    """The error for a binary file that ends too early."""
-    return _incomplete(path, "one cut short")
-
-
-def _incomplete(path: Path, found: str) -> InputError:
+def _incomplete(path: Path, found: str = "one cut short") -> InputError:
     """The error for a binary file of another length than its content."""
     return InputError(path, f"a complete list of COLMAP {path.stem}", found, advice="copy or export the model again")
 
@@ -382,10 +396,7 @@ def _lines(path: Path, every: bool = False) -> Iterator[tuple[int, bytes]]:
     Raises:
         InputError: it cannot be read.
     """
-    try:
-        data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    data = read_bytes(path).removeprefix(b"\xef\xbb\xbf")
     for number, line in enumerate(data.splitlines(), 1):
         stripped = line.strip()
         if every or (stripped and not stripped.startswith(b"#")):
@@ -398,10 +409,8 @@ def _numbers(path: Path, place: str, words: Iterable[bytes]) -> list[float]:
     Raises:
         InputError: a word is none.
     """
-    try:
+    with input_error(path, "numbers", place):
         return [float(word) for word in words]
-    except ValueError as error:
-        raise InputError(path, "numbers", str(error), place) from error
 
 
 def _wholes(path: Path, place: str, words: Sequence[bytes]) -> list[int]:

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap.files import ColmapCamera, ColmapPoints, read_cameras, read_images, read_points
+from semgs.data.layouts.colmap.files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.poses import checked_poses
-from semgs.data.lens import Lens
+from semgs.data.layouts.parts.sentences import lacking, on_white
 from semgs.data.scene import Scene
-from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
 
 PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "")
@@ -49,8 +48,9 @@ def open_model(path: Path) -> Scene:
     """
     model = _model(path) or path
     ending = _ending(model) or ".bin"
-    cameras = read_cameras(model / f"cameras{ending}", MODELS)
-    lenses = {number: _lens(model / f"cameras{ending}", number, camera) for number, camera in cameras.items()}
+    file = model / f"cameras{ending}"
+    cameras = read_cameras(file, MODELS)
+    lenses = {number: camera.lens(file, f"camera {number}") for number, camera in cameras.items()}
     listed = model / f"images{ending}"
     images = sorted(read_images(listed, cameras), key=lambda image: image.name)
     poses = checked_poses(listed, [image.world_from_camera for image in images], [image.place for image in images])
@@ -93,21 +93,6 @@ def _ending(folder: Path) -> str | None:
     )
 
 
-def _lens(path: Path, number: int, camera: ColmapCamera) -> Lens:
-    """The lens of a COLMAP camera.
-
-    Raises:
-        InputError: its numbers make no camera.
-    """
-    values = camera.values
-    focal = values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
-    k1, k2, p1, p2 = (values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
-    try:
-        return Lens(camera.size, focal, (values["cx"], values["cy"]), (k1, k2, p1, p2, 0.0))
-    except ValueError as error:
-        raise InputError(path, "a camera that can be", str(error), f"camera {number}") from error
-
-
 def _points(path: Path, images: Collection[int]) -> ColmapPoints:
     """The sparse points of a model, none where it has no file of them."""
     return read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else ColmapPoints(np.zeros((0, 3)), {})
@@ -130,18 +115,12 @@ def _pictures_folder(model: Path, names: Sequence[str]) -> Path:
 
 def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, transparent: int) -> list[str]:
     """What the user should be told about a model."""
-    notes = ["COLMAP's unit of length is arbitrary, so depths are without metres."]
-    if absent:
-        notes.append(
-            f"{len(absent)} of the model's {count} pictures are absent in {pictures}, the first is {absent[0]}."
-        )
-    if transparent:
-        notes.append(f"{transparent} pictures have an alpha channel; where transparent they are laid on white.")
-    others = (
-        [one.name for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
-        if model.name == "0"
-        else []
-    )
-    if others:
+    notes = [
+        "COLMAP's unit of length is arbitrary, so depths are without metres.",
+        *lacking(absent, count, f"pictures of the model are absent in {pictures}"),
+        *on_white(transparent),
+    ]
+    others = [one.name for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
+    if others and model.name == "0":
         notes.append(f"COLMAP made several models; 0 is read, not {', '.join(others)}.")
     return notes

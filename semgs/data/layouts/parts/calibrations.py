@@ -12,6 +12,7 @@ to cx and cy here.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,9 @@ import numpy as np
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.numbers import lines, rows
+from semgs.data.layouts.parts.numbers import pairs, rows
 from semgs.data.lens import HALF, Lens
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 
 MATRICES = ("intrinsic_matrix", "camera_matrix", "K", "cam_K", "intrinsic", "intrinsics", "matrix")
 INSIDE = ("camera", "color", "colour", "rgb", "intrinsics", "intrinsic")
@@ -72,10 +73,8 @@ class Calibration:
                 place, f"a principal point inside pictures of {size[1]}x{size[0]} (width x height)",
                 f"({self.centre[0]:g}, {self.centre[1]:g})", advice="these intrinsics seem to be for pictures of another size",
             )  # fmt: skip
-        try:
+        with input_error(place, "a camera that can be"):
             return Lens(size, self.focal, self.centre)
-        except ValueError as error:
-            raise InputError(place, "a camera that can be", str(error)) from error
 
 
 def asked_calibration(asked: Asked) -> Calibration | None:
@@ -96,45 +95,41 @@ def read_calibration(path: Path) -> Calibration:
         return _from_json(path)
     if path.name in ("info.txt", "_info.txt"):
         return _from_info(path)
-    held = [values for _, values in rows(path)]
-    flat = [value for values in held for value in values]
-    if len(flat) == 4 and len(held) == 1:
-        fx, fy, cx, cy = flat
-    elif len(flat) in (9, 16):
-        fx, fy, cx, cy = _of_matrix(path, flat, None)
-    else:
-        raise InputError(path, "intrinsics as a 3x3 or 4x4 matrix or as fx fy cx cy", f"{len(flat)} numbers")
-    return _integer_centres(path, None, (fx, fy, cx, cy), None)
+    return calibration_of(path, [value for _, values in rows(path) for value in values])
 
 
-def _integer_centres(
-    path: Path, key: str | None, four: tuple[float, float, float, float], size: tuple[int, int] | None,
-    depth_unit: float | None = None,
-) -> Calibration:  # fmt: skip
-    """The calibration of fx, fy, cx, cy that count from the centre of the first pixel.
+def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None) -> Calibration:
+    """The calibration of fx, fy, cx, cy or a camera matrix, which count from the centre of the first pixel.
+
+    Args:
+        path: the file that they are from.
+        numbers: 4, or the 9, 12 or 16 of a 3x3, 3x4 or 4x4 matrix.
+        key: their place there.
 
     Raises:
-        InputError: a number is not finite or a focal length is not positive.
+        InputError: they are none of that, a number is not finite or a focal length is not positive.
     """
-    fx, fy, cx, cy = four
+    if len(numbers) not in (4, 9, 12, 16):
+        found = f"{len(numbers)} numbers"
+        raise InputError(path, "intrinsics as a 3x3 or 4x4 matrix or as fx fy cx cy", found, key)
+    fx, fy, cx, cy = four = list(numbers) if len(numbers) == 4 else _of_matrix(path, numbers, key)
     if not np.isfinite(four).all() or min(fx, fy) <= 0:
-        raise InputError(path, "finite intrinsics with positive focal lengths", f"fx fy cx cy = {list(four)}", key)
-    return Calibration((fx, fy), (cx + HALF, cy + HALF), size, path, depth_unit)
+        raise InputError(path, "finite intrinsics with positive focal lengths", f"fx fy cx cy = {four}", key)
+    return Calibration((fx, fy), (cx + HALF, cy + HALF), told_by=path)
 
 
-def _of_matrix(path: Path, flat: list[float], key: str | None) -> tuple[float, float, float, float]:
-    """fx, fy, cx, cy of a 3x3 or 4x4 matrix, row by row, or, as Open3D writes 3x3, column by column; the zeros tell.
+def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[float]:
+    """fx, fy, cx, cy of a matrix, row by row, or, as Open3D writes 3x3, column by column; the zeros tell.
 
     Raises:
         InputError: it is no camera matrix.
     """
-    side = 3 if len(flat) == 9 else 4
-    square = np.array(flat).reshape(side, side)[:3, :3]
+    square = np.array(numbers).reshape(-1, 3 if len(numbers) == 9 else 4)[:3, :3]
     if square[2, 0] and not square[0, 2]:
         square = square.T
     if np.abs(square[[1, 2, 2], [0, 0, 1]]).max() > 1e-6 or abs(square[2, 2] - 1) > 1e-6 or abs(square[0, 1]) > 1:
         raise InputError(path, "a camera matrix [fx 0 cx; 0 fy cy; 0 0 1]", f"{square.tolist()}", key)
-    return float(square[0, 0]), float(square[1, 1]), float(square[0, 2]), float(square[1, 2])
+    return [float(square[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2))]
 
 
 def _from_json(path: Path) -> Calibration:
@@ -149,13 +144,13 @@ def _from_json(path: Path) -> Calibration:
     width, height = fields.whole("width") or fields.whole("w"), fields.whole("height") or fields.whole("h")
     size = (height, width) if width and height else None
     unit = _depth_unit(fields)
-    four = tuple(fields.number(key) for key in ("fx", "fy", "cx", "cy"))
-    if None not in four:
-        return _integer_centres(path, "fx", four, size, unit)  # type: ignore[arg-type]
+    four = [number for key in ("fx", "fy", "cx", "cy") if (number := fields.number(key)) is not None]
+    if len(four) == 4:
+        return replace(calibration_of(path, four, "fx"), size=size, depth_unit=unit)
     for key in MATRICES:
         flat = _flat(fields.value(key))
         if flat is not None:
-            return _integer_centres(path, key, _of_matrix(path, flat, key), size, unit)
+            return replace(calibration_of(path, flat, key), size=size, depth_unit=unit)
     raise InputError(path, "intrinsics as fx, fy, cx, cy or as a matrix", "keys " + ", ".join(sorted(whole.values)))
 
 
@@ -189,7 +184,7 @@ def _from_info(path: Path) -> Calibration:
     Raises:
         InputError: it holds none.
     """
-    held = {key.strip(): text.strip() for key, _, text in (line.partition("=") for _, line in lines(path))}
+    held = pairs(path)
     try:
         shift = float(held.get("m_depthShift", 1000))
     except ValueError:
@@ -217,6 +212,4 @@ def _of_info(path: Path, held: dict[str, str], name: str, sides: str) -> Calibra
     except (KeyError, ValueError) as error:
         found = f"none that can be read: {error}"
         raise InputError(path, f"{key}, m_{sides}Height and m_{sides}Width", found) from error
-    if len(flat) not in (9, 16):
-        raise InputError(path, "a 4x4 camera matrix", f"{held[key]!r:.60}", key)
-    return _integer_centres(path, key, _of_matrix(path, flat, key), size)
+    return replace(calibration_of(path, flat, key), size=size)

@@ -117,5 +117,8 @@ class Fields:
 
     def refused(self, key: str, expected: str, found: str, advice: str | None = None) -> InputError:
         """The error for a value, with the place that it is from (this object, where it is nowhere)."""
-        holder = self.holder(key) or self
-        return InputError(self.path, expected, found, f"{holder.place}{key}", advice)
+        return InputError(self.path, expected, found, self.key(key), advice)
+
+    def key(self, key: str) -> str:
+        """The place of a key in the file: in the object that has it, or in this one if none has it."""
+        return f"{(self.holder(key) or self).place}{key}"

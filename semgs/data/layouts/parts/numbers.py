@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 
 _NOT_A_NUMBER = re.compile(r"[+-]?(?:nan(?:\(.*\))?|1\.#(?:qnan|snan|ind|inf)0*|inf(?:inity)?)", re.IGNORECASE)
@@ -17,16 +18,21 @@ def lines(path: Path) -> list[tuple[int, str]]:
     Raises:
         InputError: it cannot be read, or is no text.
     """
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(path, "text", "bytes that are no UTF-8") from error
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    text = read_text(path)
     if "\0" in text:
         raise InputError(path, "text", "zero bytes")
     stripped = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
     return [(number, line) for number, line in stripped if line and not line.startswith("#")]
+
+
+def pairs(path: Path) -> dict[str, str]:
+    """The lines `key = value` of a text file.
+
+    Raises:
+        InputError: it cannot be read, or is no text.
+    """
+    found = (line.partition("=") for _, line in lines(path) if "=" in line)
+    return {key.strip(): value.strip() for key, _, value in found}
 
 
 def rows(path: Path) -> list[tuple[int, list[float]]]:

@@ -25,6 +25,26 @@ UNIT_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
+class FoundPose:
+    """A pose and where it is from.
+
+    Attributes:
+        matrix: world from camera [4 4], not checked; NaN where tracking was lost.
+        path: the file.
+        place: where in it ("line 3"), or empty if it holds nothing else.
+    """
+
+    matrix: np.ndarray
+    path: Path
+    place: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """Whether it is a pose at all."""
+        return bool(np.isfinite(self.matrix).all())
+
+
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """The poses in a file.
 
@@ -42,6 +62,12 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.poses)
+
+    def at(self, index: int | None) -> FoundPose | None:
+        """A pose, None for None or a position behind the last."""
+        if index is None or index >= len(self):
+            return None
+        return FoundPose(self.poses[index], self.path, self.places[index])
 
 
 def read_trajectory(path: Path) -> Trajectory:
@@ -75,8 +101,8 @@ def read_trajectory(path: Path) -> Trajectory:
     raise InputError(path, FORMS, f"{lengths[odd]} numbers", places[odd])
 
 
-def read_pose(path: Path) -> np.ndarray:
-    """The pose in the text file of a frame, 4x4: a 4x4 or 3x4 matrix, or tx ty tz, qx qy qz qw; NaN where the file says so.
+def read_pose(path: Path) -> FoundPose:
+    """The pose in the text file of a frame: a 4x4 or 3x4 matrix, or tx ty tz, qx qy qz qw; NaN where the file says so.
 
     Raises:
         InputError: it cannot be read, or holds something else.
@@ -84,11 +110,11 @@ def read_pose(path: Path) -> np.ndarray:
     held = rows(path)
     flat = [value for _, values in held for value in values]
     if len(held) == 1 and len(flat) == 7:
-        return _from_quaternions(path, np.array([flat]), [f"line {held[0][0]}"])[0]
+        return FoundPose(_from_quaternions(path, np.array([flat]), [f"line {held[0][0]}"])[0], path)
     if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for _, values in held)):
         found = f"{len(held)} lines of {sorted({len(values) for _, values in held})} numbers" if held else "nothing"
         raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers, or tx ty tz, qx qy qz qw", found)
-    return _as_motion(flat)
+    return FoundPose(_as_motion(flat), path)
 
 
 def _as_motion(flat: list[float]) -> np.ndarray:

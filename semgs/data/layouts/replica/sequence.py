@@ -20,7 +20,8 @@ from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
 from semgs.data.layouts.parts.calibrations import asked_calibration
 from semgs.data.layouts.parts.fields import parsed
-from semgs.data.layouts.parts.recordings import Shot, ShotList, numbered, sequence_name
+from semgs.data.layouts.parts.recordings import Shot, ShotList, first_file, numbered, sequence_name
+from semgs.data.layouts.parts.sentences import lacking
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.replica.classes import IDS, NYU40
 from semgs.data.layouts.scannet.labels import labels_of_ids
@@ -72,8 +73,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         Shot(
             f"{RGB}/rgb_{number}.png",
             colours.get(number, path / RGB / f"rgb_{number}.png"),
-            trajectory.poses[number] if number < len(trajectory) else None,
-            (path / POSES, trajectory.places[number] if number < len(trajectory) else ""),
+            trajectory.at(number),
             DepthMap(depths[number]) if number in depths else None,
             IdMap(labels[number], by_id) if number in labels else None,
         )
@@ -89,11 +89,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         unit="metric",
         classes=SCANNET20,
         notes=[
-            *(
-                [f"{len(unknown)} classes of {told_by} are none of Replica's and ignored, the first is {unknown[0]}."]
-                if unknown
-                else []
-            ),
+            *lacking(unknown, len(names), f"classes of {told_by} are none of Replica's and ignored"),
             *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
         ],
     ).scene()
@@ -114,7 +110,7 @@ def _names(path: Path) -> tuple[dict[int, str], Path | None]:
     """
     above = path.absolute().parent
     places = (path, above, above / "habitat", above.parent / "semantic_info" / above.name)
-    file = next((place / INFO for place in places if (place / INFO).is_file()), None)
+    file = first_file(places, (INFO,))
     if file is None:
         return IDS, None
     names = {}

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,8 @@ import numpy as np
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, sequence_name
-from semgs.data.layouts.parts.trajectories import Trajectory, read_pose, read_trajectory
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, first_file, sequence_name
+from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
@@ -98,7 +99,7 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
     files = _files(path)
     if files is None:
         raise InputError(path, LOOKED_FOR, "none of it")
-    told_by = _told_by(path)
+    told_by = first_file((path, path.absolute().parent), CALIBRATIONS)
     calibration = asked_calibration(asked) or _calibration(path, files, told_by)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = read_calibration(told_by).depth_unit if told_by and depths else None
@@ -109,18 +110,13 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
         notes.append(
             f"{len(files.depths)} depth maps are left out: nothing says what a count is worth (--depth-unit 0.001 for millimetres)."
         )
-    maps = {
-        picture: DepthMap(path, unit or MILLIMETRE, rotated=files.source == "SUN3D") for picture, path in depths.items()
-    }
+    rotated = files.source == "SUN3D"
+    maps = {picture: DepthMap(file, unit or MILLIMETRE, rotated) for picture, file in depths.items()}
+    poses = _poses(path, files)
     return ShotList(
         path=path,
         layout=LAYOUT,
-        shots=[
-            replace(shot, depth=maps.get(shot.picture))
-            for shot in (
-                _shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses)
-            )
-        ],
+        shots=[Shot(one.relative_to(path).as_posix(), one, poses.get(one), maps.get(one)) for one in files.pictures],
         lens=calibration.lens,
         name=sequence_name(path),
         unit="metric" if depths else "unknown",
@@ -143,7 +139,7 @@ def _files(path: Path) -> Files | None:
             return Files(pictures, depths, poses)
         if poses:
             return Files(pictures, depths, poses[0], "SUN3D" if name == "extrinsics" else "")
-    trajectory = next((path / name for name in TRAJECTORIES if (path / name).is_file()), None)
+    trajectory = first_file((path,), TRAJECTORIES)
     if trajectory is None:
         return None
     return Files(pictures, depths, trajectory, "Redwood" if trajectory.suffix == ".log" else "")
@@ -170,44 +166,26 @@ def _unread(path: Path) -> list[str]:
     return []
 
 
-def _shots(path: Path, files: Files) -> list[Shot]:
-    """The frames where each has its own file with a pose."""
-    assert isinstance(files.poses, tuple)
-    poses = _paired(path, files.pictures, files.poses, "poses")
-    return [
-        Shot(
-            _name(path, one),
-            one,
-            read_pose(poses[one]) if one in poses else None,
-            (poses.get(one, path), ""),
-        )
-        for one in files.pictures
-    ]
+def _poses(path: Path, files: Files) -> dict[Path, FoundPose | None]:
+    """The pose of each picture that has one: in a file of its own, or in one file for all.
 
-
-def _shots_along(path: Path, files: Files, file: Path) -> list[Shot]:
-    """The frames where one file has all poses: by time where pictures are named for theirs, else one after the other.
+    In one file they go by time where pictures are named for theirs, else one after the other.
 
     Raises:
-        InputError: there are not as many poses as pictures, and no times to go by.
+        InputError: files cannot be paired; or there are not as many poses as pictures, and no times to go by.
     """
-    trajectory = read_trajectory(file)
+    if isinstance(files.poses, tuple):
+        texts = _paired(path, files.pictures, files.poses, "poses")
+        return {picture: read_pose(text) for picture, text in texts.items()}
+    trajectory = read_trajectory(files.poses)
     places = _places(files.pictures, trajectory)
     if places is None and len(trajectory) != len(files.pictures):
         raise InputError(
-            file, f"as many poses as pictures: {len(files.pictures)} in {files.pictures[0].parent}", f"{len(trajectory)} poses",
+            files.poses, f"as many poses as pictures: {len(files.pictures)} in {files.pictures[0].parent}", f"{len(trajectory)} poses",
             advice="nothing else tells which belong together",
         )  # fmt: skip
-    along = dict(enumerate(range(len(trajectory)))) if places is None else places
-    return [
-        Shot(
-            _name(path, one),
-            one,
-            trajectory.poses[along[index]] if index in along else None,
-            (file, trajectory.places[along[index]] if index in along else ""),
-        )
-        for index, one in enumerate(files.pictures)
-    ]
+    along = range(len(trajectory)) if places is None else map(places.get, range(len(files.pictures)))
+    return {picture: trajectory.at(index) for picture, index in zip(files.pictures, along, strict=True)}
 
 
 def _places(pictures: Sequence[Path], trajectory: Trajectory) -> dict[int, int] | None:
@@ -223,7 +201,7 @@ def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: 
     Raises:
         InputError: their numbers differ and their names tell nothing.
     """
-    keys: tuple[Callable[[Path], Hashable], ...] = (lambda one: one.stem, _first_number, _last_number)
+    keys: tuple[Callable[[Path], Hashable], ...] = (lambda one: one.stem, partial(_number, 0), partial(_number, -1))
     for key in keys:
         mine, theirs = {key(one): one for one in pictures}, {key(one): one for one in others}
         shared = mine.keys() & theirs.keys() - {None}
@@ -236,12 +214,6 @@ def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: 
         path, f"{what} that go with the pictures by name, by number or one after the other",
         f"{len(pictures)} pictures ({pictures[0].name}, ...) and {len(others)} {what} ({others[0].name}, ...)",
     )  # fmt: skip
-
-
-def _told_by(path: Path) -> Path | None:
-    """The file of intrinsics beside the pictures or in the folder above, if there is one."""
-    folders = (path, path.absolute().parent)
-    return next((one for folder in folders for name in CALIBRATIONS if (one := folder / name).is_file()), None)
 
 
 def _calibration(path: Path, files: Files, told_by: Path | None) -> Calibration:
@@ -273,18 +245,7 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path.name)]
 
 
-def _first_number(path: Path) -> int | None:
-    """The first number in a name, None where it has none."""
-    found = re.search(r"\d+", path.stem)
-    return int(found[0]) if found else None
-
-
-def _last_number(path: Path) -> int | None:
-    """The last number in a name, None where it has none."""
+def _number(which: int, path: Path) -> int | None:
+    """The first (0) or last (-1) number in a name, None where it has none."""
     found = re.findall(r"\d+", path.stem)
-    return int(found[-1]) if found else None
-
-
-def _name(path: Path, picture: Path) -> str:
-    """The name of a frame: its picture's, below the scene's folder."""
-    return picture.relative_to(path).as_posix()
+    return int(found[which]) if found else None

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, numbered, sequence_name
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, first_file, numbered, sequence_name
 from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
@@ -59,7 +59,7 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
     colours, depths, poses = (numbered(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
     if not colours:
         raise InputError(path, f"pictures {START}000000{COLOUR[0]}", "none", "frame files")
-    told_by = next((one for place in (path, path.parent) for one in _in(place, CALIBRATIONS)), None)
+    told_by = first_file((path, path.absolute().parent), CALIBRATIONS)
     calibration = asked_calibration(asked) or (read_calibration(told_by) if told_by else None)
     notes, depth_lens = [], calibration.depth_lens if calibration else None
     if calibration is None or told_by is None:
@@ -78,7 +78,6 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
                 colour.name,
                 colour,
                 read_pose(poses[number]) if number in poses else None,
-                (poses.get(number, path), ""),
                 _depth(depths.get(number), unit, depth_lens),
             )
             for number, colour in colours.items()
@@ -95,8 +94,3 @@ def _depth(path: Path | None, unit: float, lens: Lens | None) -> MapSource | Non
     if path is None:
         return None
     return DepthThroughLens(DepthMap(path, unit), lens) if lens else DepthMap(path, unit)
-
-
-def _in(folder: Path, names: tuple[str, ...]) -> list[Path]:
-    """Those of some files that are in a folder."""
-    return [folder / name for name in names if (folder / name).is_file()]

@@ -21,7 +21,7 @@ from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
 from semgs.data.layouts.parts.numbers import lines
 from semgs.data.layouts.parts.recordings import Shot, ShotList, sequence_name
-from semgs.data.layouts.parts.trajectories import Trajectory, read_trajectory
+from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
@@ -77,13 +77,7 @@ def open_tum(path: Path, asked: Asked) -> Scene:
         path=path,
         layout=LAYOUT,
         shots=[
-            Shot(
-                name,
-                path / name,
-                _pose(trajectory, posed.get(index)),
-                (path / POSES, trajectory.places[posed[index]] if index in posed else ""),
-                maps.get(index),
-            )
+            Shot(name, path / name, trajectory.at(posed.get(index)), maps.get(index))
             for index, name in enumerate(names)
         ],
         lens=calibration.lens,
@@ -124,11 +118,6 @@ def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
     if not names:
         raise InputError(path, "lines of a time and a file", "none")
     return np.array(times), names
-
-
-def _pose(trajectory: Trajectory, index: int | None) -> np.ndarray | None:
-    """The pose at a place in the trajectory, None for none."""
-    return None if index is None else trajectory.poses[index]
 
 
 def _spans(first: np.ndarray, second: np.ndarray) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.data.nyu40 import NAMES, scannet20_labels
+from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 
 FILE_NAME = "scannetv2-labels.combined.tsv"
@@ -62,12 +63,7 @@ def read_table(path: Path) -> LabelTable:
         InputError: it cannot be read, lacks a column (as ScanNet's first table does, and tables of other data sets), or has something
             else than a whole number for an id.
     """
-    try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "a table in UTF-8", f"byte {error.start} of something else") from error
+    lines = read_text(path, "a table in UTF-8").splitlines()
     header = lines[0].split("\t") if lines else []
     for column in (ID, NAME, NYU40):
         if column not in header:

@@ -14,12 +14,12 @@ import struct
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, final
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, readable
 
 VERSION = 4
 COLOUR_CODECS = {-1: "unknown", 0: "raw", 1: "png", 2: "jpeg"}
@@ -41,103 +41,73 @@ _HEADER = struct.Struct("<64f2i4IfQ")
 _FRAME = struct.Struct("<16f4Q")
 
 
+@final
 @dataclass(frozen=True, slots=True)
-class SensColour:
-    """The picture of a frame, a JPEG inside the recording.
+class SensFile:
+    """The picture or the depth of a frame, as a file of its own: a JPEG, or an array file of counts [height width] uint16.
 
     Attributes:
         path: the recording.
         frame: its number.
         start: where the bytes begin.
         length: how many they are.
+        size: (height, width) of the depth; None for a picture.
     """
 
     path: Path
     frame: int
     start: int
     length: int
-
-    @property
-    def name(self) -> str:
-        """As ScanNet's exporter names it."""
-        return f"{self.frame}.jpg"
+    size: tuple[int, int] | None = None
 
     @property
     def suffix(self) -> str:
-        """It is a JPEG."""
-        return ".jpg"
+        """The ending of the file."""
+        return ".jpg" if self.size is None else ".npy"
+
+    @property
+    def name(self) -> str:
+        """The number of the frame, as ScanNet's exporter names files."""
+        return f"{self.frame}{self.suffix}"
 
     def is_file(self) -> bool:
         """Whether the recording is there."""
         return self.path.is_file()
 
     def read_bytes(self) -> bytes:
-        """The JPEG.
+        """The file.
 
         Raises:
-            OSError: the recording cannot be read, or became shorter.
+            OSError: the recording cannot be read, became shorter, or its depth is not what its header says.
         """
-        return _stretch(self.path, self.start, self.length)
+        with self.path.open("rb") as file:
+            file.seek(self.start)
+            data = file.read(self.length)
+        if len(data) < self.length:
+            raise OSError("a recording that ends before")
+        return data if self.size is None else _array_file(data, self.size)
 
     def __str__(self) -> str:
-        return f"{self.path}, colour of frame {self.frame}"
+        return f"{self.path}, {'colour' if self.size is None else 'depth'} of frame {self.frame}"
 
 
-@dataclass(frozen=True, slots=True)
-class SensDepth:
-    """The depth of a frame: counts inside the recording, as an array file [height width] uint16.
+def _array_file(data: bytes, size: tuple[int, int]) -> bytes:
+    """Depth that was compressed, in NumPy's file format.
 
-    Attributes:
-        path: the recording.
-        frame: its number.
-        start: where the bytes begin.
-        length: how many they are.
-        size: (height, width).
+    Raises:
+        OSError: it is damaged, or of another size.
     """
-
-    path: Path
-    frame: int
-    start: int
-    length: int
-    size: tuple[int, int]
-
-    @property
-    def name(self) -> str:
-        """The number, as an array file."""
-        return f"{self.frame}.npy"
-
-    @property
-    def suffix(self) -> str:
-        """What `read_bytes` gives is in NumPy's format."""
-        return ".npy"
-
-    def is_file(self) -> bool:
-        """Whether the recording is there."""
-        return self.path.is_file()
-
-    def read_bytes(self) -> bytes:
-        """The counts in NumPy's file format.
-
-        Raises:
-            OSError: the recording cannot be read, or the depth is not what its header says.
-        """
-        data = _stretch(self.path, self.start, self.length)
-        expected = 2 * self.size[0] * self.size[1]
-        try:
-            counts = zlib.decompressobj().decompress(data, expected + 1)
-        except zlib.error as error:
-            raise OSError(f"depth that cannot be inflated: {error}") from error
-        if len(counts) != expected:
-            more = "more than " if len(counts) > expected else ""
-            raise OSError(
-                f"{more}{min(len(counts), expected)} bytes of depth, not the {expected} of {self.size[1]}x{self.size[0]}"
-            )
-        file = io.BytesIO()
-        np.save(file, np.frombuffer(counts, "<u2").reshape(self.size))
-        return file.getvalue()
-
-    def __str__(self) -> str:
-        return f"{self.path}, depth of frame {self.frame}"
+    expected = 2 * size[0] * size[1]
+    try:
+        counts = zlib.decompressobj().decompress(data, expected + 1)
+    except zlib.error as error:
+        raise OSError(f"depth that cannot be inflated: {error}") from error
+    if len(counts) != expected:
+        more = "more than " if len(counts) > expected else ""
+        raise OSError(f"{more}{min(len(counts), expected)} bytes of depth, not the {expected} of {size[1]}x{size[0]}")
+    file = io.BytesIO()
+    np.save(file, np.frombuffer(counts, "<u2").reshape(size))
+    return file.getvalue()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,9 +123,7 @@ class Recording:
         depth_unit: what a count of depth is worth [m].
         declared: how many frames the header speaks of.
         poses: camera to world of each complete frame, not finite where tracking was lost [m].
-        starts: where the colour of each begins.
-        colour_bytes: length of its colour; its depth lies right behind.
-        depth_bytes: length of its depth.
+        places: of each, where its colour begins, the length of its colour, and the length of its depth, which lies right behind.
     """
 
     path: Path
@@ -166,24 +134,21 @@ class Recording:
     depth_unit: float
     declared: int
     poses: Float32[np.ndarray, "n 4 4"]
-    starts: Int64[np.ndarray, " n"]
-    colour_bytes: Int64[np.ndarray, " n"]
-    depth_bytes: Int64[np.ndarray, " n"]
+    places: Int64[np.ndarray, "n 3"]
 
     def __len__(self) -> int:
         """The number of complete frames."""
-        return len(self.starts)
+        return len(self.places)
 
-    def colour(self, frame: int) -> SensColour:
+    def colour(self, frame: int) -> SensFile:
         """The picture of a frame."""
-        return SensColour(self.path, frame, int(self.starts[frame]), int(self.colour_bytes[frame]))
+        start, length, _ = self.places[frame].tolist()
+        return SensFile(self.path, frame, start, length)
 
-    def depth(self, frame: int) -> SensDepth | None:
+    def depth(self, frame: int) -> SensFile | None:
         """The depth of a frame, None where there is none."""
-        if not self.depth_bytes[frame]:
-            return None
-        start = int(self.starts[frame] + self.colour_bytes[frame])
-        return SensDepth(self.path, frame, start, int(self.depth_bytes[frame]), self.depth_size)
+        start, colour, depth = self.places[frame].tolist()
+        return SensFile(self.path, frame, start + colour, depth, self.depth_size) if depth else None
 
 
 def read_recording(path: Path) -> Recording:
@@ -196,11 +161,8 @@ def read_recording(path: Path) -> Recording:
         InputError: it cannot be read, is no such file, is of another version or has other codecs than JPEG and zlib, its depth is not
             aligned with its colour, or its header is cut short.
     """
-    try:
-        with path.open("rb", buffering=0) as file:
-            return _read(path, file, path.stat().st_size)
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    with readable(path), path.open("rb", buffering=0) as file:
+        return _read(path, file, path.stat().st_size)
 
 
 def _read(path: Path, file: BinaryIO, length: int) -> Recording:
@@ -254,8 +216,8 @@ def _read(path: Path, file: BinaryIO, length: int) -> Recording:
 
 def _frames(
     file: BinaryIO, length: int, declared: int
-) -> tuple[Float32[np.ndarray, "n 4 4"], Int64[np.ndarray, " n"], Int64[np.ndarray, " n"], Int64[np.ndarray, " n"]]:
-    """Poses, starts, colour bytes and depth bytes of the complete frames from here on, at most as many as declared."""
+) -> tuple[Float32[np.ndarray, "n 4 4"], Int64[np.ndarray, "n 3"]]:
+    """Poses and places of the complete frames from here on, at most as many as declared."""
     poses = bytearray()
     places: list[tuple[int, int, int]] = []
     position = file.tell()
@@ -274,8 +236,7 @@ def _frames(
         poses += header[:64]
         places.append((start, colour, depth))
         position = start + colour + depth
-    table = np.array(places, np.int64).reshape(-1, 3)
-    return np.frombuffer(bytes(poses), "<f4").reshape(-1, 4, 4), table[:, 0], table[:, 1], table[:, 2]
+    return np.frombuffer(bytes(poses), "<f4").reshape(-1, 4, 4), np.array(places, np.int64).reshape(-1, 3)
 
 
 def _header(path: Path, file: BinaryIO, count: int) -> bytes:
@@ -288,18 +249,4 @@ def _header(path: Path, file: BinaryIO, count: int) -> bytes:
     data = file.read(count)
     if len(data) < count:
         raise InputError(path, "a .sens file", "one that ends in its header", advice="download it again")
-    return data
-
-
-def _stretch(path: Path, start: int, length: int) -> bytes:
-    """Bytes of a file.
-
-    Raises:
-        OSError: it cannot be read, or ends before.
-    """
-    with path.open("rb") as file:
-        file.seek(start)
-        data = file.read(length)
-    if len(data) < length:
-        raise OSError("a recording that ends before")
     return data

@@ -29,7 +29,7 @@ from semgs.data.maps import Pixels
 from semgs.data.raycast import Raycaster
 from semgs.files.atomic import write_bytes
 from semgs.files.cache import cache_folder
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.geometry.cameras import Cameras
 
 MESH = "mesh_aligned_0.05.ply"
@@ -226,7 +226,8 @@ def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> Ca
     if (folder / MASKED).is_file():
         hidden[masked_vertices(folder / MASKED, len(vertices))] = True
     first = faces[:, 0]
-    return Cast(_caster(folder / MESH, vertices, faces), of_vertices[first], hidden[first])
+    with input_error(folder / MESH, "a mesh that rays can be cast at"):
+        return Cast(Raycaster(vertices, faces), of_vertices[first], hidden[first])
 
 
 def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
@@ -301,18 +302,6 @@ def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:
     if len(vertices) and not (vertices.min() >= 0 and vertices.max() < count):
         raise InputError(path, f"vertices 0..{count - 1}", f"{vertices.min()}..{vertices.max()}")
     return vertices
-
-
-def _caster(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Raycaster:
-    """The triangles for rays.
-
-    Raises:
-        InputError: they are broken.
-    """
-    try:
-        return Raycaster(vertices, faces)
-    except ValueError as error:
-        raise InputError(path, "a mesh that rays can be cast at", str(error)) from error
 
 
 def _whole_numbers(fields: Fields, key: str) -> Int[np.ndarray, " n"]:

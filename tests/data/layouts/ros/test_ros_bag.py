@@ -33,7 +33,7 @@ from bags import (
 )
 from miniatures import back_projected, check_projection, check_read, miniature
 
-from semgs.data.layouts.ros.bag import lens_of
+from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.images import as_file, ending_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
@@ -171,7 +171,7 @@ def test_pictures_before_after_and_in_long_gaps_are_left_out_and_counted(tmp_pat
     scene = open_scene(bag.write(tmp_path / "bag"))
     assert [frame.name[9:12] for frame in scene.frames] == ["0.2", "0.3", "0.4", "0.5", "0.6", "0.7"]
     assert (
-        "2 of 8 pictures are at times of no known pose and are left out, the first of them at 1700000000.123 s."
+        "2 of 8 pictures are at times of no known pose and are left out, the first is at 1700000000.123 s."
         in scene.notes
     )
     bag.messages = [one for one in bag.messages if one[0] != START + 6 * STEP + 1_000_000]
@@ -463,6 +463,6 @@ def test_damage_is_told_with_the_bag(tmp_path: Path):
     bag.messages = [one for one in bag.messages if one[1] != COLOUR]
     for time in times(FEW):
         bag.image(time, COLOUR, FEW.images[0], "rgb16")
-    assert f"{COLOUR} at 1700000000.123456789: expected a picture, found pixels encoded as 'rgb16'" in refused(
+    assert f"{COLOUR} at 1700000000.123456789: expected an image, found pixels encoded as 'rgb16'" in refused(
         bag, tmp_path / "b"
     )

@@ -87,7 +87,7 @@ def test_names_count_where_they_are_told(tmp_path: Path):
     swapped = known(room).labels.copy()
     swapped[known(room).labels == 0], swapped[known(room).labels == 1] = 1, 0
     np.testing.assert_array_equal(scene.read([0, 1]).labels, swapped)
-    assert "1 classes of" in scene.notes[0]
+    assert "1 of 102 classes of" in scene.notes[0]
     assert "flying-saucer" in scene.notes[0]
     info.write_text(json.dumps({"classes": [{"id": "x", "name": "wall"}]}))
     with pytest.raises(InputError, match=r"info_semantic\.json: classes\[0\]\.id"):

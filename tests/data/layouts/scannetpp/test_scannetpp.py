@@ -18,7 +18,7 @@ from PIL import Image
 pytest.importorskip("embreex")
 pytest.importorskip("trimesh")
 
-from miniature import miniature, pinhole_rays, poses
+from cast_room import miniature, pinhole_rays, poses
 from scannetpp_writer import (
     DSLR,
     DSLR_SIZE,
@@ -42,9 +42,9 @@ from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
 from semgs.data.layouts.scannetpp import mesh as scannetpp_mesh
 from semgs.data.layouts.scannetpp import scan as scannetpp
+from semgs.data.layouts.scannetpp.devices import in_mesh_world
 from semgs.data.layouts.scannetpp.labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
 from semgs.data.layouts.scannetpp.mesh import Cast, object_names, vertex_labels
-from semgs.data.layouts.scannetpp.scan import in_mesh_world
 from semgs.data.nyu40 import NAMES as NYU40_NAMES
 from semgs.data.raycast import Raycaster
 from semgs.data.scenes import open_scene, open_scenes
@@ -426,7 +426,7 @@ def test_bad_and_absent_pictures_are_counted(scan, tmp_path):
     assert [frame.name for frame in scene.frames] == ["DSC00002.JPG", "DSC00008.JPG", "DSC00009.JPG", "DSC00010.JPG"]
     assert scene.absent == ("DSC00003.JPG",)
     assert scene.notes[:3] == (
-        f"1 of the listed pictures are absent in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
+        f"1 of 6 listed pictures are absent in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
         "1 pictures are marked as bad and left out.",
         "1 of 4 pictures have no mask in resized_anon_masks, the first is DSC00009.JPG.",
     )

@@ -166,7 +166,7 @@ def test_absent_pictures_are_counted_and_said_and_positions_count_the_others(tmp
     scene = open_scene(tmp_path)
     assert [frame.name for frame in scene.frames] == ["images/000.png", "images/002.png"]
     assert scene.absent == ("images/001.png",)
-    assert scene.notes == ("1 of the 3 listed pictures are absent, the first is images/001.png.",)
+    assert scene.notes == ("1 of 3 listed pictures are absent, the first is images/001.png.",)
     torch.testing.assert_close(scene.read([1], "native").cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
 
 
@@ -295,7 +295,7 @@ def test_a_truncated_picture_is_told_when_it_is_read(tmp_path):
     path = tmp_path / "images" / "001.png"
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     scene = open_scene(tmp_path)
-    with pytest.raises(InputError, match=r"001\.png: expected a complete picture"):
+    with pytest.raises(InputError, match=r"001\.png: expected a complete image"):
         scene.read([0, 1], "native")
 
 
@@ -403,7 +403,7 @@ def test_absent_maps_are_said_and_masks_are_not_used(tmp_path):
     write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").depths is None
-    assert any("3 listed depth or label files are absent" in note for note in scene.notes)
+    assert any("3 of 3 listed depth and label files are absent" in note for note in scene.notes)
     assert any("masks" in note for note in scene.notes)
 
 

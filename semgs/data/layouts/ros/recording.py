@@ -1,0 +1,128 @@
+"""ROS bags as scenes: the pictures of one camera, with the poses of the robot that carried it.
+
+Pictures are `sensor_msgs/Image` or `CompressedImage` messages, at the time in their header; poses are interpolated to that time. Depth is
+taken where it is registered to the picture: in the same optical frame; 16 bits are millimetres, floats metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.asked import Asked
+from semgs.data.frames import Frame
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, BagFile, frame_of, open_bag
+from semgs.data.layouts.ros.camera import choose_pictures, find_lens
+from semgs.data.layouts.ros.images import is_depth
+from semgs.data.layouts.ros.motions import along
+from semgs.data.layouts.ros.route import find_route
+from semgs.data.maps import DepthMap
+from semgs.data.scene import Scene
+from semgs.files.errors import InputError
+from semgs.files.pictures import read_header
+
+LAYOUT = "ROS bag"
+LOOKED_FOR = "a ROS bag (metadata.yaml with .db3 or .mcap; .mcap; .bag)"
+ASKS = ("camera", "world", "body", "intrinsics")
+ENDINGS = (".mcap", ".db3", ".bag")
+
+MILLIMETRE = 0.001
+DEPTH_TOLERANCE = 0.02
+"""Depth maps are at most this far in time from their picture [s]."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is a bag: its folder, or the one file that it is in."""
+    if path.is_file():
+        return path.suffix.lower() in ENDINGS
+    try:
+        return "rosbag2_bagfile_information" in (path / "metadata.yaml").read_text(errors="replace")[:4000]
+    except OSError:
+        return False
+
+
+def open_recording(path: Path, asked: Asked) -> Scene:
+    """The scene of a bag: the pictures of one camera, in the order of their times.
+
+    Args:
+        path: its folder or file.
+        asked: which camera and world, if there are several; the body of poses that do not say; other intrinsics.
+
+    Raises:
+        InputError: it is damaged, has no pictures, intrinsics or poses, or several and nothing tells which; what is there is listed.
+        ImportError: rosbags is not installed.
+    """
+    bag = open_bag(path)
+    topic = choose_pictures(bag, asked.camera)
+    frame = frame_of(bag.first(topic))
+    if not frame:
+        raise InputError(path, "the frame of the camera in the header of its pictures", "an empty frame_id", topic)
+    pictures = bag.files(topic)
+    lens = find_lens(bag, topic, read_header(pictures[0]).size, asked)
+    route, led = find_route(bag, frame, asked)
+    poses = along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
+    posed = np.isfinite(poses).all(axis=(1, 2))
+    depths, told = _depths(bag, frame, pictures)
+    frames = tuple(
+        Frame(one.name, one, lens, pose, depths.get(one))
+        for one, pose, known in zip(pictures, poses, posed, strict=True)
+        if known
+    )
+    if len(frames) < 2:
+        spans = [
+            f"{step.source} has {step.parent} > {step.child} {_span(step.times)}." for step in route if not step.fixed
+        ]
+        found = f"{len(frames)} of {len(pictures)}"
+        raise InputError(path, "at least two pictures at times of known poses", found, topic, " ".join([*led, *spans]))
+    unposed = [f"at {one.stamp / 1e9:.3f} s" for one, known in zip(pictures, posed, strict=True) if not known]
+    return Scene(
+        path=path,
+        name=path.absolute().name if path.is_dir() else path.stem,
+        layout=LAYOUT,
+        unit="metric",
+        frames=frames,
+        notes=(
+            f"Pictures are those of {topic}.",
+            *(
+                []
+                if "optical" in frame or asked.intrinsics
+                else [
+                    f"The frame of the pictures, {frame}, is not called optical; it is taken to have x right, y down and z forward, as REP 103 wants."
+                ]
+            ),
+            *led,
+            *told,
+            *lacking(unposed, len(pictures), "pictures are at times of no known pose and are left out"),
+        ),
+    )
+
+
+def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[BagFile, DepthMap], list[str]]:
+    """The depth map of each picture that has one, and what to tell of depth that is not used."""
+    first = {topic: bag.first(topic) for topic in bag.of(IMAGE, COMPRESSED)}
+    frames = {topic: frame_of(message) for topic, message in first.items() if is_depth(message)}
+    registered = [topic for topic in frames if frames[topic] == frame]
+    if not registered:
+        return {}, [
+            f"Depth of {topic} is of the frame {other}, not registered to the pictures, and left out."
+            for topic, other in frames.items()
+        ]
+    topic = min(registered, key=lambda one: (bag.topics[one] == COMPRESSED, one))
+    held, start = bag.files(topic), pictures[0].stamp
+    seconds, others = (np.array([(one.stamp - start) / 1e9 for one in some]) for some in (pictures, held))
+    pairs = associated(seconds, others, DEPTH_TOLERANCE)
+    unit = 1.0 if any(one.suffix == ".npy" for one in held) else MILLIMETRE
+    found = {pictures[index]: DepthMap(held[other], unit) for index, other in pairs.items()}
+    missing = len(pictures) - len(found)
+    return found, [
+        f"{missing} of {len(pictures)} pictures have no depth map of {topic} at their time."
+    ] if missing else []
+
+
+def _span(times: np.ndarray) -> str:
+    """From when to when something is known."""
+    return f"from {times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s"
