@@ -1,7 +1,7 @@
-"""Covisibility: how much of what one frame sees other frames see too, as far as the scene knows how far away things are.
+"""Covisibility: how much of what one frame sees is also seen by other frames.
 
-Each picture is divided into `GRID` x `GRID` cells. The middle of each is placed in the world by its z-depth: from the frame's own depth
-map, from the scene's sparse points, or, if there is neither, from one depth for all.
+Each image is divided into `GRID` x `GRID` cells. The centre of each cell is placed in the world by its z-depth, which comes from the
+frame's depth map, from the scene's sparse points, or, if there is neither, is one assumed depth for all.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from semgs.files.errors import InputError
 
 GRID = 10
 FEWEST_CELLS = 10
-"""Of a depth map that is known in fewer cells than this, or of fewer sparse points, nothing is believed."""
+"""Depth maps with fewer known cells, and fewer sparse points than this, are not used."""
 
 WIDEST_ANGLE = np.radians(60)
 """A surface seen from directions further apart than this does not look the same."""
 
 HIDDEN = 1.1
-"""What is further away than this times the farthest that a frame measured in a cell is hidden from it."""
+"""A point is hidden from a frame if it is farther than this times the largest depth that the frame measured in that cell."""
 
 
 @dataclass(frozen=True, eq=False)
 class DepthGrid:
-    """What one frame sees.
+    """The depths that one frame sees, on a grid of cells.
 
     Attributes:
-        depths: z-depth at the middle of each cell, row by row [cell]; NaN where it is not known [m, or the scene's unit].
-        farthest: the largest depth that was measured in each cell [cell]; infinite where none was.
-        source: what the depths are from: "measured depth", "sparse points", or "" for an assumed depth.
+        depths: z-depth at the centre of each cell, row by row [cell]; NaN if unknown [m, or the scene's unit].
+        farthest: the largest measured depth in each cell [cell]; infinite if none.
+        source: where the depths are from: "measured depth", "sparse points", or "" for an assumed depth.
     """
 
     depths: np.ndarray
@@ -42,30 +42,30 @@ class DepthGrid:
 
     @property
     def median(self) -> float:
-        """The median of the depths that are known."""
+        """The median of the known depths."""
         return float(np.nanmedian(self.depths))
 
 
 def flat(depth: float) -> DepthGrid:
-    """The grid of a frame of which nothing is known: everything at one depth."""
+    """The grid of a frame without any depth: every cell at one assumed depth."""
     return DepthGrid(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
 
 
 class DepthGrids:
-    """The grids of a scene's frames. Each is found when it is first asked for."""
+    """The depth grids of a scene's frames, computed on first use."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._found: dict[int, DepthGrid | None] = {}
         self.measured = any(frame.depth is not None for frame in scene.frames)
-        """Whether depth maps are read, which takes milliseconds a frame."""
+        """Whether depth maps have to be read, which takes milliseconds a frame."""
 
     def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[DepthGrid]:
-        """The grids of some frames; of those whose depth is not known, one at the depth `otherwise`."""
+        """The grids of some frames; frames without depth get the depth `otherwise`."""
         return [self._grid(int(index)) or flat(otherwise) for index in indices]
 
     def _grid(self, index: int) -> DepthGrid | None:
-        """What is known of a frame, None if that is nothing."""
+        """The grid of a frame, None if its depth is unknown."""
         if index not in self._found:
             frame, points = self._scene.frames[index], self._scene.points
             grid = _from_depth_map(frame)
@@ -76,11 +76,11 @@ class DepthGrids:
 
 
 def _from_depth_map(frame: Frame) -> DepthGrid | None:
-    """The grid that a frame's own depth map shows, None if there is none or it is nearly empty."""
+    """The grid from a frame's depth map, None if there is none or it is nearly empty."""
     try:
         depths = frame.measured()
     except InputError:
-        return None  # a damaged map of a frame that is not used does no harm; if it is used, reading it says so
+        return None  # harmless unless the frame is used, and then reading it reports the error
     if depths is None:
         return None
     height, width = depths.shape
@@ -94,7 +94,7 @@ def _from_depth_map(frame: Frame) -> DepthGrid | None:
 
 
 def _from_points(frame: Frame, points: np.ndarray) -> DepthGrid | None:
-    """Each cell at the depth of the sparse point nearest to its middle in the picture; None if the frame sees too few."""
+    """The grid from sparse points: each cell takes the depth of the point nearest to its centre. None if the frame sees too few."""
     ours = points if frame.points is None else points[frame.points]
     pose, (height, width) = frame.world_from_camera, frame.lens.size
     seen = (ours - pose[:3, 3]) @ pose[:3, :3]
@@ -109,13 +109,13 @@ def _from_points(frame: Frame, points: np.ndarray) -> DepthGrid | None:
 
 
 def _middles() -> np.ndarray:
-    """(x, y) of the middle of each cell, row by row, as parts of the picture's width and height [cell 2]."""
+    """(x, y) of the centre of each cell, row by row, relative to the image's width and height [cell 2]."""
     steps = (np.arange(GRID) + 0.5) / GRID
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
 class Covisibility:
-    """Some frames of a scene, and what they share.
+    """The covisibility of some frames of a scene.
 
     Attributes:
         medians: the median depth of each frame [n].
@@ -143,16 +143,16 @@ class Covisibility:
         self._seen = np.stack([self._seen_by(index) for index in range(len(frames))])
 
     def overlaps(self) -> np.ndarray:
-        """How much each pair shares of what it sees, the smaller of both directions [n n]."""
+        """The share of what each pair sees in common, the smaller of both directions [n n]."""
         seen = self._seen.sum(axis=-1).T / self._known[:, None]
         return np.minimum(seen, seen.T)
 
     def covered(self, by: Sequence[int]) -> np.ndarray:
-        """The part of what each frame sees that at least one of the frames `by` sees too [n]."""
+        """The share of what each frame sees that at least one of the frames `by` also sees [n]."""
         return self._seen[list(by)].any(axis=0).sum(axis=-1) / self._known
 
     def _seen_by(self, index: int) -> np.ndarray:
-        """Which cells of each frame one frame sees too, from a similar direction and not behind what it measured [n cell]."""
+        """Which cells of each frame one frame also sees: inside its image, from a similar direction, and not hidden [n cell]."""
         towards = self._points - self._centres[index]
         x, y, depth = np.moveaxis(towards @ self._projections[index].T, -1, 0)
         width, height = self._sizes[index]

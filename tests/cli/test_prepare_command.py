@@ -56,7 +56,7 @@ def test_one_scene_is_enough_and_what_fails_is_told(
     told = capsys.readouterr().out
     assert "two: 1 scenes, 3 frames" in told
     assert "left out: b: " in told
-    assert "001.png: expected a JPEG or PNG picture" in told
+    assert "001.png: expected a JPEG or PNG image" in told
 
 
 def test_what_cannot_be_is_refused_and_nothing_is_written(

@@ -104,7 +104,7 @@ def test_names_work_as_positions_do(folder, name, position):
         ([-1], "no frame -1"),
         (["0002.png"], r"may be left/0002\.png or right/0002\.png"),
         (["other.png"], r"no usable frame 'other\.png'"),
-        ([], "no frames are asked for"),
+        ([], "the list of frames is empty"),
     ],
 )
 def test_frames_that_are_not_there_are_refused(folder, frames, message):
@@ -115,7 +115,7 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
 def test_an_unknown_layout_lists_what_was_looked_for(tmp_path):
     (tmp_path / "photo.jpg").touch()
     with pytest.raises(
-        InputError, match=r"transforms\.json .* COLMAP model .* sparse/0/.*; pictures alone have no poses"
+        InputError, match=r"transforms\.json .* COLMAP model .* sparse/0/.*; images alone have no poses"
     ):
         open_scene(tmp_path)
     (tmp_path / "notes.txt").touch()

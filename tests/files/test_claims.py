@@ -28,7 +28,9 @@ def test_a_folder_of_the_same_settings_is_gone_on_with_whatever_else_is_in_it(tm
 
 def test_every_setting_that_differs_is_named(tmp_path: Path):
     (tmp_path / "settings.json").write_text(json.dumps({"seed": 8, "size": [36, 50]}))
-    told = r"is a set of things with other settings: seed is 8 there, not 7; size is \[36, 50\] there, not \[36, 48\]; use"
+    told = (
+        r"is a set of things with other settings: seed is 8 there, not 7; size is \[36, 50\] there, not \[36, 48\]; use"
+    )
     with pytest.raises(ValueError, match=told):
         begun(tmp_path)
 

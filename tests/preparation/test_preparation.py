@@ -138,7 +138,7 @@ def test_a_scene_that_cannot_be_prepared_is_passed_over_and_listed(rooms: Path, 
     assert [scene["name"] for scene in index["scenes"]] == ["kitchen", "seq-02"]
     (failed,) = index["failed"]
     assert failed["name"] == "seq-01"
-    assert "depth/001.png: expected a JPEG or PNG picture" in failed["error"]
+    assert "depth/001.png: expected a JPEG or PNG image" in failed["error"]
     with pytest.raises(InputError, match=r"001\.png"):
         prepare_set(tmp_path / "other", sources(rooms / "seq-01"), SMALL, Reading())
 
@@ -151,7 +151,7 @@ def test_lists_name_scenes_as_the_data_sets_do(rooms: Path, tmp_path: Path):
     assert [one.name for one in sources(tmp_path, read_list(wanted))] == ["rooms_seq-01"]
     wanted.write_text("kitchen\nbath\nattic\n")
     with pytest.raises(
-        InputError, match=r"2 of 3 names: expected names of scenes .* found bath and 1 more that are not there"
+        InputError, match=r"2 of 3 names: expected names of scenes .* found bath and 1 more, which are missing"
     ):
         sources(rooms, read_list(wanted))
 

@@ -6,7 +6,7 @@ PNG in millimetres. A class map holds Replica's ids (0: none), which become Scan
 
 The renderer had 90 degrees across the picture, so fx = fy = W / 2, and its principal point at ((W - 1) / 2, (H - 1) / 2) counts from the
 centre of the first pixel: (W / 2, H / 2) here, 320 and 240 for 640x480. S-Ray's and GSNeRF's code has 229.5 for cy, 10 rows above:
-the reading "row-229.5" of `semgs.data.peers`. https://github.com/Harry-Zhi/semantic_nerf
+the reading "row-229.5" of `semgs.data.readings`. https://github.com/Harry-Zhi/semantic_nerf
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from semgs.data.layouts.replica.classes import IDS, NYU40
 from semgs.data.layouts.scannet.labels import labels_of_ids
 from semgs.data.lens import HALF, Lens
 from semgs.data.maps import DepthMap, IdMap
-from semgs.data.peers import READINGS, ROW_229
+from semgs.data.readings import READINGS, ROW_229
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 

@@ -26,7 +26,7 @@ from semgs.data.layouts.scannet.label_maps import ScanLabels, has_labels, read_s
 from semgs.data.layouts.scannet.sens import read_recording
 from semgs.data.lens import HALF, Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
-from semgs.data.peers import GSNERF_LABELS, READINGS, ROWS_972
+from semgs.data.readings import GSNERF_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError, input_error
 from semgs.files.pictures import read_header, read_uint16

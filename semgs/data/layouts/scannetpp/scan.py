@@ -33,7 +33,7 @@ from semgs.data.layouts.scannetpp.labels import labels_of
 from semgs.data.layouts.scannetpp.mesh import MESH, LabelledMesh, MeshDepth, MeshLabels, object_names
 from semgs.data.lens import AbstractLens
 from semgs.data.maps import DepthMap, MaskMap
-from semgs.data.peers import READINGS, TOOLBOX_UNDISTORTION
+from semgs.data.readings import READINGS, TOOLBOX_UNDISTORTION
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header

@@ -308,7 +308,7 @@ def test_gsnerfs_labels_are_a_named_choice(raw, written):
 def test_readings_that_do_not_exist_or_are_of_another_layout_are_refused(raw, shared):
     with pytest.raises(ValueError, match="unknown reading 'gsnerf'; known: rows-972, gsnerf-labels"):
         open_scene(raw, as_peers=["gsnerf"])
-    with pytest.raises(InputError, match=r"a scene that rows-972 is about .*, found transforms\.json"):
+    with pytest.raises(InputError, match=r"a scene for the reading rows-972 .*, found transforms\.json"):
         open_scene(shared / "data" / "fox", as_peers=["rows-972"])
 
 
