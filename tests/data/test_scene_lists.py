@@ -137,6 +137,6 @@ def test_scenes_of_a_list_are_opened_and_others_are_not(tmp_path: Path):
     assert [scene.name for scene in open_scenes(tmp_path / "data", wanted=wanted)] == ["b"]
     (tmp_path / "list.txt").write_text("b\nc\n")
     with pytest.raises(
-        InputError, match=r"1 of 2 names: expected names of scenes in .*, such as a, found c, which is not there"
+        InputError, match=r"1 of 2 names: expected names of scenes in .*, such as a, found c, which is missing"
     ):
         open_scenes(tmp_path / "data", wanted=read_list(tmp_path / "list.txt"))

@@ -160,7 +160,7 @@ def test_a_folder_without_any_scene_is_refused_and_a_broken_scene_is_not_passed_
 def test_the_fox_has_twelve_of_its_sixty_seven_pictures(shared):
     fox = open_scene(shared / "data" / "fox")
     assert (len(fox), len(fox.absent), fox.unit, fox.name) == (12, 55, "unknown", "fox")
-    assert fox.notes == ("55 of 67 listed pictures are absent, the first is images/0005.jpg.",)
+    assert fox.notes == ("55 of 67 listed images are missing, the first is images/0005.jpg.",)
     views = fox.read(["0004.jpg", 4], size=(320, 180))
     assert views.images.shape == (2, 3, 320, 180)
     assert views.depths is None

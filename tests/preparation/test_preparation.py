@@ -128,7 +128,7 @@ def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
     (rooms / "kitchen" / "images" / "002.jpg").unlink()
     index = prepare_set(tmp_path / "out", sources(rooms), SMALL, Reading())
     assert [scene["frames"] for scene in index["scenes"]] == [2, 3, 3]
-    assert "1 of 3 listed pictures are absent" in index["scenes"][0]["notes"][0]
+    assert "1 of 3 listed images are missing" in index["scenes"][0]["notes"][0]
     assert sha256(tmp_path / "out" / "kitchen.zip") == index["scenes"][0]["sha256"]
 
 

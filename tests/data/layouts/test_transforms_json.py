@@ -151,7 +151,7 @@ def test_the_synthetic_nerf_dialect_is_read(tmp_path):
     (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").images[0, :, 0, 0].tolist() == [1, 1, 1]
-    assert any("3 pictures have an alpha channel" in note for note in scene.notes)
+    assert any("3 images have an alpha channel" in note for note in scene.notes)
 
 
 def test_a_transforms_file_may_be_named_itself(tmp_path):
@@ -166,7 +166,7 @@ def test_absent_pictures_are_counted_and_said_and_positions_count_the_others(tmp
     scene = open_scene(tmp_path)
     assert [frame.name for frame in scene.frames] == ["images/000.png", "images/002.png"]
     assert scene.absent == ("images/001.png",)
-    assert scene.notes == ("1 of 3 listed pictures are absent, the first is images/001.png.",)
+    assert scene.notes == ("1 of 3 listed images are missing, the first is images/001.png.",)
     torch.testing.assert_close(scene.read([1], "native").cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
 
 
@@ -213,8 +213,8 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (matrix(0, lambda m: m.__setitem__((slice(0, 3), 1), -m[:3, 1])), "frames[0].transform_matrix", "mirrors"),
         (matrix(2, lambda m: m.__setitem__((3, 0), 1)), "frames[2].transform_matrix", "a last row of"),
         (assigned("transform_matrix", [[1, 0, 0, 0]] * 3, 1), "frames[1].transform_matrix", "shape (3, 4)"),
-        (assigned("transform_matrix", [[1, 0], [1]], 1), "frames[1].transform_matrix", "no matrix of numbers"),
-        (assigned("transform_matrix", "identity", 1), "frames[1].transform_matrix", "no matrix of numbers"),
+        (assigned("transform_matrix", [[1, 0], [1]], 1), "frames[1].transform_matrix", "not a matrix of numbers"),
+        (assigned("transform_matrix", "identity", 1), "frames[1].transform_matrix", "not a matrix of numbers"),
         (assigned("transform_matrix", None, 1), "frames[1].transform_matrix", "nothing"),
         (assigned("fl_x", 0), "fl_x", "0"),
         (assigned("fl_y", -3.0, 1), "frames[1].fl_y", "-3"),
@@ -403,7 +403,7 @@ def test_absent_maps_are_said_and_masks_are_not_used(tmp_path):
     write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").depths is None
-    assert any("3 of 3 listed depth and label files are absent" in note for note in scene.notes)
+    assert any("3 of 3 listed depth and label files are missing" in note for note in scene.notes)
     assert any("masks" in note for note in scene.notes)
 
 

@@ -1,12 +1,12 @@
-"""Calibrations: the intrinsics of a recording's pictures, in the text and JSON files that they come in.
+"""Calibrations: the intrinsics of a recording, from text and JSON files.
 
-All of these have the centre of the first pixel at (0, 0), as OpenCV's calibration and the drivers' defaults have; half a pixel is added
+All of them have the centre of the first pixel at (0, 0), like OpenCV's calibration and the defaults of camera drivers. Half a pixel is added
 to cx and cy here.
 
     3x3 or 4x4 matrix      3DMatch, SUN3D, ScanNet's exports
     fx fy cx cy            ETH3D's calibration.txt
     KEY = numbers          info.txt of BundleFusion, 12-Scenes, 3RScan
-    JSON                   fx, fy, cx, cy; or a matrix; Open3D's `intrinsic_matrix`; perhaps inside an object "camera"
+    JSON                   fx, fy, cx, cy, or a matrix, or Open3D's `intrinsic_matrix`; perhaps in an object "camera"
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from semgs.files.errors import InputError, input_error
 
 MATRICES = ("intrinsic_matrix", "camera_matrix", "K", "cam_K", "intrinsic", "intrinsics", "matrix")
 INSIDE = ("camera", "color", "colour", "rgb", "intrinsics", "intrinsic")
-"""Keys of JSON files that may hold a matrix, and objects that may hold the keys."""
+"""Keys of matrices in JSON files, and of objects that may contain the intrinsics."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The pinhole of a recording's pictures.
+    """The pinhole camera of a recording.
 
     Attributes:
         focal: (fx, fy) [px].
         centre: (cx, cy) [px], the centre of the first pixel at (0.5, 0.5).
-        size: (height, width) that it is for, None where nobody says.
-        told_by: the file that says so, or None where it is a layout's constant or the user's word.
-        depth_unit: what one count of a depth map is worth [m], where the same file says so.
-        depth_lens: the pinhole of the depth maps, where the same file has one of their own.
-        of_a_sensor: whether it is that of a known sensor, so that pictures reduced to another size with the same aspect have it too.
+        size: (height, width) of its images; None if unknown.
+        told_by: the file that it is from; None for a constant of the layout or the user's values.
+        depth_unit: metres per count of the depth maps [m], if the file says so.
+        depth_lens: the pinhole of a separate depth camera, if the file has one.
+        of_a_sensor: whether it belongs to a known sensor, so it can be scaled to images of another size with the same aspect.
     """
 
     focal: tuple[float, float]
@@ -53,10 +53,10 @@ class Calibration:
     of_a_sensor: bool = False
 
     def lens(self, picture: Path, size: tuple[int, int]) -> Lens:
-        """The lens of pictures of a size (height, width).
+        """The lens for images of a size (height, width).
 
         Raises:
-            InputError: it is for another size, or its principal point lies outside of the pictures.
+            InputError: the calibration is for another size, or its principal point is outside the images.
         """
         place = self.told_by or picture
         if self.size is not None and self.size != size:
@@ -65,20 +65,20 @@ class Calibration:
                 fx, fy, cx, cy = (scale * number for number in (*self.focal, *self.centre))
                 return Lens(size, (fx, fy), (cx, cy))
             raise InputError(
-                place, f"intrinsics for {size[1]}x{size[0]} pixels (width x height), as {picture.name} has",
-                f"some for {self.size[1]}x{self.size[0]}", advice="give intrinsics of these pictures (--intrinsics fx fy cx cy)",
+                place, f"intrinsics for {size[1]}x{size[0]} pixels (width x height), the size of {picture.name}",
+                f"some for {self.size[1]}x{self.size[0]}", advice="give intrinsics of these images (--intrinsics fx fy cx cy)",
             )  # fmt: skip
         if not (0 < self.centre[0] < size[1] and 0 < self.centre[1] < size[0]):
             raise InputError(
-                place, f"a principal point inside pictures of {size[1]}x{size[0]} (width x height)",
-                f"({self.centre[0]:g}, {self.centre[1]:g})", advice="these intrinsics seem to be for pictures of another size",
+                place, f"a principal point inside images of {size[1]}x{size[0]} (width x height)",
+                f"({self.centre[0]:g}, {self.centre[1]:g})", advice="these intrinsics seem to be for images of another size",
             )  # fmt: skip
         with input_error(place, "a camera that can be"):
             return Lens(size, self.focal, self.centre)
 
 
 def asked_calibration(asked: Asked) -> Calibration | None:
-    """The calibration that the user gave, None where there is none."""
+    """The calibration that the user gave, None if there is none."""
     if asked.intrinsics is None:
         return None
     fx, fy, cx, cy = asked.intrinsics
@@ -89,7 +89,7 @@ def read_calibration(path: Path) -> Calibration:
     """The calibration in a file of one of the forms above.
 
     Raises:
-        InputError: it cannot be read or has another form.
+        InputError: it cannot be read, or has another form.
     """
     if path.suffix.lower() == ".json":
         return _from_json(path)
@@ -99,7 +99,7 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None) -> Calibration:
-    """The calibration of fx, fy, cx, cy or a camera matrix, which count from the centre of the first pixel.
+    """The calibration from fx, fy, cx, cy or a camera matrix, with the centre of the first pixel at (0, 0).
 
     Args:
         path: the file that they are from.
@@ -107,7 +107,7 @@ def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None)
         key: their place there.
 
     Raises:
-        InputError: they are none of that, a number is not finite or a focal length is not positive.
+        InputError: there is another number of them, it is not a camera matrix, a number is not finite, or a focal length is not positive.
     """
     if len(numbers) not in (4, 9, 12, 16):
         found = f"{len(numbers)} numbers"
@@ -119,11 +119,7 @@ def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None)
 
 
 def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[float]:
-    """fx, fy, cx, cy of a matrix, row by row, or, as Open3D writes 3x3, column by column; the zeros tell.
-
-    Raises:
-        InputError: it is no camera matrix.
-    """
+    """fx, fy, cx, cy of a matrix in row order, or in column order as Open3D writes 3x3; the zeros show which."""
     square = np.array(numbers).reshape(-1, 3 if len(numbers) == 9 else 4)[:3, :3]
     if square[2, 0] and not square[0, 2]:
         square = square.T
@@ -133,14 +129,10 @@ def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[fl
 
 
 def _from_json(path: Path) -> Calibration:
-    """The calibration of a JSON file.
-
-    Raises:
-        InputError: it holds none.
-    """
-    whole = parsed(path)
-    inner = next((whole.values[key] for key in INSIDE if isinstance(whole.values.get(key), dict)), None)
-    fields = Fields(path, inner, "", whole) if inner else whole
+    """The calibration in a JSON file."""
+    outer = parsed(path)
+    inner = next((outer.values[key] for key in INSIDE if isinstance(outer.values.get(key), dict)), None)
+    fields = Fields(path, inner, "", outer) if inner else outer
     width, height = fields.whole("width") or fields.whole("w"), fields.whole("height") or fields.whole("h")
     size = (height, width) if width and height else None
     unit = _depth_unit(fields)
@@ -151,11 +143,11 @@ def _from_json(path: Path) -> Calibration:
         flat = _flat(fields.value(key))
         if flat is not None:
             return replace(calibration_of(path, flat, key), size=size, depth_unit=unit)
-    raise InputError(path, "intrinsics as fx, fy, cx, cy or as a matrix", "keys " + ", ".join(sorted(whole.values)))
+    raise InputError(path, "intrinsics as fx, fy, cx, cy or as a matrix", "keys " + ", ".join(sorted(outer.values)))
 
 
 def _flat(value: Any) -> list[float] | None:
-    """The numbers of a list or nested list of 9 or 16, None where it is something else."""
+    """The numbers of a list or nested list of 9 or 16, None for anything else."""
     try:
         numbers = np.array(value, dtype=np.float64).ravel()
     except (TypeError, ValueError):
@@ -164,12 +156,9 @@ def _flat(value: Any) -> list[float] | None:
 
 
 def _depth_unit(fields: Fields) -> float | None:
-    """What one count of a depth map is worth [m], if the file says so.
+    """Metres per count of the depth maps [m], if the file says so.
 
-    Some programs write counts per metre (1000), some metres per count (0.001): which is which cannot be mistaken, but for 1.
-
-    Raises:
-        InputError: it is no positive number.
+    Some programs write counts per metre (1000), others metres per count (0.001). Only 1 is ambiguous, and ignored.
     """
     for key in ("scale", "depth_scale", "depth_factor", "png_depth_scale", "depth_unit_scale_factor"):
         scale = fields.positive(key)
@@ -179,18 +168,14 @@ def _depth_unit(fields: Fields) -> float | None:
 
 
 def _from_info(path: Path) -> Calibration:
-    """The calibration of an info.txt: lines KEY = VALUES.
-
-    Raises:
-        InputError: it holds none.
-    """
+    """The calibration in an info.txt: lines KEY = VALUES."""
     held = pairs(path)
     try:
         shift = float(held.get("m_depthShift", 1000))
     except ValueError:
         shift = math.nan
     if not shift > 0:
-        raise InputError(path, "a positive number of counts a metre", f"{held['m_depthShift']!r:.40}", "m_depthShift")
+        raise InputError(path, "a positive number of counts per metre", f"{held['m_depthShift']!r:.40}", "m_depthShift")
     colour = _of_info(path, held, "Color", "color")
     if "m_calibrationDepthIntrinsic" not in held:
         return replace(colour, depth_unit=1 / shift)
@@ -200,11 +185,7 @@ def _from_info(path: Path) -> Calibration:
 
 
 def _of_info(path: Path, held: dict[str, str], name: str, sides: str) -> Calibration:
-    """The calibration of one camera of an info.txt.
-
-    Raises:
-        InputError: its matrix or size is not there, or cannot be.
-    """
+    """The calibration of one camera in an info.txt."""
     key = f"m_calibration{name}Intrinsic"
     try:
         flat = [float(word) for word in held[key].split()]

@@ -1,4 +1,4 @@
-"""Recordings: scenes of many frames of which some lack a pose, a map or their picture. Work goes on without them, and they are counted."""
+"""Recordings: scenes of many frames, some of which lack a pose, a map or an image. These are left out and counted."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
 
 PICTURES = (".png", ".jpg", ".jpeg")
-"""Endings of pictures, in lower case."""
+"""Endings of images, in lower case."""
 
 GENERIC = ("seq", "sequence", "data", "imap", "")
-"""What folders are called in every scene, but for a number."""
+"""Names of folders, without numbers, that are the same in every scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A frame as a recording lists it, before anything of it is opened.
+    """A frame as a recording lists it; nothing has been opened.
 
     Attributes:
-        name: to call it by.
-        picture: where its picture should be.
-        pose: where it was taken, NaN where tracking was lost, or None where there is no pose at all.
-        depth: where its z-depths come from, or None.
-        labels: where its labels come from, or None.
+        name: of the frame.
+        picture: the path of its image, which may be missing.
+        pose: NaN if tracking was lost; None if there is no pose.
+        depth: source of its z-depths, or None.
+        labels: source of its labels, or None.
     """
 
     name: str
@@ -51,13 +51,13 @@ class ShotList:
 
     Attributes:
         path: the recording.
-        layout: what it is.
+        layout: its name.
         name: of the scene.
         unit: "metric" or "unknown".
-        shots: in their order.
-        lens: the lens of a picture (path, size).
-        classes: the table of its labels, where it has any.
-        notes: what else the user should be told.
+        shots: in order.
+        lens: gives the lens of an image (path, size).
+        classes: the class table of its labels, if it has any.
+        notes: what else the user should know.
     """
 
     path: Path
@@ -70,10 +70,10 @@ class ShotList:
     notes: Sequence[str] = ()
 
     def scene(self) -> Scene:
-        """The scene of the shots that have a picture and a pose.
+        """The scene from the shots that have an image and a pose.
 
         Raises:
-            InputError: a pose is no rigid motion, a picture has another size than its camera, or fewer than two frames are left.
+            InputError: a pose is not a rigid motion, an image has another size than its camera, or fewer than two frames are left.
         """
         posed = [(shot, shot.pose) for shot in self.shots if shot.pose is not None and shot.pose.finite]
         lost = [shot.name for shot in self.shots if shot.pose is not None and not shot.pose.finite]
@@ -86,7 +86,9 @@ class ShotList:
                 absent.append(shot.name)
                 continue
             header = read_header(shot.picture)
-            is_turned(shot.picture, header, header.size)  # refuses an EXIF rotation, which nobody says whether to apply
+            is_turned(
+                shot.picture, header, header.size
+            )  # refuses an EXIF rotation, as no file says whether to apply it
             if header.size not in lenses:
                 lenses[header.size] = self.lens(shot.picture, header.size)
             if shot.depth is None:
@@ -96,9 +98,9 @@ class ShotList:
             frames.append(Frame(shot.name, shot.picture, lenses[header.size], pose, shot.depth, shot.labels))
         count = len(self.shots)
         left_out = [
-            *lacking(lost, count, "frames have a pose that is no number and are left out"),
+            *lacking(lost, count, "frames have no finite pose and are left out"),
             *lacking(unposed, count, "frames have no pose and are left out"),
-            *lacking(absent, count, "frames have no picture"),
+            *lacking(absent, count, "frames have no image"),
         ]
         if len(frames) < 2:
             raise InputError(
@@ -122,12 +124,12 @@ class ShotList:
 
 
 def numbered(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -> dict[int, Path]:
-    """The files of a folder whose names are `start`, a number and one of the endings, by their number, ascending.
+    """The files of a folder named `start`, a number and one of the endings, sorted by number.
 
-    Where one number comes with several endings the first ending counts.
+    If a number has several endings, the first ending counts.
 
     Raises:
-        InputError: two have the same number and ending, such as 1.jpg and 01.jpg.
+        InputError: two files have the same number and ending, such as 1.jpg and 01.jpg.
     """
     found: dict[int, tuple[int, Path]] = {}
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
@@ -142,12 +144,12 @@ def numbered(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -
 
 
 def first_file(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
-    """The first file of one of these names in the first folder that has any, None if none has."""
+    """The first existing file with one of these names, looking through the folders in order; None if there is none."""
     return next((one for folder in folders for name in names if (one := folder / name).is_file()), None)
 
 
 def sequence_name(path: Path) -> str:
-    """The name of a scene whose folder may be called as those of all scenes are (seq-01): with the folders above before it."""
+    """The name of a scene. If its folder has a generic name (seq-01), the names of the folders above are put before it."""
     path = path.absolute()
     parts = [path.name]
     while parts[0].lower().rstrip("0123456789").rstrip("-_") in GENERIC and path.parent.name:

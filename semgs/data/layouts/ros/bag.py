@@ -1,4 +1,4 @@
-"""Bags: their topics, messages, and the files that messages would be, read by rosbags, without ROS.
+"""ROS bags: their topics and messages, and images as files. Read with rosbags; ROS is not needed.
 
 ROS 2 (`metadata.yaml` with `.db3` or `.mcap`, or one such file) and ROS 1 (`.bag`).
 """
@@ -26,13 +26,13 @@ LISTED = 8
 
 @dataclass(frozen=True, slots=True)
 class BagFile:
-    """A message of a bag as the file that it would be.
+    """An image or depth map in a bag, as a file.
 
     Attributes:
         bag: the bag's path.
         topic: of the message.
-        logged: when it was recorded, by which it is found [ns].
-        stamp: the time in its header, which tells it from others recorded at once [ns].
+        logged: when the message was recorded [ns].
+        stamp: the time in its header [ns], in case several were recorded at once.
         suffix: the ending of the file.
     """
 
@@ -48,14 +48,14 @@ class BagFile:
         return _seconds(self.stamp) + self.suffix
 
     def is_file(self) -> bool:
-        """Whether the bag is there; the message was, when the bag was opened."""
+        """Whether the bag still exists; the message existed when the bag was opened."""
         return self.bag.exists()
 
     def read_bytes(self) -> bytes:
         """The file.
 
         Raises:
-            OSError: the message is not there any more, or its pixels cannot be read.
+            OSError: the message is gone, or its pixels cannot be read.
         """
         for _, message in open_bag(self.bag).messages([self.topic], self.logged, self.logged + 1):
             if stamp_of(message) == self.stamp:
@@ -63,7 +63,7 @@ class BagFile:
                     return as_file(message)
                 except ValueError as error:
                     raise OSError(str(error)) from error
-        raise OSError("the message is not in the bag any more")
+        raise OSError("the message is no longer in the bag")
 
     def __str__(self) -> str:
         return f"{self.bag}: {self.topic} at {_seconds(self.stamp)}"
@@ -74,10 +74,10 @@ class Bag:
 
     Attributes:
         path: of the bag.
-        topics: the type of each topic that has messages.
+        topics: the type of each topic with messages.
 
     Raises:
-        InputError: it is damaged, or a topic has no name.
+        InputError: it is damaged, or the name of a topic is not text.
         ImportError: rosbags is not installed.
     """
 
@@ -93,25 +93,25 @@ class Bag:
         try:
             self._reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
             self._reader.open()
-        except Exception as error:  # whatever the readers of several storages raise on damage
+        except Exception as error:  # each storage raises its own
             raise InputError(path, "a ROS bag", f"one that rosbags cannot read: {error}") from error
         weakref.finalize(self, _close, self._reader)
         for one in self._reader.connections:
-            if not isinstance(one.topic, str):  # as YAML has 5 without quotes
-                raise InputError(path, "names of topics", f"{one.topic!r}, which is no text", "metadata.yaml")
+            if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML
+                raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", "metadata.yaml")
         self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
 
     def of(self, *types: str) -> list[str]:
-        """The topics of some types, by name."""
+        """The topics of some types, sorted."""
         return sorted(topic for topic, kind in self.topics.items() if kind in types)
 
     def messages(
         self, topics: Sequence[str], start: int | None = None, stop: int | None = None
     ) -> Iterator[tuple[tuple[str, int], Any]]:
-        """The messages of some topics, each after its topic and the time at which it was recorded [ns].
+        """The messages of some topics, each with its topic and the time when it was recorded [ns].
 
         Raises:
-            InputError: the bag is damaged there.
+            InputError: the bag is damaged.
         """
         connections = [one for one in self._reader.connections if one.topic in topics]
         if not connections:
@@ -121,7 +121,7 @@ class Bag:
                 yield (connection.topic, logged), self._reader.deserialize(data, connection.msgtype)
         except InputError:
             raise
-        except Exception as error:  # sqlite, mcap, zstd and the deserialiser each have their own
+        except Exception as error:  # sqlite, mcap, zstd and the deserialiser raise their own
             found = f"some that cannot be read: {error}"
             raise InputError(self.path, "complete messages", found, ", ".join(topics)) from error
 
@@ -136,7 +136,7 @@ class Bag:
         raise InputError(self.path, "messages", "none", topic)
 
     def files(self, topic: str) -> list[BagFile]:
-        """The pictures or depth maps of a topic, ascending by the times in their headers; of two with the same time the first.
+        """The images or depth maps of a topic, sorted by the times in their headers; of two with the same time, the first.
 
         Raises:
             InputError: the bag is damaged.
@@ -148,7 +148,7 @@ class Bag:
         return [found[stamp] for stamp in sorted(found)]
 
     def counted(self, topics: Sequence[str]) -> str:
-        """Topics as text, with how many messages each has."""
+        """Topics as text, with their numbers of messages."""
         counts = self._reader.topics
         return listed([f"{topic} ({counts[topic].msgcount})" for topic in topics], LISTED) or "none"
 
@@ -159,7 +159,7 @@ class Bag:
 
 
 def open_bag(path: Path) -> Bag:
-    """The bag at a path; one that was opened before in this thread is still open.
+    """The bag at a path. Bags stay open, for each thread.
 
     Raises:
         InputError, ImportError: as `Bag`.
@@ -177,19 +177,19 @@ def stamp_of(message: Any) -> int:
 
 
 def frame_of(message: Any) -> str:
-    """The frame in the header of a message, without the slash that ROS 1 has before names."""
+    """The frame in the header of a message, without ROS 1's leading slash."""
     return str(message.header.frame_id).lstrip("/")
 
 
 @lru_cache(maxsize=4)
 def _opened(path: Path, modified: int, size: int, process: int, thread: int) -> Bag:
-    """The bag at a path; the other arguments tell when one that is open cannot be used again."""
+    """The bag at a path; the other arguments show when an open bag cannot be used again."""
     return Bag(path)
 
 
 def _close(reader: Any) -> None:
-    """Close a reader that nobody uses any more."""
-    with contextlib.suppress(Exception):  # perhaps from another thread than that which opened it
+    """Close a reader that is no longer used."""
+    with contextlib.suppress(Exception):  # perhaps from another thread
         reader.close()
 
 

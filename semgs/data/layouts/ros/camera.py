@@ -1,7 +1,7 @@
-"""The camera of a bag: which topic has its pictures, and its lens by their `CameraInfo`.
+"""The camera of a bag: the topic of its images, and the lens from their `CameraInfo`.
 
-The pixels of a `CameraInfo` have the centre of the first at (0, 0) as all that OpenCV calibrates: half a pixel is added to cx and cy. Of a
-rectified picture (`rect` in its topic) P counts, of a raw one K and the distortion, which is undone.
+A `CameraInfo` has the centre of the first pixel at (0, 0), like OpenCV's calibration, so half a pixel is added to cx and cy. For
+rectified images (`rect` in the topic) P is used; for raw ones K, and the distortion, which is undone.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from semgs.files.errors import InputError, input_error
 
 INFO = "sensor_msgs/msg/CameraInfo"
 TRANSPORTS = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg", "raw")
-"""What image_transport puts behind a topic's name."""
+"""What image_transport appends to the name of a topic."""
 
 MODELS = ("", "plumb_bob", "none", "pinhole", "rational_polynomial")
-"""Distortion models that k1, k2, p1, p2, k3 cover, where the further numbers are 0."""
+"""Distortion models covered by k1, k2, p1, p2, k3, if all further coefficients are 0."""
 
 
 def choose_pictures(bag: Bag, asked: str | None) -> str:
-    """The topic of the pictures to take.
+    """The topic of the images to use.
 
     Args:
         bag: to choose from.
-        asked: the beginning of its name, if there are several cameras.
+        asked: topic prefix of the camera, needed if there are several.
 
     Raises:
-        InputError: there is none, or there are several cameras and nothing tells which; they are listed.
+        InputError: there are no images, or several cameras and no choice; the error lists them.
     """
     topics = bag.of(IMAGE, COMPRESSED)
     if asked is not None:
         chosen = [topic for topic in topics if topic == asked or topic.startswith(asked.rstrip("/") + "/")]
         if not chosen:
-            raise InputError(bag.path, f"pictures in a topic that begins with {asked}", bag.counted(topics), "camera")
+            raise InputError(bag.path, f"images in a topic that begins with {asked}", bag.counted(topics), "camera")
         topics = chosen
     kinds = {topic: bag.first(topic) for topic in topics}
     topics = [topic for topic in topics if not is_depth(kinds[topic])]
@@ -50,22 +50,22 @@ def choose_pictures(bag: Bag, asked: str | None) -> str:
     topics = coloured or topics
     names = {_name(topic) for topic in topics}
     if len({camera for camera, _ in names}) > 1 or (len(names) > 1 and not any("rect" in name for _, name in names)):
-        raise InputError(bag.path, "one camera", bag.counted(topics), "camera", advice="name one: --camera TOPIC")
-    # Of one camera: rectified before raw, for there is nothing to undo; uncompressed before compressed.
+        raise InputError(bag.path, "one camera", bag.counted(topics), "camera", advice="choose one: --camera TOPIC")
+    # Prefer rectified images, which need no undistortion, and uncompressed ones.
     return min(topics, key=lambda topic: (not _is_rectified(topic), bag.topics[topic] == COMPRESSED, topic))
 
 
 def find_lens(bag: Bag, pictures: str, size: tuple[int, int], asked: Asked) -> Lens:
-    """The lens of pictures.
+    """The lens of images.
 
     Args:
-        bag: that they are in.
+        bag: that contains them.
         pictures: their topic.
         size: their (height, width) [px].
         asked: may give intrinsics.
 
     Raises:
-        InputError: there is no CameraInfo, it is for other pictures, or its lens cannot be undone.
+        InputError: there is no CameraInfo, it is for other images, or its distortion is not supported.
     """
     given = asked_calibration(asked)
     if given is not None:
@@ -83,12 +83,12 @@ def find_lens(bag: Bag, pictures: str, size: tuple[int, int], asked: Asked) -> L
 
 
 def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectified: bool) -> Lens:
-    """The lens that a CameraInfo describes.
+    """The lens from a CameraInfo.
 
-    K and P are of the whole sensor; binning and the region of interest lead to the pictures. https://docs.ros.org/en/rolling/p/sensor_msgs
+    K and P are for the full sensor; binning and the region of interest are applied here. https://docs.ros.org/en/rolling/p/sensor_msgs
 
     Raises:
-        InputError: it is for other pictures, not calibrated, or of a lens that k1, k2, p1, p2, k3 do not cover.
+        InputError: it is for other images or not calibrated, or has a distortion beyond k1, k2, p1, p2, k3.
     """
     k, d, p = (
         np.asarray(getattr(info, name, None) if hasattr(info, name) else getattr(info, name.upper())) for name in "kdp"
@@ -96,18 +96,22 @@ def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectifi
     matrix = p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)
     if not matrix[0, 0] > 0:
         raise InputError(
-            path, "a calibrated camera", "zeros for its focal length", topic, "or give them: --intrinsics fx fy cx cy"
+            path,
+            "a calibrated camera",
+            "a focal length of zero",
+            topic,
+            "or give the intrinsics: --intrinsics fx fy cx cy",
         )
     bins = max(1, int(info.binning_x)), max(1, int(info.binning_y))
     roi = info.roi
-    whole = not (roi.width and roi.height)
-    width, height = (int(info.width), int(info.height)) if whole else (int(roi.width), int(roi.height))
+    full = not (roi.width and roi.height)
+    width, height = (int(info.width), int(info.height)) if full else (int(roi.width), int(roi.height))
     if (height // bins[1], width // bins[0]) != size and size != (height, width):
-        wanted = f"a CameraInfo for {size[1]}x{size[0]} pixels (width x height), as the pictures are"
+        wanted = f"a CameraInfo for {size[1]}x{size[0]} pixels (width x height), the size of the images"
         raise InputError(path, wanted, f"{width}x{height}", topic)
     if size == (height, width):
         bins = 1, 1
-    x, y = (0, 0) if whole else (int(roi.x_offset), int(roi.y_offset))
+    x, y = (0, 0) if full else (int(roi.x_offset), int(roi.y_offset))
     centre = (matrix[0, 2] + HALF - x) / bins[0], (matrix[1, 2] + HALF - y) / bins[1]
     focal = float(matrix[0, 0] / bins[0]), float(matrix[1, 1] / bins[1])
     if rectified or not np.any(d):
@@ -117,19 +121,19 @@ def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectifi
     else:
         raise InputError(
             path, "a lens of plumb_bob with k1, k2, p1, p2, k3", f"{info.distortion_model} with {d.tolist()}", topic,
-            advice="record rectified pictures (image_proc), or give the intrinsics of undistorted ones",
+            advice="record rectified images (image_proc), or give the intrinsics of undistorted ones",
         )  # fmt: skip
     with input_error(path, "a camera that can be", topic):
         return Lens(size, focal, (float(centre[0]), float(centre[1])), distortion)
 
 
 def _name(topic: str) -> tuple[str, str]:
-    """The camera that an image topic is of, and the last part of its name, without what image_transport puts behind it."""
+    """The camera of an image topic, and the last part of its name, without what image_transport appends."""
     head, _, tail = topic.rpartition("/")
     camera, _, name = (head if tail in TRANSPORTS else topic).rpartition("/")
     return camera, name
 
 
 def _is_rectified(topic: str) -> bool:
-    """Whether pictures are without distortion by their topic's name."""
+    """Whether images are undistorted, by the name of their topic."""
     return "rect" in _name(topic)[1]

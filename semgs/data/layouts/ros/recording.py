@@ -1,7 +1,7 @@
-"""ROS bags as scenes: the pictures of one camera, with the poses of the robot that carried it.
+"""ROS bags as scenes: the images of one camera, with poses from the robot.
 
-Pictures are `sensor_msgs/Image` or `CompressedImage` messages, at the time in their header; poses are interpolated to that time. Depth is
-taken where it is registered to the picture: in the same optical frame; 16 bits are millimetres, floats metres.
+Images are `sensor_msgs/Image` or `CompressedImage` messages, at the time in their header; poses are interpolated to that time. Depth maps are
+used if they are registered to the images, that is, in the same optical frame. 16 bits are millimetres, floats metres.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ ENDINGS = (".mcap", ".db3", ".bag")
 
 MILLIMETRE = 0.001
 DEPTH_TOLERANCE = 0.02
-"""Depth maps are at most this far in time from their picture [s]."""
+"""Largest time difference between a depth map and its image [s]."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a path is a bag: its folder, or the one file that it is in."""
+    """Whether a path is a bag: its folder or file."""
     if path.is_file():
         return path.suffix.lower() in ENDINGS
     try:
@@ -46,21 +46,21 @@ def recognises(path: Path) -> bool:
 
 
 def open_recording(path: Path, asked: Asked) -> Scene:
-    """The scene of a bag: the pictures of one camera, in the order of their times.
+    """The scene of a bag: the images of one camera, sorted by time.
 
     Args:
         path: its folder or file.
-        asked: which camera and world, if there are several; the body of poses that do not say; other intrinsics.
+        asked: camera and world, if there are several; the body of poses that do not say; other intrinsics.
 
     Raises:
-        InputError: it is damaged, has no pictures, intrinsics or poses, or several and nothing tells which; what is there is listed.
+        InputError: it is damaged, or has no images, intrinsics or poses, or several and no choice; the error lists what there is.
         ImportError: rosbags is not installed.
     """
     bag = open_bag(path)
     topic = choose_pictures(bag, asked.camera)
     frame = frame_of(bag.first(topic))
     if not frame:
-        raise InputError(path, "the frame of the camera in the header of its pictures", "an empty frame_id", topic)
+        raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
     pictures = bag.files(topic)
     lens = find_lens(bag, topic, read_header(pictures[0]).size, asked)
     route, led = find_route(bag, frame, asked)
@@ -77,7 +77,7 @@ def open_recording(path: Path, asked: Asked) -> Scene:
             f"{step.source} has {step.parent} > {step.child} {_span(step.times)}." for step in route if not step.fixed
         ]
         found = f"{len(frames)} of {len(pictures)}"
-        raise InputError(path, "at least two pictures at times of known poses", found, topic, " ".join([*led, *spans]))
+        raise InputError(path, "at least two images at times with known poses", found, topic, " ".join([*led, *spans]))
     unposed = [f"at {one.stamp / 1e9:.3f} s" for one, known in zip(pictures, posed, strict=True) if not known]
     return Scene(
         path=path,
@@ -86,29 +86,29 @@ def open_recording(path: Path, asked: Asked) -> Scene:
         unit="metric",
         frames=frames,
         notes=(
-            f"Pictures are those of {topic}.",
+            f"Images are from {topic}.",
             *(
                 []
                 if "optical" in frame or asked.intrinsics
                 else [
-                    f"The frame of the pictures, {frame}, is not called optical; it is taken to have x right, y down and z forward, as REP 103 wants."
+                    f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
                 ]
             ),
             *led,
             *told,
-            *lacking(unposed, len(pictures), "pictures are at times of no known pose and are left out"),
+            *lacking(unposed, len(pictures), "images are at times without a known pose and are left out"),
         ),
     )
 
 
 def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[BagFile, DepthMap], list[str]]:
-    """The depth map of each picture that has one, and what to tell of depth that is not used."""
+    """The depth map of each image that has one, and notes about depth that is not used."""
     first = {topic: bag.first(topic) for topic in bag.of(IMAGE, COMPRESSED)}
     frames = {topic: frame_of(message) for topic, message in first.items() if is_depth(message)}
     registered = [topic for topic in frames if frames[topic] == frame]
     if not registered:
         return {}, [
-            f"Depth of {topic} is of the frame {other}, not registered to the pictures, and left out."
+            f"Depth in {topic} is left out: it is in the frame {other}, not registered to the images."
             for topic, other in frames.items()
         ]
     topic = min(registered, key=lambda one: (bag.topics[one] == COMPRESSED, one))
@@ -119,10 +119,10 @@ def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[Bag
     found = {pictures[index]: DepthMap(held[other], unit) for index, other in pairs.items()}
     missing = len(pictures) - len(found)
     return found, [
-        f"{missing} of {len(pictures)} pictures have no depth map of {topic} at their time."
+        f"{missing} of {len(pictures)} images have no depth map in {topic} at their time."
     ] if missing else []
 
 
 def _span(times: np.ndarray) -> str:
-    """From when to when something is known."""
+    """The span of some times."""
     return f"from {times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s"

@@ -1,8 +1,7 @@
-"""The poses of a bag: the motions that lead from the camera's frame up to the world.
+"""The poses of a bag: the motions from the camera's frame up to the world.
 
-Poses come from TF, `nav_msgs/Odometry` or `geometry_msgs/PoseStamped`, along the tree of frames from the picture's own, which REP 103
-wants optical (x right, y down, z forward), up to the world. If there are several worlds or topics of poses and nothing tells them apart, they are
-listed, and one has to be named.
+Poses come from TF, `nav_msgs/Odometry` or `geometry_msgs/PoseStamped`, along the tree of frames from the image's, which should be optical
+(REP 103: x right, y down, z forward), up to the world. If there are several topics of poses, the error lists them, and the user chooses one.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceS
 
 
 def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], list[str]]:
-    """The motions that lead from the camera's frame up to the world, and what to tell of them.
+    """The motions from the camera's frame up to the world, and notes about them.
 
     Raises:
-        InputError: no poses lead there, or several do and nothing tells which; what is there is listed.
+        InputError: there are no such poses, or several and no choice; the error lists what there is.
     """
     tree = _tree(bag)
     moving = [
         one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, asked.body))
     ]
     if asked.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
-        raise InputError(bag.path, "a topic of poses that do not say of what they are", str(bag), "body")
+        raise InputError(bag.path, "a topic whose poses do not name their frame", str(bag), "body")
     routes = {"TF": above(tree, frame_id)}
     for step in moving:
         routes[step.source] = above({**tree, step.child: step}, frame_id)
@@ -53,34 +52,34 @@ def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], lis
         routes = {"TF": routes["TF"]}
     if len(routes) > 1:
         found = "; ".join(f"{source} ({route[-1].parent})" for source, route in routes.items())
-        raise InputError(bag.path, "one topic of poses", found, "world", advice="name one: --world TOPIC")
+        raise InputError(bag.path, "one topic of poses", found, "world", advice="choose one: --world TOPIC")
     source, route = next(iter(routes.items()))
     chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
-    notes = [f"Poses are by {source}: {chain}, interpolated in time."]
+    notes = [f"Poses are from {source}: {chain}, interpolated in time."]
     if source in bag.topics and asked.body is None and not _says_of_what(bag.first(source)):
         notes.append(
-            f"The poses of {source} do not say of what they are, and are taken as those of the camera's frame {frame_id} (--body)."
+            f"The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame_id} (--body)."
         )
     return route, notes
 
 
 def _says_of_what(message: Any) -> bool:
-    """Whether a message with a pose names the frame that it is of, as Odometry does."""
+    """Whether a message with a pose names the frame that it describes, as Odometry does."""
     return bool(getattr(message, "child_frame_id", ""))
 
 
 def _leads(source: str, route: list[Motion]) -> bool:
-    """Whether a route moves, and by its source, which TF always is."""
+    """Whether a route moves and uses its source (TF always counts as used)."""
     return any(not step.fixed for step in route) and (source == "TF" or any(step.source == source for step in route))
 
 
 def _cut(route: list[Motion], world: str) -> list[Motion]:
-    """The part of a route that ends in a frame; empty if it does not pass there."""
+    """The part of a route that ends in a frame; empty if the frame is not on it."""
     return next((route[: index + 1] for index, step in enumerate(route) if step.parent == world), [])
 
 
 def _tree(bag: Bag) -> dict[str, Motion]:
-    """The motions of TF by child; of one that is both static and not, the moving one."""
+    """The motions of TF by child; if one is both static and moving, the moving one."""
     samples: dict[tuple[str, str, bool], dict[int, tuple[np.ndarray, np.ndarray]]] = {}
     for (topic, logged), message in bag.messages(bag.of(*TF)):
         fixed = topic.endswith("tf_static")
@@ -97,7 +96,7 @@ def _tree(bag: Bag) -> dict[str, Motion]:
 
 
 def _moving(bag: Bag, topic: str, frame_id: str, body: str | None) -> Motion | None:
-    """The motion that an Odometry or PoseStamped topic tells; None where it has no pose."""
+    """The motion of an Odometry or PoseStamped topic; None if it has no pose."""
     samples: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     parent = child = ""
     for _, message in bag.messages([topic]):
@@ -113,7 +112,7 @@ def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ways(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -> str:
-    """What there is of poses."""
+    """The poses that there are, for errors."""
     route = above(tree, frame_id)
     chain = " < ".join([frame_id, *(step.parent for step in route)])
     still = "" if any(not step.fixed for step in route) else ", which never moves"

@@ -1,4 +1,4 @@
-"""ScanNet's cameras from the files that its exporters leave: K, and the size of the pictures that it is for."""
+"""ScanNet's cameras, from the files that its exporters write: K, and the image size that it is for."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from semgs.data.lens import HALF, Lens
 from semgs.files.errors import InputError, input_error
 
 SIZES = {"color": (968, 1296), "depth": (480, 640)}
-"""(height, width) that ScanNet's intrinsics are for, where nothing else is said [px]."""
+"""Default (height, width) that ScanNet's intrinsics are for [px]."""
 PLACES = ("intrinsic/intrinsic_{}.txt", "intrinsics_{}.txt", "intrinsic_{}.txt")
 PEERS_ASPECT = 3 / 4
-"""Height over width that the peers take the pictures to have: 972 rows for 1296 columns."""
+"""Height / width of the images in S-Ray's and GSNeRF's code: 972 rows for 1296 columns."""
 CENTRAL = 0.1
-"""Intrinsics are for pictures of a size if their principal point is this near the middle, in widths and heights."""
+"""Intrinsics fit an image size if the principal point is this close to the centre, relative to width and height."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class ScanCamera:
     """A camera of a scan.
 
     Attributes:
-        lens: of its pictures.
-        reference: the (height, width) that its K is for [px]; the pictures may have been resized since.
+        lens: of its images.
+        reference: the (height, width) that its K is for [px]; the images may have been resized.
     """
 
     lens: Lens
@@ -34,28 +34,28 @@ class ScanCamera:
 
     @property
     def as_peers(self) -> Lens:
-        """The lens as peers take it, whose pictures have three rows for four columns."""
+        """The lens in S-Ray's and GSNeRF's code, as if images had an aspect of 3:4."""
         down = self.reference[0] / (PEERS_ASPECT * self.reference[1])
         (fx, fy), (cx, cy) = self.lens.focal, self.lens.centre
         return Lens(self.lens.size, (fx, fy * down), (cx, cy * down))
 
 
 def has_intrinsics(folder: Path) -> bool:
-    """Whether a folder holds a file with the colour camera's intrinsics."""
+    """Whether a folder contains a file with the colour camera's intrinsics."""
     return any((folder / name).is_file() for name in (*_places("color"), *_tellers(folder)))
 
 
 def find_camera(folder: Path, name: str, size: tuple[int, int]) -> ScanCamera | None:
-    """A camera by the files of a scan, None where none of them has it.
+    """A camera from the files of a scan, None if there is no such file.
 
     Args:
         folder: the scan.
         name: "color" or "depth".
-        size: (height, width) of the pictures [px].
+        size: (height, width) of the images [px].
 
     Raises:
-        InputError: a file holds no matrix, K is of no camera, or its principal point is not near the middle of pictures of this size,
-            of the size that the scan tells, or of ScanNet's own.
+        InputError: K is missing in a file or impossible, or its principal point is not near the centre of images of this size, of the
+            size that the scan states, or of ScanNet's own.
     """
     path = next((folder / place for place in _tellers(folder) if (folder / place).is_file()), folder)
     told = pairs(path) if path.is_file() else {}
@@ -71,23 +71,23 @@ def find_camera(folder: Path, name: str, size: tuple[int, int]) -> ScanCamera | 
                 return ScanCamera(Lens(size, (fx * across, fy * down), (cx * across, cy * down)), (height, width))
     raise InputError(
         place or path,
-        f"intrinsics for pictures of {size[1]}x{size[0]} (width x height) or of ScanNet's own size",
+        f"intrinsics for images of {size[1]}x{size[0]} (width x height) or of ScanNet's own size",
         f"a principal point at ({cx - HALF:g}, {cy - HALF:g})",
     )
 
 
 def _places(name: str) -> tuple[str, ...]:
-    """The files of a camera's K."""
+    """The possible files of a camera's K."""
     return tuple(place.format(name) for place in PLACES)
 
 
 def _tellers(folder: Path) -> tuple[str, ...]:
-    """Names of the files that may tell of the cameras in words: the C++ exporter's and the scan's own."""
+    """The possible files with fields of the cameras: the C++ exporter's and the scan's own."""
     return ("_info.txt", "sensor_data/_info.txt", f"{folder.absolute().name}.txt")
 
 
 def _size(told: Mapping[str, str], name: str) -> tuple[int, int] | None:
-    """(height, width) of a camera's pictures as `_info.txt` or `SCAN.txt` says."""
+    """(height, width) of a camera's images from `_info.txt` or `SCAN.txt`."""
     for before in (name, f"m_{name}"):
         height, width = (told.get(f"{before}{side}", "") for side in ("Height", "Width"))
         if all(side.isdecimal() and int(side) for side in (height, width)):
@@ -96,7 +96,7 @@ def _size(told: Mapping[str, str], name: str) -> tuple[int, int] | None:
 
 
 def _calibration(path: Path, told: Mapping[str, str], name: str) -> Calibration | None:
-    """The intrinsics of a camera as `_info.txt` or `SCAN.txt` says."""
+    """The intrinsics of a camera from `_info.txt` or `SCAN.txt`."""
     four = [told.get(f"{key}_{name}", "") for key in ("fx", "fy", "mx", "my")]
     text = told.get(f"m_calibration{name.capitalize()}Intrinsic", " ".join(four) if all(four) else None)
     if text is None:

@@ -1,9 +1,9 @@
-"""ScanNet: scans as they are released (`.sens`, `*_2d-label-filt.zip`), and as its exporters leave them (`color/ depth/ pose/`).
+"""ScanNet: scans as released (`.sens`, `*_2d-label-filt.zip`), and as written by its exporters (`color/ depth/ pose/`).
 
-Poses are camera to world with OpenCV axes, in metres; where tracking was lost they are not finite, and such frames are dropped, so
-that frames count as in the peers' code. Intrinsics are pixels with the *centre* of the first pixel at (0, 0) (ScanNet's own tools
-project and undistort so), and get half a pixel here. Depth is 16 bits, in millimetres unless a recording says otherwise, of a camera
-of its own at the place of the colour camera; it is brought to the colour camera by both K. Labels are ids of `semgs.data.layouts.scannet.labels`.
+Poses are camera to world with OpenCV axes, in metres. They are not finite if tracking was lost; such frames are dropped, so frames are
+numbered as in other papers' code. Intrinsics are in pixels with the *centre* of the first pixel at (0, 0), as in ScanNet's own tools, so half
+a pixel is added. Depth is 16 bits, in millimetres unless a recording says otherwise, from a separate camera with the pose of the colour
+camera; it is mapped to the colour camera with both K. Labels are ids of `semgs.data.layouts.scannet.labels`.
 http://www.scan-net.org, https://github.com/ScanNet/ScanNet
 """
 
@@ -41,7 +41,7 @@ MILLIMETRE = 0.001
 
 @dataclass(frozen=True)
 class _Dialect:
-    """How an exporter names its files: the folder and ending of colours, depths and poses; a number stands before the ending."""
+    """How an exporter names its files: folder and ending of colours, depths and poses, with a number before the ending."""
 
     colour: tuple[str, tuple[str, ...]]
     depth: tuple[str, tuple[str, ...]]
@@ -66,22 +66,22 @@ def recognises(path: Path) -> bool:
 
 
 def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
-    """The scene of a scan: its recording if it is there, else what was extracted from one.
+    """The scene of a scan: from its recording, or else from exported files.
 
     Args:
         path: a `.sens` file or a scan's folder.
         as_peers: readings of `APPLICABLE`.
 
     Raises:
-        InputError: the recording, its labels, a pose or the intrinsics cannot be used; a folder has several recordings; or
-            fewer than two frames can be used.
+        InputError: the recording, its labels, a pose or the intrinsics cannot be used, a folder has several recordings, or
+            fewer than two frames are usable.
     """
     recordings = [path] if path.is_file() else _recordings(path)
     if len(recordings) > 1:
         named = [one for one in recordings if one.stem == path.absolute().name]
         if len(named) != 1:
             raise InputError(
-                path, "one .sens file", f"{len(recordings)} of them", advice=f"name one, {recordings[0]} for example"
+                path, "one .sens file", f"{len(recordings)}", advice=f"choose one, such as {recordings[0]}"
             )
         recordings = named
     if recordings:
@@ -100,13 +100,13 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
         raise InputError(
             path,
             "at least two complete frames",
-            f"{count} of the {recording.declared} that its header speaks of",
+            f"{count} of the {recording.declared} in its header",
             advice="download it again",
         )
     notes = []
     if count < recording.declared:
         notes.append(
-            f"{path.name} is cut short: {count} of the {recording.declared} frames that its header speaks of are complete."
+            f"{path.name} is truncated: {count} of the {recording.declared} frames in its header are complete."
         )
     colour = _lens(path, "intrinsic of colour", recording.colour_intrinsics, recording.colour_size)
     depth = _lens(path, "intrinsic of depth", recording.depth_intrinsics, recording.depth_size)
@@ -129,22 +129,22 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
 
 
 def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Scene:
-    """The scene of what an exporter left."""
+    """The scene from exported files."""
     pictures, depths, texts = (
         _numbered(folder / place, endings) for place, endings in (dialect.colour, dialect.depth, dialect.pose)
     )
     if not pictures:
-        raise InputError(folder / dialect.colour[0], "pictures named by numbers (0.jpg, 1.jpg, ...)", "none of them")
+        raise InputError(folder / dialect.colour[0], "images named by numbers (0.jpg, 1.jpg, ...)", "none")
     poses = {number: read_pose(texts[number]).matrix for number in pictures if number in texts}
     camera = find_camera(folder, "color", read_header(next(iter(pictures.values()))).size)
     if camera is None:
         places = ", ".join(place.format("color") for place in PLACES)
-        raise InputError(folder, f"the intrinsics of the colour camera in {places}", "none of them")
+        raise InputError(folder, f"the intrinsics of the colour camera in {places}", "none")
     notes, depth_camera = [], None
     if depths:
         depth_camera = find_camera(folder, "depth", _map_size(next(iter(depths.values()))))
         if depth_camera is None:
-            notes.append("The depth camera has no intrinsics here; its maps are taken to show what the pictures show.")
+            notes.append("The depth camera has no intrinsics here; its maps are assumed to match the images.")
     return _Scan(
         path=folder,
         name=folder.absolute().name,
@@ -161,19 +161,19 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
 
 @dataclass(frozen=True)
 class _Scan:
-    """A scan whose frames are known by their numbers, wherever they are.
+    """A scan with its parts by frame number.
 
     Attributes:
-        path: what to call it by.
+        path: of the recording or folder.
         name: of the scene.
         pictures: by number.
-        names: of the frames, likewise.
-        poses: likewise, perhaps not finite, perhaps not of all.
-        camera: of the pictures.
+        names: of the frames, by number.
+        poses: by number; some may be missing or not finite.
+        camera: of the images.
         depths: by number, as the depth camera measured them.
-        depth_lens: of the depth camera, at the colour camera's place; None if it is the colour camera.
-        labels: what is known of them.
-        notes: what the user should be told.
+        depth_lens: of the depth camera, which has the pose of the colour camera; None if maps match the images.
+        labels: of the frames.
+        notes: what the user should know.
     """
 
     path: Path
@@ -188,10 +188,10 @@ class _Scan:
     notes: Sequence[str]
 
     def scene(self, as_peers: Collection[str]) -> Scene:
-        """The scene of its frames; those without a finite pose are left out.
+        """The scene, without frames that have no finite pose.
 
         Raises:
-            InputError: a pose is no rigid motion, or fewer than two frames are left.
+            InputError: a pose is not a rigid motion, or fewer than two frames are left.
         """
         posed = [number for number in self.pictures if number in self.poses and np.isfinite(self.poses[number]).all()]
         rigid = checked_poses(
@@ -200,7 +200,7 @@ class _Scan:
         if len(posed) < 2:
             raise InputError(
                 self.path,
-                "at least two frames with a picture and a finite pose",
+                "at least two frames with an image and a finite pose",
                 f"{len(posed)} of {len(self.pictures)}",
             )
         lens = self.camera.as_peers if ROWS_972 in as_peers else self.camera.lens
@@ -230,19 +230,19 @@ class _Scan:
                 *(self._without(posed, self.depths, "depth") if self.depths else ["There is no depth."]),
                 *(self._without(posed, self.labels.maps, "labels") if self.labels.maps else []),
                 *self.labels.notes,
-                *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
+                *(f"Read as in other papers' code: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
             ),
         )
 
     def _depth(self, number: int) -> MapSource | None:
-        """Where the depth of a frame comes from."""
+        """The source of a frame's depth."""
         held = self.depths.get(number)
         if held is None or self.depth_lens is None:
             return held
         return DepthThroughLens(held, self.depth_lens, self.camera.lens)
 
     def _without(self, numbers: Collection[int], there: Collection[int], what: str) -> list[str]:
-        """A sentence on the frames that lack something, none where all have it."""
+        """A note about frames that lack something, empty if there are none."""
         names = [self.names[number] for number in numbers if number not in there]
         return lacking(names, len(numbers), f"frames are without {what}")
 
@@ -253,13 +253,13 @@ def _recordings(folder: Path) -> list[Path]:
 
 
 def _dialect(folder: Path) -> _Dialect | None:
-    """How the frames of a folder are named, None where they are in no known way or nothing tells of the cameras."""
+    """How the frames of a folder are named, None if unknown, or if there are no cameras."""
     for dialect in DIALECTS:
         place = dialect.pose[0]
         if place == "pose":
             known = (folder / "color").is_dir() and (folder / place).is_dir()
         else:
-            # Other data sets name their frames like this too; ScanNet's come with intrinsics, and with PGMs or labels.
+            # Other data sets use these names too; ScanNet's come with intrinsics, and with PGMs or labels.
             known = any((folder / place).glob("frame-*.pose.txt")) and has_intrinsics(folder)
             known = known and (bool(place) or any(folder.glob("frame-*.depth.pgm")) or has_labels(folder))
         if known:
@@ -268,12 +268,12 @@ def _dialect(folder: Path) -> _Dialect | None:
 
 
 def _numbered(folder: Path, endings: Sequence[str]) -> dict[int, Path]:
-    """The files of a folder that are named by numbers, perhaps with `frame-` before them, by number and in their order."""
+    """The files of a folder that are named by a number, perhaps after `frame-`, sorted by number."""
     return numbered(folder, "", endings) or numbered(folder, "frame-", endings)
 
 
 def _lens(path: Path, key: str, matrix: np.ndarray, size: tuple[int, int]) -> Lens:
-    """The pinhole of a K whose pixel centres are at whole numbers."""
+    """The pinhole from a K with the centre of the first pixel at (0, 0)."""
     (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
     with input_error(path, "a camera that can be", key):
         return Lens(size, (fx, fy), (cx + HALF, cy + HALF))

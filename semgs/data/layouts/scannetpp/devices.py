@@ -1,8 +1,8 @@
-"""The cameras of ScanNet++'s two devices, by COLMAP's text files or `transforms.json`, and which pictures are for training and test.
+"""The cameras of ScanNet++'s two devices, from COLMAP's text files or `transforms.json`, and the splits into training and test images.
 
-COLMAP's poses are in the mesh's world, in metres. `transforms.json` has them camera to world with OpenGL axes in a world whose first two
-axes change places and whose third is turned round; all that is undone here. Intrinsics count from the corner of the first pixel. The
-DSLR's pictures are fisheye (OPENCV_FISHEYE): those that the toolbox undistorted are read as they are, others are undistorted here.
+COLMAP's poses are in the world of the mesh, in metres. `transforms.json` has poses camera to world with OpenGL axes, in a world whose first two
+axes are swapped and whose third is negated; both are undone here. Intrinsics count from the corner of the first pixel. The DSLR's images are
+fisheye (OPENCV_FISHEYE). Images that the toolbox undistorted are read as they are; others are undistorted here.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ CAMERAS, IMAGES = "colmap/cameras.txt", "colmap/images.txt"
 
 @dataclass(frozen=True)
 class Device:
-    """What one of the two cameras left.
+    """The folders of one of the two cameras.
 
     Attributes:
-        folder: its folder in a scan.
-        pictures: folders that pictures may be in.
-        masks: likewise.
-        depth: of the sensor, 16 bits, millimetres; None where the device measures none.
-        advice: where there are no pictures.
+        folder: of the device, in the scan.
+        pictures: folders that may contain images.
+        masks: folders that may contain masks.
+        depth: folder of the sensor's depth, 16 bits, millimetres; None if it measures none.
+        advice: what to do if there are no images.
     """
 
     folder: str
@@ -72,12 +72,12 @@ class Posed:
     """The cameras of a device.
 
     Attributes:
-        device: where its pictures are.
-        names: of the pictures, as listed.
-        lenses: of each.
-        poses: camera to world in the mesh's world [n 4 4].
-        splits: names of the pictures of each part, "train" and "test".
-        notes: what the user should be told.
+        device: the folders of its images.
+        names: of the images, as listed.
+        lenses: of the images.
+        poses: camera to world, in the world of the mesh [n 4 4].
+        splits: names of the images in each split, "train" and "test".
+        notes: what the user should know.
     """
 
     device: Device
@@ -89,23 +89,23 @@ class Posed:
 
     @property
     def listed(self) -> set[str]:
-        """Names of the pictures that are in a part; none where nobody made any."""
+        """Names of the images in any split; empty if there are no splits."""
         return {name for names in self.splits.values() for name in names}
 
 
 def has_cameras(folder: Path) -> bool:
-    """Whether a device's folder tells where its pictures were taken."""
+    """Whether a device's folder contains cameras."""
     return (folder / CAMERAS).is_file() or any((folder / name).is_file() for name in (TRANSFORMS, UNDISTORTED))
 
 
 def read_posed(folder: Path, device: Device, as_toolbox: bool) -> Posed:
-    """The cameras of a device: what the toolbox undistorted, COLMAP's text, or `transforms.json`, whichever is there first."""
+    """The cameras of a device: of undistorted images, from COLMAP's text files, or from `transforms.json`, in this order."""
     notes: tuple[str, ...] = ()
     if device is DSLR and (folder / UNDISTORTED).is_file():
         if any((folder / place).is_dir() for place in DSLR_UNDISTORTED.pictures):
             return _from_transforms(folder, folder / UNDISTORTED, DSLR_UNDISTORTED, as_toolbox)
         places = ", ".join(DSLR_UNDISTORTED.pictures)
-        notes = (f"{UNDISTORTED} is there, but none of {places}: the fisheye pictures are read.",)
+        notes = (f"{UNDISTORTED} exists, but none of {places}; the fisheye images are read.",)
     if (folder / CAMERAS).is_file():
         posed = _from_colmap(folder, device, as_toolbox)
     else:
@@ -114,7 +114,7 @@ def read_posed(folder: Path, device: Device, as_toolbox: bool) -> Posed:
 
 
 def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
-    """The cameras of COLMAP's text files."""
+    """The cameras from COLMAP's text files."""
     cameras = read_cameras(folder / CAMERAS, PARAMETERS)
     lenses = {
         number: _lens(folder / CAMERAS, f"camera {number}", camera, as_toolbox) for number, camera in cameras.items()
@@ -136,7 +136,7 @@ def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
 
 
 def _from_transforms(folder: Path, path: Path, device: Device, as_toolbox: bool) -> Posed:
-    """The cameras of a `transforms.json`, in the mesh's world."""
+    """The cameras from a `transforms.json`, in the world of the mesh."""
     shared = parsed(path)
     listed = shared.objects("frames")
     if shared.values.get("test_frames"):
@@ -144,7 +144,7 @@ def _from_transforms(folder: Path, path: Path, device: Device, as_toolbox: bool)
     names = [frame.text("file_path") for frame in listed]
     for frame, name in zip(listed, names, strict=True):
         if name is None:
-            raise frame.refused("file_path", "the name of a picture", "nothing")
+            raise frame.refused("file_path", "the name of an image", "nothing")
     keys = [f"{frame.place}transform_matrix" for frame in listed]
     poses = checked_poses(path, [frame.values.get("transform_matrix") for frame in listed], keys)
     order = sorted(range(len(listed)), key=lambda index: names[index] or "")
@@ -158,10 +158,9 @@ def _from_transforms(folder: Path, path: Path, device: Device, as_toolbox: bool)
 
 
 def in_mesh_world(poses: np.ndarray) -> np.ndarray:
-    """Camera to world with OpenCV axes in the mesh's world, from the matrices [n 4 4] of ScanNet++'s `transforms.json`.
+    """Camera to world with OpenCV axes, in the world of the mesh, from the matrices [n 4 4] of ScanNet++'s `transforms.json`.
 
-    From COLMAP's those came about by turning the camera's second and third axis round, exchanging the first two rows, and turning the
-    third row round.
+    These were made from COLMAP's by negating the camera's second and third axis, swapping the first two rows, and negating the third row.
     """
     back = poses.copy()
     back[:, 2] *= -1
@@ -171,11 +170,7 @@ def in_mesh_world(poses: np.ndarray) -> np.ndarray:
 
 
 def _shared_lens(fields: Fields, as_toolbox: bool) -> AbstractLens:
-    """The lens of a frame of `transforms.json`, mostly that of all frames.
-
-    Raises:
-        InputError: a key is missing or cannot be used.
-    """
+    """The lens of a frame of `transforms.json`, usually shared by all frames."""
     model = fields.text("camera_model") or "PINHOLE"
     names = {
         "PINHOLE": (),
@@ -200,11 +195,7 @@ def _shared_lens(fields: Fields, as_toolbox: bool) -> AbstractLens:
 
 
 def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> AbstractLens:
-    """The lens of a camera.
-
-    Raises:
-        InputError: its numbers make no camera.
-    """
+    """The lens of a camera, fisheye or not."""
     if camera.model != "OPENCV_FISHEYE":
         return camera.lens(path, key)
     k1, k2, k3, k4 = (camera.values[name] for name in ("k1", "k2", "k3", "k4"))
@@ -213,11 +204,7 @@ def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> Abstr
 
 
 def _splits(folder: Path) -> dict[str, set[str]] | None:
-    """Names of the pictures for training and for test, None where the list is not there.
-
-    Raises:
-        InputError: it is broken.
-    """
+    """Names of the training and test images, None if there is no list."""
     path = folder / LISTS
     if not path.is_file():
         return None
@@ -232,7 +219,7 @@ def _splits(folder: Path) -> dict[str, set[str]] | None:
 
 
 def _splits_of(shared: Fields) -> dict[str, set[str]]:
-    """The same from a `transforms.json`."""
+    """Names of the training and test images in a `transforms.json`."""
     splits = {}
     for part, key in (("train", "frames"), ("test", "test_frames")):
         listed = shared.objects(key) if shared.values.get(key) else []
@@ -241,7 +228,7 @@ def _splits_of(shared: Fields) -> dict[str, set[str]]:
 
 
 def bad_pictures(folder: Path) -> set[str]:
-    """Names of the pictures that `transforms.json` marks as bad."""
+    """Names of the images that `transforms.json` marks as bad."""
     if not (folder / TRANSFORMS).is_file():
         return set()
     shared = parsed(folder / TRANSFORMS)

@@ -1,11 +1,11 @@
-"""ScanNet++: photos of the DSLR or frames of the iPhone, with labels and depth of the laser scan's mesh.
+"""ScanNet++: photos of the DSLR or frames of the iPhone, with labels and depth from the mesh of the laser scan.
 
     DATA/SCAN/dslr/    resized_images/, resized_anon_masks/, colmap/, nerfstudio/transforms.json, train_test_lists.json
-                       undistorted_images/ and nerfstudio/transforms_undistorted.json, where the toolbox made them
+                       undistorted_images/ and nerfstudio/transforms_undistorted.json, if the toolbox made them
     DATA/SCAN/iphone/  rgb/, rgb_masks/ and depth/ as the toolbox extracts them, colmap/, nerfstudio/transforms.json
     DATA/SCAN/scans/   see `semgs.data.layouts.scannetpp.mesh`
 
-Where a mask hides something (faces, screens), there is neither label nor depth.
+Pixels hidden by a mask (faces, screens) have neither label nor depth.
 https://kaldir.vc.in.tum.de/scannetpp/documentation, https://github.com/scannetpp/scannetpp
 """
 
@@ -40,12 +40,12 @@ from semgs.files.pictures import read_header
 from semgs.files.text import listed
 
 LAYOUT = "ScanNet++"
-"""Of `Scene.layout`, with the device behind it."""
+"""`Scene.layout` is this and the name of the device."""
 LOOKED_FOR = "a ScanNet++ scan (dslr/ or iphone/ with colmap/ or nerfstudio/)"
 APPLICABLE = (TOOLBOX_UNDISTORTION,)
 
 NAMED = 12
-"""So many unknown names are told one by one."""
+"""At most this many unknown names are listed."""
 
 
 def recognises(path: Path) -> bool:
@@ -54,15 +54,15 @@ def recognises(path: Path) -> bool:
 
 
 def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
-    """The scene of a scan: its DSLR's photos, or where they are not there its iPhone's frames.
+    """The scene of a scan: the DSLR's photos, or else the iPhone's frames.
 
     Args:
-        path: the scan's folder, or `dslr` or `iphone` in it to name the device.
+        path: the scan's folder, or `dslr` or `iphone` in it to choose the device.
         as_peers: readings of `APPLICABLE`.
 
     Raises:
-        InputError: a list of cameras or the annotations are broken, a camera has a model that is not read, there are no pictures, or
-            fewer than two can be used.
+        InputError: the cameras or the annotations are damaged, a camera model is not supported, there are no images, or fewer than
+            two are usable.
     """
     found = _found(path)
     if found is None:
@@ -113,13 +113,17 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
         absent=tuple(absent),
         notes=(
             *posed.notes,
-            *lacking(absent, len(posed.names), f"listed pictures are absent in {pictures}"),
-            *([f"{marked} pictures are marked as bad and left out."] if marked else []),
+            *lacking(absent, len(posed.names), f"listed images are missing in {pictures}"),
+            *([f"{marked} images are marked as bad and left out."] if marked else []),
             *_unmasked(frames, masks),
             *scanned.notes,
             *([] if mesh else _sensor_notes(frames, device)),
             *_other_device(scan, path, device),
-            *(f"Read as peers do: {READINGS[one]}." for one in as_peers if one in APPLICABLE and posed.device is DSLR),
+            *(
+                f"Read as in other papers' code: {READINGS[one]}."
+                for one in as_peers
+                if one in APPLICABLE and posed.device is DSLR
+            ),
         ),
         splits={
             part: tuple(index for index, frame in enumerate(frames) if frame.name in names)
@@ -129,7 +133,7 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
 
 
 def _found(path: Path) -> tuple[Path, Device] | None:
-    """The scan's folder and the device that a path means."""
+    """The scan's folder and the device for a path, None if it is not a scan."""
     for device in (DSLR, IPHONE):
         if path.absolute().name == device.folder and has_cameras(path):
             return path.absolute().parent, device
@@ -146,37 +150,29 @@ def _found(path: Path) -> tuple[Path, Device] | None:
 
 
 def _pictures(folder: Path, device: Device, names: Iterable[str]) -> Path:
-    """The folder of a device's pictures: the first that holds one.
-
-    Raises:
-        InputError: none does.
-    """
+    """The folder of a device's images: the first that contains one of them."""
     for place in device.pictures:
         if any((folder / place / Path(name).name).is_file() for name in names):
             return folder / place
     raise InputError(
-        folder, "pictures in " + " or ".join(f"{place}/" for place in device.pictures), "none", advice=device.advice
+        folder, "images in " + " or ".join(f"{place}/" for place in device.pictures), "none", advice=device.advice
     )
 
 
 def _check_size(picture: Path, lens: AbstractLens) -> None:
-    """See that pictures are those that the cameras are for.
-
-    Raises:
-        InputError: they have another size.
-    """
+    """Check that an image has the size of its camera."""
     size = read_header(picture).size
     if size != lens.size:
         raise InputError(
             picture,
-            f"{lens.size[1]}x{lens.size[0]} pixels (width x height), as its camera says",
+            f"{lens.size[1]}x{lens.size[0]} pixels (width x height), the size of its camera",
             f"{size[1]}x{size[0]}",
         )
 
 
 @dataclass(frozen=True)
 class _Scanned:
-    """What a laser scan left: its mesh with what its objects' names mean, what the user should be told, and why not if they mean nothing."""
+    """The mesh of a laser scan, notes for the user, and why labels cannot be read, if so."""
 
     mesh: LabelledMesh | None
     notes: tuple[str, ...] = ()
@@ -184,11 +180,7 @@ class _Scanned:
 
 
 def _mesh(scan: Path) -> _Scanned:
-    """The mesh of a scan, if it is there and can be read.
-
-    Raises:
-        InputError: the annotations are broken.
-    """
+    """The mesh of a scan, if it exists and the libraries are installed."""
     folder = scan / "scans"
     if not (folder / MESH).is_file():
         return _Scanned(None, (f"There is no scans/{MESH}, so there are no labels.",))
@@ -197,7 +189,9 @@ def _mesh(scan: Path) -> _Scanned:
         return _Scanned(None, (f"{needed}; pip install '.[raycast]' in SemGS's folder.",))
     bare = LabelledMesh(folder, scan.absolute().name, ())
     if bare.annotations is None:
-        sentence = f"There is no {bare.folder / 'segments_anno.json'}: depth is the mesh's, and there are no labels."
+        sentence = (
+            f"There is no {bare.folder / 'segments_anno.json'}: depth comes from the mesh, and there are no labels."
+        )
         return _Scanned(bare, (sentence,))
     names = object_names(bare.annotations)
     place = find_table(scan)
@@ -209,37 +203,33 @@ def _mesh(scan: Path) -> _Scanned:
     notes = []
     if missed:
         shown = listed([f"{name or '(no name)'} ({count})" for name, count in missed], NAMED)
-        notes.append(
-            f"{len(missed)} of {len(names)} object names are in no table and are labelled as nothing: {shown}."
-        )
+        notes.append(f"{len(missed)} of {len(names)} object names are in no table and get no label: {shown}.")
     if table is None:
-        notes.append(
-            "ScanNet's scannetv2-labels.combined.tsv is not with the data; with it, more names would be known."
-        )
+        notes.append("Without ScanNet's scannetv2-labels.combined.tsv next to the data, fewer names are known.")
     return _Scanned(replace(bare, labels=known), tuple(notes))
 
 
 def _unmasked(frames: Sequence[Frame], masks: Path | None) -> list[str]:
-    """What to say of pictures without a mask."""
+    """Notes about images without a mask."""
     if masks is None:
-        return ["There are no masks: what was made unrecognisable counts as the rest does."]
+        return ["There are no masks, so anonymised areas count like the rest."]
     without = [frame.name for frame in frames if frame.mask is None]
-    return lacking(without, len(frames), f"pictures have no mask in {masks.name}")
+    return lacking(without, len(frames), f"images have no mask in {masks.name}")
 
 
 def _sensor_notes(frames: Sequence[Frame], device: Device) -> list[str]:
-    """What to say of depth where there is no mesh."""
+    """Notes about depth if there is no mesh."""
     with_depth = sum(frame.depth is not None for frame in frames)
     if not with_depth:
         return ["There is no depth."]
     if with_depth < len(frames):
-        return [f"{len(frames) - with_depth} of {len(frames)} pictures have no depth in {device.depth}/."]
-    return [f"Depth is that of the {device.folder}'s sensor."]
+        return [f"{len(frames) - with_depth} of {len(frames)} images have no depth in {device.depth}/."]
+    return [f"Depth is from the {device.folder}'s sensor."]
 
 
 def _other_device(scan: Path, path: Path, device: Device) -> list[str]:
-    """That the scan has another device's pictures too, where none was named."""
+    """A note if the scan also has images of the other device, and the user chose none."""
     other = IPHONE if device is DSLR else DSLR
     if path.absolute().name == device.folder or not has_cameras(scan / other.folder):
         return []
-    return [f"{other.folder}/ is there too; name {scan / other.folder} to read it."]
+    return [f"There is also {other.folder}/; to read it, open {scan / other.folder}."]

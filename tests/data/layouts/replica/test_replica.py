@@ -105,9 +105,9 @@ def test_missing_labels_poses_and_pictures_are_counted(tmp_path: Path):
     (folder / "traj_w_c.txt").write_bytes("\r\n".join(lines[:7]).encode())
     scene = open_scene(folder)
     assert [note.split(",")[0] for note in scene.notes] == [
-        "1 of 8 frames have a pose that is no number and are left out",
+        "1 of 8 frames have no finite pose and are left out",
         "1 of 8 frames have no pose and are left out",
-        "1 of 8 frames have no picture",
+        "1 of 8 frames have no image",
         "1 of 8 frames have no class map",
     ]
     check_read(scene, room, [0, 2, 3, 5, 6])

@@ -154,9 +154,7 @@ def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: st
     scene = open_scene(MANNERS[manner](tmp_path, miniature(frames=3)))
     assert scene.unit == "unknown"
     assert all(frame.depth is None for frame in scene.frames)
-    assert scene.notes[0].startswith(
-        "3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001"
-    )
+    assert scene.notes[0].startswith("3 depth maps are left out because their unit is unknown (--depth-unit 0.001")
 
 
 def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
@@ -248,7 +246,7 @@ def test_redwood_without_a_file_has_the_primesense(tmp_path: Path):
         (
             "intrinsics.txt",
             "57 0 310\n0 57 24\n0 0 1",
-            r"principal point inside pictures of 64x48 .* \(310\.5, 24\.5\)",
+            r"principal point inside images of 64x48 .* \(310\.5, 24\.5\)",
         ),
         ("intrinsics.txt", "1 2 3 4 5 6 7 8 9", "a camera matrix"),
         ("intrinsics.txt", "fx = 57", "line 1: expected numbers"),

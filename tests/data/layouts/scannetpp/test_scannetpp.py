@@ -243,7 +243,7 @@ def test_what_the_toolbox_undistorted_is_read_as_it_is(tmp_path):
     shutil.rmtree(dslr / "undistorted_images")
     scene = open_scene(folder)
     assert not scene.frames[0].lens.is_pinhole
-    assert "the fisheye pictures are read" in scene.notes[0]
+    assert "the fisheye images are read" in scene.notes[0]
 
 
 def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(tmp_path):
@@ -409,7 +409,7 @@ def test_where_nothing_can_be_kept_it_is_cast_and_said_once(scan, tmp_path, monk
     monkeypatch.setenv("SEMGS_CACHE", str(tmp_path / "a file"))
     scannetpp_mesh._say_once.cache_clear()
     scene = open_scene(scan)
-    with pytest.warns(UserWarning, match="cannot be kept in .*a file/casts .* SEMGS_CACHE names another"):
+    with pytest.warns(UserWarning, match="cannot be cached in .*a file/casts .* SEMGS_CACHE names another"):
         views = scene.read([0], size=(20, 30))
     assert views.labels is not None
     with warnings.catch_warnings():
@@ -426,9 +426,9 @@ def test_bad_and_absent_pictures_are_counted(scan, tmp_path):
     assert [frame.name for frame in scene.frames] == ["DSC00002.JPG", "DSC00008.JPG", "DSC00009.JPG", "DSC00010.JPG"]
     assert scene.absent == ("DSC00003.JPG",)
     assert scene.notes[:3] == (
-        f"1 of 6 listed pictures are absent in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
-        "1 pictures are marked as bad and left out.",
-        "1 of 4 pictures have no mask in resized_anon_masks, the first is DSC00009.JPG.",
+        f"1 of 6 listed images are missing in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
+        "1 images are marked as bad and left out.",
+        "1 of 4 images have no mask in resized_anon_masks, the first is DSC00009.JPG.",
     )
     assert scene.splits == {"train": (0, 1, 3), "test": (2,)}
 
@@ -436,8 +436,8 @@ def test_bad_and_absent_pictures_are_counted(scan, tmp_path):
 def test_scans_of_a_folder_are_found_and_the_other_device_is_told_of(scan):
     (scene,) = open_scenes(scan.parent)
     assert (scene.name, scene.layout) == (scan.name, "ScanNet++ dslr")
-    assert f"iphone/ is there too; name {scan / 'iphone'} to read it." in scene.notes
-    assert not any("is there too" in note for note in open_scene(scan / "dslr").notes)
+    assert f"There is also iphone/; to read it, open {scan / 'iphone'}." in scene.notes
+    assert not any("There is also" in note for note in open_scene(scan / "dslr").notes)
 
 
 def replaced(path: Path, old: str, new: str) -> None:
