@@ -233,7 +233,7 @@ def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     k1, k2, p1, p2, k3 = (fields.number(key) or 0.0 for key in DISTORTION)
     centre = (size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy)
     key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
-    with input_error(fields.path, "a camera that can be", fields.key(key)):
+    with input_error(fields.path, "a possible camera", fields.key(key)):
         return Lens(size, (focal[0], focal[1]), centre, (k1, k2, p1, p2, k3))
 
 

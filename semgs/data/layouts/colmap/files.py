@@ -88,7 +88,7 @@ class ColmapCamera:
             InputError: the parameters are impossible.
         """
         k1, k2, p1, p2 = (self.values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
-        with input_error(path, "a camera that can be", key):
+        with input_error(path, "a possible camera", key):
             return Lens(self.size, self.focal, self.centre, (k1, k2, p1, p2, 0.0))
 
 

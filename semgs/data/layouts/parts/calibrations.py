@@ -38,7 +38,7 @@ class Calibration:
         focal: (fx, fy) [px].
         centre: (cx, cy) [px], the centre of the first pixel at (0.5, 0.5).
         size: (height, width) of its images; None if unknown.
-        told_by: the file that it is from; None for a constant of the layout or the user's values.
+        source: the file that it is from; None for a constant of the layout or the user's values.
         depth_unit: metres per count of the depth maps [m], if the file says so.
         depth_lens: the pinhole of a separate depth camera, if the file has one.
         of_a_sensor: whether it belongs to a known sensor, so it can be scaled to images of another size with the same aspect.
@@ -47,7 +47,7 @@ class Calibration:
     focal: tuple[float, float]
     centre: tuple[float, float]
     size: tuple[int, int] | None = None
-    told_by: Path | None = None
+    source: Path | None = None
     depth_unit: float | None = None
     depth_lens: Lens | None = None
     of_a_sensor: bool = False
@@ -58,7 +58,7 @@ class Calibration:
         Raises:
             InputError: the calibration is for another size, or its principal point is outside the images.
         """
-        place = self.told_by or picture
+        place = self.source or picture
         if self.size is not None and self.size != size:
             scale = size[0] / self.size[0]
             if self.of_a_sensor and size[0] * self.size[1] == size[1] * self.size[0]:
@@ -73,7 +73,7 @@ class Calibration:
                 place, f"a principal point inside images of {size[1]}x{size[0]} (width x height)",
                 f"({self.centre[0]:g}, {self.centre[1]:g})", advice="these intrinsics seem to be for images of another size",
             )  # fmt: skip
-        with input_error(place, "a camera that can be"):
+        with input_error(place, "a possible camera"):
             return Lens(size, self.focal, self.centre)
 
 
@@ -115,7 +115,7 @@ def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None)
     fx, fy, cx, cy = four = list(numbers) if len(numbers) == 4 else _of_matrix(path, numbers, key)
     if not np.isfinite(four).all() or min(fx, fy) <= 0:
         raise InputError(path, "finite intrinsics with positive focal lengths", f"fx fy cx cy = {four}", key)
-    return Calibration((fx, fy), (cx + HALF, cy + HALF), told_by=path)
+    return Calibration((fx, fy), (cx + HALF, cy + HALF), source=path)
 
 
 def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[float]:

@@ -64,9 +64,9 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         raise InputError(path / POSES, "a 4x4 matrix per line", "lines of 8 numbers", trajectory.places[0])
     unread = None
     try:
-        names, told_by = _names(path)
+        names, names_file = _names(path)
     except InputError as error:
-        names, told_by, unread = {}, None, error
+        names, names_file, unread = {}, None, error
     given = asked_calibration(asked)
     by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     shots = [
@@ -89,7 +89,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         unit="metric",
         classes=SCANNET20,
         notes=[
-            *lacking(unknown, len(names), f"classes of {told_by} are not Replica's and are ignored"),
+            *lacking(unknown, len(names), f"classes of {names_file} are not Replica's and are ignored"),
             *(f"Read as in other papers' code: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
         ],
     ).scene()

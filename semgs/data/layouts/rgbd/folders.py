@@ -99,10 +99,10 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
     files = _files(path)
     if files is None:
         raise InputError(path, LOOKED_FOR, "nothing like that")
-    told_by = first_file((path, path.absolute().parent), CALIBRATIONS)
-    calibration = asked_calibration(asked) or _calibration(path, files, told_by)
+    calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
+    calibration = asked_calibration(asked) or _calibration(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
-    stated = read_calibration(told_by).depth_unit if told_by and depths else None
+    stated = read_calibration(calibration_file).depth_unit if calibration_file and depths else None
     unit = asked.depth_unit or stated or (MILLIMETRE if files.source else None)
     notes = [] if files.depths else _unread(path)
     if depths and unit is None:
@@ -209,10 +209,10 @@ def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: 
     )  # fmt: skip
 
 
-def _calibration(path: Path, files: Files, told_by: Path | None) -> Calibration:
+def _calibration(path: Path, files: Files, calibration_file: Path | None) -> Calibration:
     """The intrinsics from a file, or those of the data set."""
-    if told_by is not None:
-        return read_calibration(told_by)
+    if calibration_file is not None:
+        return read_calibration(calibration_file)
     if files.source == "Redwood":
         return PRIMESENSE
     raise InputError(

@@ -59,10 +59,10 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
     colours, depths, poses = (numbered(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
     if not colours:
         raise InputError(path, f"images {START}000000{COLOUR[0]}", "none", "frame files")
-    told_by = first_file((path, path.absolute().parent), CALIBRATIONS)
-    calibration = asked_calibration(asked) or (read_calibration(told_by) if told_by else None)
+    calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
+    calibration = asked_calibration(asked) or (read_calibration(calibration_file) if calibration_file else None)
     notes, depth_lens = [], calibration.depth_lens if calibration else None
-    if calibration is None or told_by is None:
+    if calibration is None or calibration_file is None:
         depth_lens = KINECT_DEPTH
         notes.append(
             "7-Scenes' cameras were not calibrated: depth is assumed to have 585 px, "

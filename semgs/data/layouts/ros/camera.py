@@ -123,7 +123,7 @@ def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectifi
             path, "a lens of plumb_bob with k1, k2, p1, p2, k3", f"{info.distortion_model} with {d.tolist()}", topic,
             advice="record rectified images (image_proc), or give the intrinsics of undistorted ones",
         )  # fmt: skip
-    with input_error(path, "a camera that can be", topic):
+    with input_error(path, "a possible camera", topic):
         return Lens(size, focal, (float(centre[0]), float(centre[1])), distortion)
 
 

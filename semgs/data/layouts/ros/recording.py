@@ -63,10 +63,15 @@ def open_recording(path: Path, asked: Asked) -> Scene:
         raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
     pictures = bag.files(topic)
     lens = find_lens(bag, topic, read_header(pictures[0]).size, asked)
-    route, led = find_route(bag, frame, asked)
+    notes = [f"Images are from {topic}."]
+    if "optical" not in frame and asked.intrinsics is None:
+        notes.append(
+            f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
+        )
+    route, about_poses = find_route(bag, frame, asked)
     poses = along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
     posed = np.isfinite(poses).all(axis=(1, 2))
-    depths, told = _depths(bag, frame, pictures)
+    depths, about_depth = _depths(bag, frame, pictures)
     frames = tuple(
         Frame(one.name, one, lens, pose, depths.get(one))
         for one, pose, known in zip(pictures, poses, posed, strict=True)
@@ -77,7 +82,9 @@ def open_recording(path: Path, asked: Asked) -> Scene:
             f"{step.source} has {step.parent} > {step.child} {_span(step.times)}." for step in route if not step.fixed
         ]
         found = f"{len(frames)} of {len(pictures)}"
-        raise InputError(path, "at least two images at times with known poses", found, topic, " ".join([*led, *spans]))
+        raise InputError(
+            path, "at least two images at times with known poses", found, topic, " ".join([*about_poses, *spans])
+        )
     unposed = [f"at {one.stamp / 1e9:.3f} s" for one, known in zip(pictures, posed, strict=True) if not known]
     return Scene(
         path=path,
@@ -86,16 +93,9 @@ def open_recording(path: Path, asked: Asked) -> Scene:
         unit="metric",
         frames=frames,
         notes=(
-            f"Images are from {topic}.",
-            *(
-                []
-                if "optical" in frame or asked.intrinsics
-                else [
-                    f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
-                ]
-            ),
-            *led,
-            *told,
+            *notes,
+            *about_poses,
+            *about_depth,
             *lacking(unposed, len(pictures), "images are at times without a known pose and are left out"),
         ),
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_of, read_calibration
 from semgs.data.layouts.parts.numbers import pairs
+from semgs.data.layouts.parts.recordings import first_file
 from semgs.data.lens import HALF, Lens
 from semgs.files.errors import InputError, input_error
 
@@ -42,7 +43,7 @@ class ScanCamera:
 
 def has_intrinsics(folder: Path) -> bool:
     """Whether a folder contains a file with the colour camera's intrinsics."""
-    return any((folder / name).is_file() for name in (*_places("color"), *_tellers(folder)))
+    return any((folder / name).is_file() for name in (*_places("color"), *_field_files(folder)))
 
 
 def find_camera(folder: Path, name: str, size: tuple[int, int]) -> ScanCamera | None:
@@ -57,20 +58,19 @@ def find_camera(folder: Path, name: str, size: tuple[int, int]) -> ScanCamera | 
         InputError: K is missing in a file or impossible, or its principal point is not near the centre of images of this size, of the
             size that the scan states, or of ScanNet's own.
     """
-    path = next((folder / place for place in _tellers(folder) if (folder / place).is_file()), folder)
-    told = pairs(path) if path.is_file() else {}
-    place = next((folder / place for place in _places(name) if (folder / place).is_file()), None)
-    held = read_calibration(place) if place else _calibration(path, told, name)
-    if held is None:
+    matrix_file, field_file = (first_file((folder,), names) for names in (_places(name), _field_files(folder)))
+    path, fields = matrix_file or field_file or folder, pairs(field_file) if field_file else {}
+    calibration = read_calibration(path) if matrix_file else _calibration(path, fields, name)
+    if calibration is None:
         return None
-    (fx, fy), (cx, cy) = held.focal, held.centre
-    for height, width in (size, _size(told, name) or SIZES[name], SIZES[name]):
+    (fx, fy), (cx, cy) = calibration.focal, calibration.centre
+    for height, width in (size, _size(fields, name) or SIZES[name], SIZES[name]):
         if max(abs(cx / width - 0.5), abs(cy / height - 0.5)) <= CENTRAL:
             across, down = size[1] / width, size[0] / height
-            with input_error(place or path, "a camera that can be"):
+            with input_error(path, "a possible camera"):
                 return ScanCamera(Lens(size, (fx * across, fy * down), (cx * across, cy * down)), (height, width))
     raise InputError(
-        place or path,
+        path,
         f"intrinsics for images of {size[1]}x{size[0]} (width x height) or of ScanNet's own size",
         f"a principal point at ({cx - HALF:g}, {cy - HALF:g})",
     )
@@ -81,24 +81,24 @@ def _places(name: str) -> tuple[str, ...]:
     return tuple(place.format(name) for place in PLACES)
 
 
-def _tellers(folder: Path) -> tuple[str, ...]:
+def _field_files(folder: Path) -> tuple[str, ...]:
     """The possible files with fields of the cameras: the C++ exporter's and the scan's own."""
     return ("_info.txt", "sensor_data/_info.txt", f"{folder.absolute().name}.txt")
 
 
-def _size(told: Mapping[str, str], name: str) -> tuple[int, int] | None:
+def _size(fields: Mapping[str, str], name: str) -> tuple[int, int] | None:
     """(height, width) of a camera's images from `_info.txt` or `SCAN.txt`."""
     for before in (name, f"m_{name}"):
-        height, width = (told.get(f"{before}{side}", "") for side in ("Height", "Width"))
+        height, width = (fields.get(f"{before}{side}", "") for side in ("Height", "Width"))
         if all(side.isdecimal() and int(side) for side in (height, width)):
             return int(height), int(width)
     return None
 
 
-def _calibration(path: Path, told: Mapping[str, str], name: str) -> Calibration | None:
+def _calibration(path: Path, fields: Mapping[str, str], name: str) -> Calibration | None:
     """The intrinsics of a camera from `_info.txt` or `SCAN.txt`."""
-    four = [told.get(f"{key}_{name}", "") for key in ("fx", "fy", "mx", "my")]
-    text = told.get(f"m_calibration{name.capitalize()}Intrinsic", " ".join(four) if all(four) else None)
+    four = [fields.get(f"{key}_{name}", "") for key in ("fx", "fy", "mx", "my")]
+    text = fields.get(f"m_calibration{name.capitalize()}Intrinsic", " ".join(four) if all(four) else None)
     if text is None:
         return None
     key = f"intrinsics of {name}"

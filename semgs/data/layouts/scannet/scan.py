@@ -275,7 +275,7 @@ def _numbered(folder: Path, endings: Sequence[str]) -> dict[int, Path]:
 def _lens(path: Path, key: str, matrix: np.ndarray, size: tuple[int, int]) -> Lens:
     """The pinhole from a K with the centre of the first pixel at (0, 0)."""
     (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
-    with input_error(path, "a camera that can be", key):
+    with input_error(path, "a possible camera", key):
         return Lens(size, (fx, fy), (cx + HALF, cy + HALF))
 
 

@@ -199,7 +199,7 @@ def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> Abstr
     if camera.model != "OPENCV_FISHEYE":
         return camera.lens(path, key)
     k1, k2, k3, k4 = (camera.values[name] for name in ("k1", "k2", "k3", "k4"))
-    with input_error(path, "a camera that can be", key):
+    with input_error(path, "a possible camera", key):
         return FisheyeLens(camera.size, camera.focal, camera.centre, (k1, k2, k3, k4), as_toolbox)
 
 

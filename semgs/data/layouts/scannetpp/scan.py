@@ -74,20 +74,19 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
     scanned = _mesh(scan)
     mesh = scanned.mesh
     masks = next((folder / place for place in posed.device.masks if (folder / place).is_dir()), None)
-    bad = bad_pictures(folder)
-    frames, absent, used = [], [], set[str]()
+    bad, chosen = bad_pictures(folder), posed.listed
+    frames, absent = list[Frame](), list[str]()
     sensor = folder / device.depth if device.depth else None
     for name, lens, pose in zip(posed.names, posed.lenses, posed.poses, strict=True):
         base = Path(name).name
-        if base in bad or (posed.listed and base not in posed.listed):
+        if base in bad or (chosen and base not in chosen):
             continue
         picture = pictures / base
         if not picture.is_file():
             absent.append(name)
             continue
-        if not used:
+        if not frames:
             _check_size(picture, lens)
-        used.add(base)
         mask = masks / f"{Path(name).stem}.png" if masks else None
         depth = sensor / f"{Path(name).stem}.png" if sensor else None
         frames.append(
@@ -138,15 +137,12 @@ def _found(path: Path) -> tuple[Path, Device] | None:
         if path.absolute().name == device.folder and has_cameras(path):
             return path.absolute().parent, device
     there = [device for device in (DSLR, IPHONE) if has_cameras(path / device.folder)]
-    with_pictures = [
-        device
-        for device in there
-        if any(
-            (path / device.folder / place).is_dir()
-            for place in (*device.pictures, *(DSLR_UNDISTORTED.pictures if device is DSLR else ()))
-        )
-    ]
-    return next(((path, device) for device in (*with_pictures, *there)), None)
+
+    def lacks_pictures(device: Device) -> bool:
+        places = (*device.pictures, *DSLR_UNDISTORTED.pictures) if device is DSLR else device.pictures
+        return not any((path / device.folder / place).is_dir() for place in places)
+
+    return (path, min(there, key=lacks_pictures)) if there else None
 
 
 def _pictures(folder: Path, device: Device, names: Iterable[str]) -> Path:

@@ -454,7 +454,7 @@ def replaced(path: Path, old: str, new: str) -> None:
         ("dslr/colmap/cameras.txt", " -0.0003", "", r"line 3: expected 8 parameters of OPENCV_FISHEYE, found 7"),
         ("dslr/colmap/cameras.txt", "78.3", "wide", r"line 3: expected numbers"),
         ("dslr/colmap/cameras.txt", "1 OPENCV_FISHEYE 174", "1 OPENCV_FISHEYE 175", r"DSC00002\.JPG: expected 175x116 pixels .*, found 174x116"),
-        ("dslr/colmap/cameras.txt", "-0.0304", "-9.5", r"camera 1: expected a camera that can be"),
+        ("dslr/colmap/cameras.txt", "-0.0304", "-9.5", r"camera 1: expected a possible camera"),
         ("dslr/colmap/images.txt", " 1 DSC00002.JPG", " 2 DSC00002.JPG", r"images\.txt: line 5: expected a camera that cameras\.txt has, found 2"),
         ("dslr/colmap/images.txt", "1 DSC00010.JPG", "", r"line 3: expected IMAGE_ID QW"),
         ("dslr/train_test_lists.json", '"DSC00003.JPG"', "3", r"train_test_lists\.json: test: expected a list of names"),
