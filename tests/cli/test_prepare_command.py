@@ -64,7 +64,7 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
 ) -> None:
     out = tmp_path / "out"
     (tmp_path / "split.txt").write_text("\n")
-    assert "found none: the list is empty" in refused(capsys, scenes, out, "--scenes", tmp_path / "split.txt")
+    assert "found an empty list" in refused(capsys, scenes, out, "--scenes", tmp_path / "split.txt")
     assert "nothing there" in refused(capsys, tmp_path / "nowhere", out)
     assert "a scene or a folder of scenes" in refused(capsys, _made(tmp_path / "empty"), out)
     assert "--every is 0" in refused(capsys, scenes, out, "--every", 0)
