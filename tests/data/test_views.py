@@ -198,7 +198,7 @@ LABELS = torch.zeros(2, 8, 11, dtype=torch.uint8)
         ({"depth_range": [[5.0, 1.0]] * 2}, "0 < near < far"),
         ({"depth_range": [[1.0, float("inf")]] * 2}, "0 < near < far"),
         ({"depth_range": [[1.0, 2.0]]}, "near and far of each view"),
-        ({"labels": LABELS + 20}, "labels hold 20; expected 0..19"),
+        ({"labels": LABELS + 20}, "labels contain 20; expected 0..19"),
         ({"labels": LABELS[:1]}, "like the images"),
         ({"depths": -torch.ones(2, 8, 11)}, "negative or not finite"),
         ({"depths": torch.ones(2, 8, 11) * float("nan")}, "negative or not finite"),

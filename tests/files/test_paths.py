@@ -50,7 +50,7 @@ def test_what_is_at_a_path_is_told_whatever_the_path(tmp_path):
     with permissions_hold():
         assert found_at(tmp_path / "closed") == "a folder"
         with pytest.raises(
-            InputError, match="closed/file: expected a path that can be followed, found Permission denied"
+            InputError, match="closed/file: expected a path that can be read, found Permission denied"
         ):
             found_at(tmp_path / "closed" / "file")
 
@@ -78,6 +78,6 @@ def test_nobodys_home_and_an_empty_path_are_refused():
     ):
         typed_path("~nosuchuser/x")
     with pytest.raises(
-        InputError, match=r'^"": expected a path, found an empty one; name \. for the folder you are in$'
+        InputError, match=r'^"": expected a path, found an empty one; use \. for the current folder$'
     ):
         existing_folder("")

@@ -234,7 +234,7 @@ def test_counts_of_a_pgm_are_taken_as_they_are(tmp_path):
     [
         (b"P5 3 2 65535\n" + bytes(11), "expected a complete image, found 11 bytes of 3x2 counts"),
         (b"P5 999999999 999999999 65535\n" + bytes(12), "expected a complete image, found 12 bytes of 999999999x"),
-        (b"P5 3 2 255\n" + bytes(6), "expected a 16-bit PGM .* found one whose largest count is 255"),
+        (b"P5 3 2 255\n" + bytes(6), "expected a 16-bit PGM .* found one with largest count 255"),
         (b"P2 3 2 65535\n1 2 3 4 5 6", "expected a 16-bit PGM .* found something else"),
         (b"", "expected a 16-bit PGM .* found something else"),
     ],

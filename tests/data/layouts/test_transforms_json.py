@@ -228,7 +228,7 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (assigned("fl_x", 1e9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
         (assigned("fl_x", 1e-9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
         (assigned("cx", 1e300), "fl_x", "principal point (1e+300, 55.2)"),
-        (assigned("transform_matrix", FAR, 1), "frames[1].transform_matrix", "a position 3e+12 from the origin; at most 1e+12 is read"),
+        (assigned("transform_matrix", FAR, 1), "frames[1].transform_matrix", "a position 3e+12 from the origin; at most 1e+12 is allowed"),
         (assigned("k4", 0.1), "k4", "0.1"),
         (assigned("camera_model", "OPENCV_FISHEYE"), "camera_model", "OPENCV_FISHEYE"),
         (assigned("is_fisheye", True), "is_fisheye", "True"),
@@ -240,7 +240,7 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (lambda content: content.pop("frames"), "frames", "nothing"),
         (assigned("file_path", None, 1), "frames[1].file_path", "nothing"),
         (assigned("file_path", 7, 1), "frames[1].file_path", "7"),
-        (assigned("file_path", "./images/000.png", 1), "frames[1].file_path", "frames[0].file_path is too"),
+        (assigned("file_path", "./images/000.png", 1), "frames[1].file_path", "as in frames[0].file_path"),
         (assigned("metric", "yes"), "metric", "'yes'"),
         (assigned("applied_transform", [[1, 2], [3, 4]]), "applied_transform", "[[1, 2], [3, 4]]"),
         (assigned("depth_unit_scale_factor", -1), "depth_unit_scale_factor", "-1"),
@@ -286,7 +286,7 @@ def test_a_rotated_photo_is_read_as_its_camera_was_made(tmp_path):
     edited_size = json.loads((tmp_path / "transforms.json").read_text())
     del edited_size["w"], edited_size["h"]
     (tmp_path / "transforms.json").write_text(json.dumps(edited_size))
-    with pytest.raises(InputError, match="EXIF orientation 6 and no stated size"):
+    with pytest.raises(InputError, match="EXIF orientation 6 and an unknown camera size"):
         open_scene(tmp_path)
 
 
@@ -374,7 +374,7 @@ def test_labels_need_a_known_table(tmp_path, shared, key):
 def test_labels_of_an_unknown_table_are_left_out_and_told_where_nobody_needs_them(tmp_path):
     folder = with_maps(tmp_path / "a", {"label_set": "scannet200"}, DEPTHS, LABELS)
     for needed in (open_scene, lambda path: open_scenes(path.parent)):
-        with pytest.raises(InputError, match="label_set: expected the table of classes"):
+        with pytest.raises(InputError, match="label_set: expected the class table"):
             needed(folder)
     scene = open_scene(folder, needs_labels=False)
     assert scene.classes is None

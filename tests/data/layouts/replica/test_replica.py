@@ -49,7 +49,7 @@ def test_the_principal_point_is_320_240_and_the_peers_a_choice(tmp_path: Path):
     assert theirs.frames[0].lens.centre == (320, 230)
     assert "row 229.5" in theirs.notes[0]
     assert open_scene(folder, intrinsics=(300.0, 301.0, 310.0, 250.0)).frames[0].lens.focal == (300, 301)
-    with pytest.raises(InputError, match=r"a scene that rows-972 is about .* found Replica"):
+    with pytest.raises(InputError, match=r"a scene for the reading rows-972 .* found Replica"):
         open_scene(folder, ["rows-972"])
 
 

@@ -54,7 +54,7 @@ def test_7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle(tmp_p
     scene = open_scene(write_frames(tmp_path / "seq-01", room))
     assert scene.frames[0].lens.focal == (525, 525)
     assert scene.frames[0].lens.centre == (320, 240)
-    assert "depth is assumed to have 585 px, colour of 525 px" in scene.notes[0]
+    assert "depth is assumed to have 585 px, colour 525 px" in scene.notes[0]
     views = scene.read([0, 1], "native")
     np.testing.assert_allclose(views.cameras.world_from_camera.numpy(), room.poses, atol=1e-6)
     # A pixel of the depth map is met by the ray of colour that is 525/585 as far from the middle.
@@ -82,7 +82,7 @@ def test_intrinsics_for_other_pictures_are_refused(tmp_path: Path):
     folder = write_frames(tmp_path / "seq-01", miniature(frames=2))
     (tmp_path / "camera-intrinsics.txt").write_text(K)
     with pytest.raises(
-        InputError, match=r"camera-intrinsics\.txt: expected a principal point inside pictures of 64x48"
+        InputError, match=r"camera-intrinsics\.txt: expected a principal point inside images of 64x48"
     ):
         open_scene(folder)
 

@@ -205,7 +205,7 @@ def test_colours_and_depths_that_nothing_pairs_are_refused(tmp_path: Path):
         (folder / f"depth/{index}.png").rename(folder / f"depth/{'abcd'[index]}.png")
     assert len(open_scene(folder, depth_unit=0.001).read([0, 3]).depths) == 2
     (folder / "depth/b.png").unlink()
-    with pytest.raises(InputError, match=r"expected depth maps that go with .* found 4 pictures .* and 3 depth maps"):
+    with pytest.raises(InputError, match=r"expected depth maps that match .* found 4 images .* and 3 depth maps"):
         open_scene(folder)
 
 
@@ -214,7 +214,7 @@ def test_as_many_poses_as_pictures_or_none(tmp_path: Path):
     lines = (folder / "traj.txt").read_text().splitlines()
     (folder / "traj.txt").write_text("\n".join(lines[:3]))
     with pytest.raises(
-        InputError, match=r"traj\.txt: expected as many poses as pictures: 4 in .*results, found 3 poses"
+        InputError, match=r"traj\.txt: expected as many poses as images: 4 in .*results, found 3 poses"
     ):
         open_scene(folder)
     (folder / "traj.txt").write_text("\n".join([*lines[:3], "1 2 3"]))

@@ -113,7 +113,7 @@ def test_what_cannot_be_read_is_refused_with_file_and_line(tmp_path: Path):
         open_scene(folder)
     (folder / "groundtruth.txt").write_text("12.5 0 0 0 0 0 0 1\n")
     with pytest.raises(
-        InputError, match=r"times: expected pictures and poses at the same times, found pictures from 13118"
+        InputError, match=r"times: expected images and poses at the same times, found images from 13118"
     ):
         open_scene(folder)
     (folder / "groundtruth.txt").unlink()

@@ -253,7 +253,7 @@ def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(
     assert views.labels is None
     assert scene.notes == (
         "There is no scans/mesh_aligned_0.05.ply, so there are no labels.",
-        "Depth is that of the iphone's sensor.",
+        "Depth is from the iphone's sensor.",
     )
     truth = miniature().photograph(poses()[0], phone_rays()).depth / 1000
     depths = views.depths[0].numpy()
@@ -409,7 +409,7 @@ def test_where_nothing_can_be_kept_it_is_cast_and_said_once(scan, tmp_path, monk
     monkeypatch.setenv("SEMGS_CACHE", str(tmp_path / "a file"))
     scannetpp_mesh._say_once.cache_clear()
     scene = open_scene(scan)
-    with pytest.warns(UserWarning, match="cannot be cached in .*a file/casts .* SEMGS_CACHE names another"):
+    with pytest.warns(UserWarning, match="cannot be cached in .*a file/casts .* set SEMGS_CACHE to another"):
         views = scene.read([0], size=(20, 30))
     assert views.labels is not None
     with warnings.catch_warnings():
@@ -459,7 +459,7 @@ def replaced(path: Path, old: str, new: str) -> None:
         ("dslr/colmap/images.txt", "1 DSC00010.JPG", "", r"line 3: expected IMAGE_ID QW"),
         ("dslr/train_test_lists.json", '"DSC00003.JPG"', "3", r"train_test_lists\.json: test: expected a list of names"),
         ("scans/segments.json", '"segIndices": [', '"segIndices": [5, ', r"segIndices: expected a segment for each of the \d+ vertices"),
-        ("scans/segments.json", '"segIndices": [', '"segIndices": ["a", ', r"segIndices: expected a list of whole numbers"),
+        ("scans/segments.json", '"segIndices": [', '"segIndices": ["a", ', r"segIndices: expected a list of integers"),
         ("scans/segments_anno.json", '"segGroups"', '"groups"', r"segments_anno\.json: segGroups: expected a list of objects"),
         ("scans/segments_anno.json", "[", "", r"segments_anno\.json: expected JSON"),
     ],
@@ -486,7 +486,7 @@ def test_frames_that_were_not_extracted_are_asked_for(tmp_path):
     shutil.rmtree(tmp_path / "scan" / "iphone" / "rgb")
     (tmp_path / "scan" / "iphone" / "rgb.mkv").touch()
     with pytest.raises(
-        InputError, match=r"iphone: expected pictures in rgb/, found none; extract the frames first: ffmpeg"
+        InputError, match=r"iphone: expected images in rgb/, found none; extract the frames first: ffmpeg"
     ):
         open_scene(tmp_path / "scan")
 
