@@ -81,9 +81,7 @@ def test_pictures_of_no_known_camera_need_intrinsics(tmp_path: Path):
 def test_intrinsics_for_other_pictures_are_refused(tmp_path: Path):
     folder = write_frames(tmp_path / "seq-01", miniature(frames=2))
     (tmp_path / "camera-intrinsics.txt").write_text(K)
-    with pytest.raises(
-        InputError, match=r"camera-intrinsics\.txt: expected a principal point inside images of 64x48"
-    ):
+    with pytest.raises(InputError, match=r"camera-intrinsics\.txt: expected a principal point inside images of 64x48"):
         open_scene(folder)
 
 

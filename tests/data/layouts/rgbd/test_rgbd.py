@@ -213,9 +213,7 @@ def test_as_many_poses_as_pictures_or_none(tmp_path: Path):
     folder = nice_slam(tmp_path / "office0", miniature(frames=4))
     lines = (folder / "traj.txt").read_text().splitlines()
     (folder / "traj.txt").write_text("\n".join(lines[:3]))
-    with pytest.raises(
-        InputError, match=r"traj\.txt: expected as many poses as images: 4 in .*results, found 3 poses"
-    ):
+    with pytest.raises(InputError, match=r"traj\.txt: expected as many poses as images: 4 in .*results, found 3 poses"):
         open_scene(folder)
     (folder / "traj.txt").write_text("\n".join([*lines[:3], "1 2 3"]))
     with pytest.raises(InputError, match=r"traj\.txt: line 4: expected poses as 8 numbers .* found 3 numbers"):
