@@ -56,24 +56,25 @@ COVISIBILITY = "semgs/data/covisibility.py"
 MAPS = "semgs/data/maps.py"
 VIEW_SCORES = "semgs/reconstruction/scores.py"
 SCANNET = "semgs/data/layouts/scannet/scan.py"
-SCANNETPP = "semgs/data/layouts/scannetpp/scan.py"
+SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
 
 COLMAP = "semgs/data/layouts/colmap/files.py"
 
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
-    """Tests of a reader in `tests/data/layouts`."""
-    return tuple(f"tests/data/layouts/test_{name}.py::test_{test}" for test in tests)
+    """Tests of a reader below `tests/data/layouts`, by its folder and name ("rgbd/tum")."""
+    folder, _, reader = name.rpartition("/")
+    return tuple(f"tests/data/layouts/{folder}/test_{reader}.py::test_{test}" for test in tests)
 
 
 def of_scannet(name: str) -> tuple[str, ...]:
     """A test of ScanNet's reader."""
-    return (f"tests/data/test_scannet.py::test_{name}",)
+    return (f"tests/data/layouts/scannet/test_scannet.py::test_{name}",)
 
 
 def of_scannetpp(name: str) -> tuple[str, ...]:
     """A test of ScanNet++'s reader."""
-    return (f"tests/data/test_scannetpp.py::test_{name}",)
+    return (f"tests/data/layouts/scannetpp/test_scannetpp.py::test_{name}",)
 
 
 OF_CAMERAS = ("tests/geometry/test_cameras.py",)
@@ -100,7 +101,7 @@ OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
 OF_LOSSES = ("tests/objectives/test_losses.py",)
 OF_DEPTH_LOSSES = ("tests/objectives/test_depth_losses.py",)
 OF_METRICS = ("tests/objectives/test_metrics.py",)
-OF_COLMAP = ("tests/data/test_colmap_files.py",)
+OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
 OF_CHOICE = ("tests/data/test_choice.py",)
 OF_COVISIBILITY = ("tests/data/test_covisibility.py",)
 OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
@@ -681,7 +682,7 @@ MUTANTS = (
     # Readers of data sets
     Mutant(
         "the centre of ScanNet's first pixel stays at 0", SCANNET,
-        "float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5", "float(matrix[0, 2]), float(matrix[1, 2])",
+        "(cx + HALF, cy + HALF)", "(cx, cy)",
         of_scannet("a_point_is_where_scannets_own_formula_puts_it"),
     ),
     Mutant(
@@ -736,34 +737,34 @@ MUTANTS = (
     ),
     Mutant(
         "quaternions of trajectories are read with w first", "semgs/data/layouts/parts/trajectories.py",
-        "x, y, z, w = np.where(", "w, x, y, z = np.where(", of_layout("tum", "what_is_read_equals_what_was_written"),
+        "x, y, z, w = np.where(", "w, x, y, z = np.where(", of_layout("rgbd/tum", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
         "the centre of the first pixel of a calibration stays at 0", "semgs/data/layouts/parts/calibrations.py",
-        "(cx + HALF, cy + HALF)", "(cx, cy)", of_layout("tum", "a_point_is_where_the_benchmarks_formula_puts_it"),
+        "(cx + HALF, cy + HALF)", "(cx, cy)", of_layout("rgbd/tum", "a_point_is_where_the_benchmarks_formula_puts_it"),
     ),
     Mutant(
         "association takes the first in time, not the nearest", "semgs/data/layouts/parts/association.py",
         "(abs(first[i] - second[j]), i, int(j))", "(second[j], i, int(j))",
-        of_layout("tum", "association_takes_the_nearest_first_and_each_once"),
+        of_layout("rgbd/tum", "association_takes_the_nearest_first_and_each_once"),
     ),
     Mutant(
         "the principal point of Replica counts from the centre of the first pixel", "semgs/data/layouts/replica/sequence.py",
-        "(width / 2, row * height)", "((width - 1) / 2, row * height)", of_layout("replica", "a_point_is_where_the_renderer_puts_it"),
+        "(width / 2, row * height)", "((width - 1) / 2, row * height)", of_layout("replica/replica", "a_point_is_where_the_renderer_puts_it"),
     ),
     Mutant(
         "files are sorted by name, 10 before 2", "semgs/data/layouts/parts/recordings.py",
         "for number in sorted(found)}", "for number in sorted(found, key=str)}",
-        ("tests/data/layouts/test_recordings.py::test_files_are_in_the_order_of_their_numbers",),
+        ("tests/data/layouts/parts/test_recordings.py::test_files_are_in_the_order_of_their_numbers",),
     ),
     Mutant(
         "depth of 7-Scenes is taken to be the colour camera's", "semgs/data/layouts/rgbd/frame_files.py",
         "        depth_lens = KINECT_DEPTH\n", "        depth_lens = None\n",
-        of_layout("frame_files", "7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle"),
+        of_layout("rgbd/frame_files", "7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle"),
     ),
     Mutant(
         "the largest count of a depth map is a depth", MAPS,
-        "depths[counts == SATURATED] = 0", "pass", of_layout("frame_files", "what_is_read_equals_what_was_written"),
+        "depths[counts == SATURATED] = 0", "pass", of_layout("rgbd/frame_files", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
         "maps are cropped from the corner, pictures about the middle", MAPS,
@@ -772,37 +773,37 @@ MUTANTS = (
     ),
     Mutant(
         "SUN3D's depth stays rotated", MAPS,
-        "(counts >> 3) | (counts << 13)", "counts", of_layout("rgbd", "what_is_read_equals_what_was_written"),
+        "(counts >> 3) | (counts << 13)", "counts", of_layout("rgbd/rgbd", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
         "a moving frame has the pose before, not one between", "semgs/data/layouts/ros/motions.py",
         "np.where(span > 0, (times - self.times[before]) / np.maximum(span, 1), 0.0)[:, None]", "np.zeros((len(times), 1))",
-        of_layout("ros_bag", "what_is_read_equals_what_was_written"),
+        of_layout("ros/ros_bag", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
         "frames are chained from the world down", "semgs/data/layouts/ros/motions.py",
         "poses = step.at(times) @ poses", "poses = poses @ step.at(times)",
-        of_layout("ros_bag", "odometry_moves_the_base_that_the_camera_stands_on"),
+        of_layout("ros/ros_bag", "odometry_moves_the_base_that_the_camera_stands_on"),
     ),
     Mutant(
         "pictures of a bag are at the time at which they were recorded", "semgs/data/layouts/ros/bag.py",
-        "found.setdefault(_stamp(message), logged)", "found.setdefault(logged, logged)",
-        of_layout("ros_bag", "what_is_read_equals_what_was_written"),
+        "stamp = stamp_of(message)", "stamp = logged",
+        of_layout("ros/ros_bag", "what_is_read_equals_what_was_written"),
     ),
     Mutant(
-        "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros/bag.py",
+        "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros/camera.py",
         "p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)", "p.reshape(3, 4)[:, :3]",
-        of_layout("ros_bag", "a_point_is_where_opencvs_formula_puts_it"),
+        of_layout("ros/ros_bag", "a_point_is_where_opencvs_formula_puts_it"),
     ),
     Mutant(
-        "a region of interest leaves the principal point where it was", "semgs/data/layouts/ros/bag.py",
+        "a region of interest leaves the principal point where it was", "semgs/data/layouts/ros/camera.py",
         "(matrix[0, 2] + HALF - x) / bins[0]", "(matrix[0, 2] + HALF) / bins[0]",
-        of_layout("ros_bag", "binning_and_regions_of_interest_move_the_camera"),
+        of_layout("ros/ros_bag", "binning_and_regions_of_interest_move_the_camera"),
     ),
     Mutant(
         "red and blue change places in a bag", "semgs/data/layouts/ros/images.py",
         '"rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None)', '"rgb8": (3, None), "bgr8": (3, None)',
-        of_layout("ros_bag", "pixels_of_all_encodings_are_what_they_say"),
+        of_layout("ros/ros_bag", "pixels_of_all_encodings_are_what_they_say"),
     ),
     Mutant(
         "prepared poses keep OpenCV's axes", "semgs/preparation/archive.py",

@@ -122,7 +122,7 @@ def test_many_large_pictures_are_few_and_small_ones() -> None:
 
 
 def test_names_that_look_like_html_are_shown_as_they_are() -> None:
-    row = notebook.Row("<script>", (), "a < b", (("<b>", (1, 2, 3)),))
+    row = notebook.Strip("<script>", (), "a < b", (("<b>", (1, 2, 3)),))
     assert "<script>" not in notebook.html("<i>", [row])
     assert "&lt;b&gt;" in notebook.html("<i>", [row])
 

@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.errors import what_the_user_gave
 from semgs.data.asked import Asked
-from semgs.data.peers import check_readings
+from semgs.data.readings import check_readings
 
 
 @dataclass(frozen=True)

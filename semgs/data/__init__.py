@@ -1,1 +1,1 @@
-"""Data: views and class tables, readers of scenes, the choice of views, the depth range, ray casting."""
+"""Data: views, class tables, scene readers, the choice of views, depth ranges, ray casting."""

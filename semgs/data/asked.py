@@ -1,4 +1,4 @@
-"""What a user says of a scene beyond its files: which of several cameras, or what the files leave open."""
+"""Details of a scene that its files may not state, such as which of several cameras to use."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from semgs.files.errors import InputError
 
 @dataclass(frozen=True)
 class Asked:
-    """Answers to what a layout may leave open; None leaves it to the layout.
+    """Details given by the user. None leaves a detail to the files.
 
     Attributes:
-        camera: which of a recording's cameras, by the beginning of its topics ("/camera/color").
-        world: the frame that poses are wanted in ("map"), or the topic that they come from ("/odom").
-        body: the frame that such a topic's poses are of, where its messages do not say ("base_link").
-        intrinsics: fx, fy, cx, cy of the pictures at their own size [px], the centre of the first pixel at (0.5, 0.5), without
-            distortion; in place of what the layout says or has no word for.
-        depth_unit: what one count of the depth maps is worth [m].
+        camera: ROS bags: topic prefix of the camera to use ("/camera/color").
+        world: ROS bags: frame for the poses ("map"), or the topic to read them from ("/odom").
+        body: ROS bags: the frame that a topic's poses describe, if its messages do not say ("base_link").
+        intrinsics: fx, fy, cx, cy of the full-size images [px], without distortion, the centre of the first pixel at (0.5, 0.5).
+            Overrides the files.
+        depth_unit: metres per count of the depth maps [m].
 
     Raises:
-        ValueError: a number is not finite, or one that has to be positive is not.
+        ValueError: a number is not finite, or not positive where it must be.
     """
 
     camera: str | None = None
@@ -38,13 +38,13 @@ class Asked:
         ):
             raise ValueError(f"intrinsics are {self.intrinsics}; expected fx, fy, cx, cy in pixels, fx and fy positive")
         if self.depth_unit is not None and not 0 < self.depth_unit < math.inf:
-            raise ValueError(f"depth_unit is {self.depth_unit}; expected the metres of one count, such as 0.001")
+            raise ValueError(f"depth_unit is {self.depth_unit}; expected metres per count, such as 0.001")
 
     def only(self, path: Path, layout: str, *takes: str) -> None:
-        """Refuse answers that a layout does not ask for, rather than pass over them.
+        """Refuse details that a layout does not use, rather than ignore them.
 
         Raises:
-            InputError: something else than `takes` is given.
+            InputError: a detail is given that is not in `takes`.
         """
         for one in fields(self):
             if getattr(self, one.name) is not None and one.name not in takes:

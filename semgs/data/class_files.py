@@ -1,12 +1,12 @@
-"""Class tables of one's own: a JSON file that names the classes, their colours and the numbers that stand for them in label pictures.
+"""Your own class tables: a JSON file with the classes, their colours and their numbers in label images.
 
     {"name": "five",
      "classes": [{"name": "wall", "colour": [174, 199, 232], "ids": [1]},
                  {"name": "seat", "colour": [188, 189, 34], "ids": [5, 6]}],
      "ignored": [0]}
 
-`ids` may be left out of all classes: then the numbers are positions in the list, from 0. `ignored` are numbers of pixels without a label;
-255 always is one. Any other number in a label picture is an error. No torch.
+If no class has `ids`, the numbers are positions in the list, from 0. `ignored` lists the numbers of unlabelled pixels; 255 is always
+ignored. Any other number in a label image is an error. No torch.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.classes import IGNORE, ClassTable
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
@@ -24,11 +24,11 @@ from semgs.files.strict_json import read_json
 
 @dataclass(frozen=True)
 class LabelSet:
-    """A table of classes and what the numbers in label pictures mean.
+    """A class table and the meaning of the numbers in label images.
 
     Attributes:
         table: the classes.
-        meaning: of each number from 0 to 255, the label, 255 for none, or None for a number that must not occur.
+        meaning: the label of each number from 0 to 255: 255 for none, None for a number that must not occur.
     """
 
     table: ClassTable
@@ -36,10 +36,10 @@ class LabelSet:
 
 
 def read_class_file(path: str | Stored) -> LabelSet:
-    """The table in a file.
+    """The class table in a file.
 
     Raises:
-        InputError: it is absent, no JSON, or not as described above; the key at fault is named.
+        InputError: it is missing, not JSON, or not as described above; the error names the key.
     """
     path = typed_path(path) if isinstance(path, str | Path) else path
     expected = "a table of classes as JSON"
@@ -73,14 +73,12 @@ def read_class_file(path: str | Stored) -> LabelSet:
     for label, numbers in [*enumerate(ids), (IGNORE, [*ignored, *({IGNORE} - set(ignored))])]:
         for number in numbers:
             if meaning[number] is not None:
-                raise InputError(path, "numbers that mean one thing each", f"{number} twice", key="classes")
+                raise InputError(path, "each number once", f"{number} twice", key="classes")
             meaning[number] = label
-    try:
+    with input_error(path, expected, "classes"):
         table = ClassTable(
             str(content.get("name", Path(path.name).stem)), tuple(names), tuple(colours), tuple(own[0] for own in ids)
         )
-    except ValueError as error:
-        raise InputError(path, expected, str(error), key="classes") from error
     return LabelSet(table, tuple(meaning))
 
 

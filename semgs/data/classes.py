@@ -1,4 +1,4 @@
-"""Class tables: names, colours and raw ids of what a pixel can be labelled as."""
+"""Class tables: the names, colours and raw ids of the classes."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 from typing import Any
 
 IGNORE = 255
-"""The label of a pixel that has none: it counts in no loss of classes and in no metric of classes."""
+"""The label of unlabelled pixels. They count in no semantic loss or metric."""
 
 
 @dataclass(frozen=True)
 class ClassTable:
-    """A table of classes; a label is a position in it.
+    """A class table; a label is a position in it.
 
     Attributes:
         name: how files refer to the table ("scannet20").
         names: the classes in label order.
         colours: their sRGB colours, 0..255, in the same order.
-        raw_ids: the ids of the source data set that are mapped to them, in the same order (NYU40 ids for ScanNet).
+        raw_ids: their ids in the source data set, in the same order (NYU40 ids for ScanNet).
 
     Raises:
-        ValueError: the lists differ in length, are empty or longer than 255, or a name comes twice.
+        ValueError: the lists are empty, longer than 255 or differ in length, or a name appears twice.
     """
 
     name: str
@@ -35,7 +35,7 @@ class ClassTable:
                 f"expected equal numbers between 1 and {IGNORE}"
             )
         if len(set(self.names)) != len(self.names):
-            raise ValueError(f"class table {self.name} names a class twice")
+            raise ValueError(f"class table {self.name} has a class name twice")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -46,10 +46,10 @@ class ClassTable:
 
     @classmethod
     def from_json(cls, saved: dict[str, Any]) -> ClassTable:
-        """The table that `dataclasses.asdict` and JSON made into lists.
+        """The table from JSON that `dataclasses.asdict` wrote.
 
         Raises:
-            KeyError, TypeError, ValueError: it is none.
+            KeyError, TypeError, ValueError: it is not a table.
         """
         return cls(
             saved["name"],
@@ -72,16 +72,16 @@ SCANNET20 = ClassTable(
     ),
     raw_ids=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 24, 28, 33, 34, 36, 39),
 )  # fmt: skip
-"""The 20 classes of the ScanNet benchmark in its order, with its colours and their NYU40 ids."""
+"""The 20 classes of the ScanNet benchmark: its order and colours, with NYU40 ids."""
 
 TABLES = (SCANNET20,)
 
 
 def class_table(name: str) -> ClassTable:
-    """The table of that name.
+    """The class table with a name.
 
     Raises:
-        ValueError: no table has it; the known ones are listed.
+        ValueError: there is none; the error lists the known ones.
     """
     for table in TABLES:
         if table.name == name:

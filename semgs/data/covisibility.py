@@ -1,7 +1,7 @@
-"""Covisibility: how much of what one frame sees other frames see too, as far as the scene knows how far away things are.
+"""Covisibility: how much of what one frame sees is also seen by other frames.
 
-Each picture is divided into `GRID` x `GRID` cells. The middle of each is placed in the world by its z-depth: from the frame's own depth
-map, from the scene's sparse points, or, if there is neither, from one depth for all.
+Each image is divided into `GRID` x `GRID` cells. The centre of each cell is placed in the world by its z-depth, which comes from the
+frame's depth map, from the scene's sparse points, or, if there is neither, is one assumed depth for all.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from semgs.files.errors import InputError
 
 GRID = 10
 FEWEST_CELLS = 10
-"""Of a depth map that is known in fewer cells than this, or of fewer sparse points, nothing is believed."""
+"""Depth maps with fewer known cells, and fewer sparse points than this, are not used."""
 
 WIDEST_ANGLE = np.radians(60)
-"""From directions further apart than this a surface is not the same to see."""
+"""A surface seen from directions further apart than this does not look the same."""
 
 HIDDEN = 1.1
-"""What is further away than this times the farthest that a frame measured in a cell is hidden from it."""
+"""A point is hidden from a frame if it is farther than this times the largest depth that the frame measured in that cell."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """What one frame sees.
+class DepthGrid:
+    """The depths that one frame sees, on a grid of cells.
 
     Attributes:
-        depths: z-depth at the middle of each cell, row by row [cell]; NaN where it is not known [m, or the scene's unit].
-        farthest: the largest depth that was measured in each cell [cell]; infinite where none was.
-        source: what the depths are from: "measured depth", "sparse points", or "" for an assumed depth.
+        depths: z-depth at the centre of each cell, row by row [cell]; NaN if unknown [m, or the scene's unit].
+        farthest: the largest measured depth in each cell [cell]; infinite if none.
+        source: where the depths are from: "measured depth", "sparse points", or "" for an assumed depth.
     """
 
     depths: np.ndarray
@@ -42,45 +42,45 @@ class Surface:
 
     @property
     def median(self) -> float:
-        """The median of the depths that are known."""
+        """The median of the known depths."""
         return float(np.nanmedian(self.depths))
 
 
-def flat(depth: float) -> Surface:
-    """The surface of a frame of which nothing is known: everything at one depth."""
-    return Surface(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
+def flat(depth: float) -> DepthGrid:
+    """The grid of a frame without any depth: every cell at one assumed depth."""
+    return DepthGrid(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
 
 
-class Surfaces:
-    """The surfaces of a scene's frames. Each is found when it is first asked for."""
+class DepthGrids:
+    """The depth grids of a scene's frames, computed on first use."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._found: dict[int, Surface | None] = {}
+        self._found: dict[int, DepthGrid | None] = {}
         self.measured = any(frame.depth is not None for frame in scene.frames)
-        """Whether depth maps are read, which takes milliseconds a frame."""
+        """Whether depth maps have to be read, which takes milliseconds a frame."""
 
-    def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[Surface]:
-        """The surfaces of some frames; of those whose depth is not known, one at the depth `otherwise`."""
-        return [self._surface(int(index)) or flat(otherwise) for index in indices]
+    def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[DepthGrid]:
+        """The grids of some frames; frames without depth get the depth `otherwise`."""
+        return [self._grid(int(index)) or flat(otherwise) for index in indices]
 
-    def _surface(self, index: int) -> Surface | None:
-        """What is known of a frame, None if that is nothing."""
+    def _grid(self, index: int) -> DepthGrid | None:
+        """The grid of a frame, None if its depth is unknown."""
         if index not in self._found:
             frame, points = self._scene.frames[index], self._scene.points
-            surface = _from_depth_map(frame)
-            if surface is None and points is not None:
-                surface = _from_points(frame, points)
-            self._found[index] = surface
+            grid = _from_depth_map(frame)
+            if grid is None and points is not None:
+                grid = _from_points(frame, points)
+            self._found[index] = grid
         return self._found[index]
 
 
-def _from_depth_map(frame: Frame) -> Surface | None:
-    """The surface that a frame's own depth map shows, None if there is none or it is nearly empty."""
+def _from_depth_map(frame: Frame) -> DepthGrid | None:
+    """The grid from a frame's depth map, None if there is none or it is nearly empty."""
     try:
         depths = frame.measured()
     except InputError:
-        return None  # a damaged map of a frame that is not used does no harm; if it is used, reading it says so
+        return None  # harmless unless the frame is used, and then reading it reports the error
     if depths is None:
         return None
     height, width = depths.shape
@@ -90,11 +90,11 @@ def _from_depth_map(frame: Frame) -> Surface | None:
         return None
     above, left = (np.arange(GRID) * side // GRID for side in (height, width))
     farthest = np.maximum.reduceat(np.maximum.reduceat(depths, above, axis=0), left, axis=1).astype(np.float64).ravel()
-    return Surface(np.where(middles > 0, middles, np.nan), np.where(farthest > 0, farthest, np.inf), "measured depth")
+    return DepthGrid(np.where(middles > 0, middles, np.nan), np.where(farthest > 0, farthest, np.inf), "measured depth")
 
 
-def _from_points(frame: Frame, points: np.ndarray) -> Surface | None:
-    """Each cell at the depth of the sparse point nearest to its middle in the picture; None if the frame sees too few."""
+def _from_points(frame: Frame, points: np.ndarray) -> DepthGrid | None:
+    """The grid from sparse points: each cell takes the depth of the point nearest to its centre. None if the frame sees too few."""
     ours = points if frame.points is None else points[frame.points]
     pose, (height, width) = frame.world_from_camera, frame.lens.size
     seen = (ours - pose[:3, 3]) @ pose[:3, :3]
@@ -105,29 +105,29 @@ def _from_points(frame: Frame, points: np.ndarray) -> Surface | None:
     if len(depths) < FEWEST_CELLS:
         return None
     distances = np.linalg.norm((_middles()[:, None] - places) * (width, height), axis=-1)
-    return Surface(depths[distances.argmin(axis=1)], np.full(GRID * GRID, np.inf), "sparse points")
+    return DepthGrid(depths[distances.argmin(axis=1)], np.full(GRID * GRID, np.inf), "sparse points")
 
 
 def _middles() -> np.ndarray:
-    """(x, y) of the middle of each cell, row by row, as parts of the picture's width and height [cell 2]."""
+    """(x, y) of the centre of each cell, row by row, relative to the image's width and height [cell 2]."""
     steps = (np.arange(GRID) + 0.5) / GRID
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
 class Covisibility:
-    """Some frames of a scene, and what they share.
+    """The covisibility of some frames of a scene.
 
     Attributes:
         medians: the median depth of each frame [n].
         baselines: distances between the cameras [n n].
     """
 
-    def __init__(self, scene: Scene, indices: Sequence[int] | np.ndarray, surfaces: Sequence[Surface]) -> None:
+    def __init__(self, scene: Scene, indices: Sequence[int] | np.ndarray, grids: Sequence[DepthGrid]) -> None:
         frames = [scene.frames[index] for index in indices]
         lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
         poses = np.stack([frame.world_from_camera for frame in frames])
         intrinsics = np.stack([lenses[frame.lens] for frame in frames])
-        depths = np.stack([surface.depths for surface in surfaces])
+        depths = np.stack([grid.depths for grid in grids])
         rotations, self._centres = poses[:, :3, :3], poses[:, :3, 3]
         self._sizes = np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64)
         self._projections = intrinsics @ rotations.mT
@@ -137,22 +137,22 @@ class Covisibility:
         self._points = self._centres[:, None] + rays
         self._directions = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         self._known = np.isfinite(depths).sum(axis=1)
-        self._farthest = np.stack([surface.farthest for surface in surfaces])
-        self.medians = np.array([surface.median for surface in surfaces])
+        self._farthest = np.stack([grid.farthest for grid in grids])
+        self.medians = np.array([grid.median for grid in grids])
         self.baselines = np.linalg.norm(self._centres[:, None] - self._centres, axis=-1)
         self._seen = np.stack([self._seen_by(index) for index in range(len(frames))])
 
     def overlaps(self) -> np.ndarray:
-        """How much each pair shares of what it sees, the smaller of both directions [n n]."""
+        """The share of what each pair sees in common, the smaller of both directions [n n]."""
         seen = self._seen.sum(axis=-1).T / self._known[:, None]
         return np.minimum(seen, seen.T)
 
     def covered(self, by: Sequence[int]) -> np.ndarray:
-        """The part of what each frame sees that at least one of the frames `by` sees too [n]."""
+        """The share of what each frame sees that at least one of the frames `by` also sees [n]."""
         return self._seen[list(by)].any(axis=0).sum(axis=-1) / self._known
 
     def _seen_by(self, index: int) -> np.ndarray:
-        """Which cells of each frame one frame sees too, from a similar direction and not behind what it measured [n cell]."""
+        """Which cells of each frame one frame also sees: inside its image, from a similar direction, and not hidden [n cell]."""
         towards = self._points - self._centres[index]
         x, y, depth = np.moveaxis(towards @ self._projections[index].T, -1, 0)
         width, height = self._sizes[index]

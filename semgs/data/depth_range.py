@@ -1,8 +1,8 @@
-"""Near and far: the depths between which a model looks for surfaces, and why these.
+"""Near and far: the depth range in which a model looks for surfaces, and where it comes from.
 
-Where lengths are metres, they are those of rooms. Where they are not, they come from what is known of the scene: its sparse
-points, points triangulated from its pictures, or at least how far its cameras are apart. Depth maps are never looked at here:
-they are what results are compared with. Only the choice of frames looks at them (`semgs.data.choice`).
+For metric scenes, these are the depths of rooms. Otherwise they come from the scene: from its sparse points, from points triangulated
+between its images, or at least from the distances between its cameras. Depth maps are never used here, because results are compared
+with them. Only the choice of frames uses them (`semgs.data.choice`).
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from semgs.data.parallax import Seen, inverse_depths, seen
 from semgs.data.views import INDOOR_DEPTH_RANGE
 
 ROOM_RATIO = INDOOR_DEPTH_RANGE[1] / INDOOR_DEPTH_RANGE[0]
-"""Far over near of rooms; without metres the range has at least this ratio about the middle depth."""
+"""Far / near of rooms. Without metres, the range around the middle depth has at least this ratio."""
 
 MIDDLE_PER_BASELINE = 10.0
-"""A good pair of views has a baseline of 5 to 15 % of the middle depth; without anything better, pairs are taken as good."""
+"""A good pair of views has a baseline of 5 to 15 % of the middle depth. If nothing better is known, pairs are assumed to be good."""
 
 FEW_POINTS = 20
-"""Fewer points than this are not believed."""
+"""Fewer points than this are not used."""
 
 
 @dataclass(frozen=True)
 class DepthRange:
-    """Near and far of a set of views, one for all.
+    """Near and far of a set of views.
 
     Attributes:
         near: the smallest z-depth [m, or the scene's unit].
         far: the largest.
         unit: "metric" or "unknown".
         reason: where they come from, as a phrase.
-        median: of the z-depths that near and far were found from; None if they are not from depths.
+        median: of the z-depths that near and far come from; None if they do not come from depths.
     """
 
     near: float
@@ -47,12 +47,12 @@ class DepthRange:
 
     @property
     def middle(self) -> float:
-        """The geometric mean of near and far: the depth at which overlap and baseline of training samples are judged."""
+        """The geometric mean of near and far. Overlap and baselines of training samples are judged at this depth."""
         return (self.near * self.far) ** 0.5
 
     @property
     def typical(self) -> float:
-        """How far away things are, as far as it is known: the median depth, or else the middle."""
+        """The typical depth: the median if it is known, else the middle."""
         return self.middle if self.median is None else self.median
 
 
@@ -67,13 +67,13 @@ def depth_range(
 
     Args:
         frames: all usable frames of the scene.
-        asked: positions of those that the range is for.
+        asked: positions of the frames that the range is for.
         unit: "metric" or "unknown".
         points: the scene's sparse points [n 3] in the world, or None.
-        features: of frames by their positions, found before; those that are found now are added.
+        features: known features of frames by their positions; new ones are added.
     """
     if unit == "metric":
-        return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric and rooms are between these")
+        return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric, and this is the range of rooms")
     if points is not None:
         inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in asked])
         if len(inverse) >= FEW_POINTS:
@@ -82,12 +82,12 @@ def depth_range(
     for pairs in (_pairs_among(asked), _pairs_beside(frames, asked)):
         inverse = _triangulated(frames, pairs, pictures)
         if len(inverse) >= FEW_POINTS:
-            return _around(inverse, unit, f"from {len(inverse) // 2} points triangulated between the pictures")
+            return _around(inverse, unit, f"from {len(inverse) // 2} points triangulated between the images")
     return _from_baseline(frames, asked, unit)
 
 
 def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:
-    """The range about measured inverse depths: room-like about their median, wider where their 2nd or 98th percentile is."""
+    """The range around measured inverse depths: like a room around the median, extended to the 2nd and 98th percentile."""
     farthest, middle, nearest = np.percentile(inverse, (2, 50, 98))
     near = min(1 / (middle * ROOM_RATIO**0.5), 0.8 / nearest)
     far = max(ROOM_RATIO**0.5 / middle, 1.25 / max(farthest, 0.02 * middle))
@@ -95,25 +95,24 @@ def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:
 
 
 def _inverse_depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:
-    """Inverse z-depths of the sparse points that a frame sees (all in front of it, where the layout does not say which)."""
+    """Inverse z-depths of the sparse points that a frame sees (all points in front of it, if the layout does not say which)."""
     ours = points if frame.points is None else points[frame.points]
     pose = frame.world_from_camera
     depths = (ours - pose[:3, 3]) @ pose[:3, 2]
     return 1 / depths[depths > 0]
 
 
-def _pairs_among(asked: Sequence[int], most: int = 6) -> list[list[tuple[int, int]]]:
-    """All pairs of the frames asked for, or of some spread evenly over them; each a trial of its own."""
+def _pairs_among(asked: Sequence[int]) -> list[list[tuple[int, int]]]:
+    """All pairs of the frames, or of four spread evenly over them; each pair is a trial of its own."""
     few = [asked[round(step)] for step in np.linspace(0, len(asked) - 1, min(len(asked), 4))]
-    pairs = [pair for pair in itertools.combinations(dict.fromkeys(few), 2)]
-    return [[pair] for pair in pairs[:most]]
+    return [[pair] for pair in itertools.combinations(dict.fromkeys(few), 2)]
 
 
 def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tuple[int, int]]]:
-    """For some of the frames asked for, other frames of the scene to try in turn until one shows parallax.
+    """For some of the frames, other frames of the scene to try in turn until one shows parallax.
 
-    They are the 1st, 3rd, 9th ... nearest among those that look the same way to 30 degrees: a film needs a far one, a few photos
-    the next one.
+    These are the 1st, 3rd, 9th ... nearest of the frames that look the same way to within 30 degrees: in a video a far frame is needed,
+    with few photos the nearest one.
     """
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
     axes = np.stack([frame.world_from_camera[:3, 2] for frame in frames])
@@ -129,7 +128,7 @@ def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tu
 def _triangulated(
     frames: Sequence[Frame], trials: list[list[tuple[int, int]]], pictures: dict[int, Seen]
 ) -> np.ndarray:
-    """Inverse depths from the first pair of each trial that shows parallax; `pictures` keeps features between calls."""
+    """Inverse depths from the first pair of each trial that shows parallax; `pictures` stores features between calls."""
     found = []
     for trial in trials:
         for first, second in trial:
@@ -144,15 +143,15 @@ def _triangulated(
 
 
 def _from_baseline(frames: Sequence[Frame], asked: Sequence[int], unit: str) -> DepthRange:
-    """The range of a room whose middle depth is `MIDDLE_PER_BASELINE` times the distance between cameras."""
+    """The range of a room with a middle depth of `MIDDLE_PER_BASELINE` times the distance between the cameras."""
     everyone = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
     for centres, whose in ((everyone[list(asked)], "these cameras"), (everyone, "the scene's cameras")):
         mean = centres.mean(axis=0)
         count = max(2, len(centres))
-        # The root of the mean squared distance over all pairs, without going through them.
+        # The root mean square distance of all pairs, without a loop over them.
         baseline = float(np.sqrt(2 * ((centres - mean) ** 2).sum() / (count - 1)))
         if baseline > 1e-9 * (1 + float(np.abs(mean).max())):
             middle = MIDDLE_PER_BASELINE * baseline
             reason = f"{MIDDLE_PER_BASELINE:g} times the distance between {whose} ({baseline:.3g}) as the middle depth"
             return DepthRange(middle / ROOM_RATIO**0.5, middle * ROOM_RATIO**0.5, unit, reason)
-    return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the cameras are all at one place, so nothing tells the scale")
+    return DepthRange(*INDOOR_DEPTH_RANGE, unit, "all cameras are in one place, so the scale is unknown")

@@ -1,9 +1,10 @@
-"""Frames: one posed picture of a scene on disk, and how its pixels become a view."""
+"""Frames: one posed image of a scene on disk, and how it becomes a view."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import final
 
 import numpy as np
@@ -23,17 +24,17 @@ from semgs.geometry.cameras import Cameras
 @final
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One picture of a scene with what the scene's file says about it; nothing is decoded yet.
+    """One image of a scene, with what the scene's files say about it; nothing is decoded yet.
 
     Attributes:
         name: as listed in the scene's file ("images/0001.jpg").
-        picture: where it is: a file, or what stands for one in an archive or a recording.
-        lens: the camera that took it, distortion included.
+        picture: the image: a file, or a part of an archive or recording.
+        lens: the camera, including distortion.
         world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
-        depth: where its z-depths come from; None if it has none.
-        labels: where its labels come from; None if it has none.
-        mask: where it is hidden: there is neither label nor depth there. None if nothing is.
-        points: which of the scene's sparse points it sees (indices), or None where the layout has none.
+        depth: source of its z-depths; None if it has none.
+        labels: source of its labels; None if it has none.
+        mask: source of its hidden pixels, which get neither label nor depth; None if nothing is hidden.
+        points: indices of the scene's sparse points that it sees; None if the layout does not say.
     """
 
     name: str
@@ -47,7 +48,7 @@ class Frame:
 
     @property
     def camera(self) -> Cameras:
-        """The camera of the picture as it is read: without distortion, at the picture's own size."""
+        """The camera of the undistorted image, at its full size."""
         return Cameras(self.world_from_camera, self.lens.intrinsics, self.lens.size)
 
     def read(
@@ -57,23 +58,14 @@ class Frame:
         *,
         size: Sequence[int] | None = None,
         crop: bool = False,
-        maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """The frame as one view, distortion undone, every number checked.
-
-        Args:
-            depth_range: near and far to give the view.
-            classes: the table of its labels; None leaves labels out.
-            size: (height, width) to resize to, as `semgs.data.resampling.resized`; None leaves the picture at its own size.
-            crop: where the size has another aspect, crop to it, as `semgs.data.resampling.reframed`; else the picture is stretched.
-            maps: what `lens.maps()` gives, for a caller who reads several frames of one lens.
+        """As `view`, with every number checked.
 
         Raises:
-            InputError: a file is absent, damaged, or of another size than the camera; a label is outside the table.
-            ImportError: labels or depth are cast at a mesh, and embreex or trimesh is not installed.
+            InputError, ImportError: as `view`.
             ValueError: as `Views`.
         """
-        return self.view(depth_range, classes, size=size, crop=crop, maps=maps).checked()
+        return self.view(depth_range, classes, size=size, crop=crop).checked()
 
     def view(
         self,
@@ -82,14 +74,20 @@ class Frame:
         *,
         size: Sequence[int] | None = None,
         crop: bool = False,
-        maps: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Views:
-        """As `read`, but trusted: for those that join several frames and check them together.
+        """The frame as one undistorted view, not checked: callers join several views and check them together.
+
+        Args:
+            depth_range: near and far of the view.
+            classes: the table of its labels; None to leave labels out.
+            size: (height, width) to resize to (`semgs.data.resampling.resized`); None keeps the full size.
+            crop: if the size has another aspect, crop to it (`semgs.data.resampling.reframed`) instead of stretching.
 
         Raises:
-            InputError, ImportError: as `read`.
+            InputError: a file is missing or damaged, or has another size than the camera; a label is outside the table.
+            ImportError: labels or depth come from a mesh, and embreex or trimesh is not installed.
         """
-        image, maps = self.read_image(), self._maps(maps)
+        image, maps = self.read_image(), _maps(self.lens)
         if maps is not None:
             image = self.lens.undistorted(image, maps)
         view = Views.trusted(
@@ -110,25 +108,25 @@ class Frame:
         return view.changed(labels=labels, depths=depths)
 
     def read_image(self) -> UInt8[np.ndarray, "h w 3"]:
-        """The picture as it is stored, RGB.
+        """The stored image, RGB.
 
         Raises:
-            InputError: it is absent, damaged, or of another size than the camera.
+            InputError: it is missing or damaged, or has another size than the camera.
         """
         return read_rgb(self.picture, self.lens.size)
 
     def measured(self) -> Float32[np.ndarray, "h w"] | None:
-        """The z-depths that a file holds [m], distortion undone, 0 where unknown; None if there is no such file.
+        """The undistorted z-depths from a file [m], 0 where unknown; None if there is no depth file.
 
         Raises:
-            InputError: it is damaged, or has another aspect than the picture.
+            InputError: it is damaged, or has another aspect than the image.
         """
         if self.depth is None or not self.depth.stored:
             return None
-        return self.depth.read(Pixels(self.lens, self.camera, self._maps(None)))
+        return self.depth.read(Pixels(self.lens, self.camera, _maps(self.lens)))
 
-    def _maps(self, given: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray] | None:
-        """What undoes its distortion, None for a pinhole."""
-        if self.lens.is_pinhole:
-            return None
-        return self.lens.maps() if given is None else given
+
+@lru_cache(maxsize=2)
+def _maps(lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
+    """The undistortion maps of a lens, None for a pinhole. Cached, as most frames of a scene have the same lens."""
+    return None if lens.is_pinhole else lens.maps()

@@ -1,4 +1,4 @@
-"""Lenses: what bends the rays of a pinhole, and how that is undone on reading."""
+"""Lenses: distortion models, undistorted to a pinhole on reading."""
 
 from __future__ import annotations
 
@@ -12,34 +12,33 @@ import numpy as np
 from semgs.files.pictures import MOST_PIXELS
 
 HALF = 0.5
-"""OpenCV's first pixel centre is at 0, ours at 0.5: taken from cx, cy and positions before its calls, added after."""
+"""OpenCV's first pixel centre is at 0, ours at 0.5. Subtracted from cx, cy and positions before calls to OpenCV, and added after."""
 
 FOCAL = (0.01, 100.0)
-"""A focal length is between these, in longer sides of the picture: angles of view from 179 degrees to half a degree."""
+"""Allowed focal lengths relative to the longer side: angles of view from 179 to half a degree."""
 
 FURTHEST_CENTRE = 10.0
-"""The principal point lies no further from the picture's corner than this, in longer sides."""
+"""Largest distance of the principal point from the image corner, relative to the longer side."""
 
 _GRID = 32
-"""Distortion is checked at so many places along each side."""
+"""Distortion is checked at this many places along each side."""
 
 _MOST_ENLARGED = 4.0
-"""A distortion whose undoing would enlarge the picture more than this is not a lens's."""
+"""Distortions that would magnify the image more than this are refused."""
 
 
 @dataclass(frozen=True)
 class AbstractLens(ABC):
-    """A camera as its file describes it, before its distortion is undone.
+    """A camera as its file describes it, before undistortion.
 
     Attributes:
-        size: (height, width) of its pictures [px].
+        size: (height, width) of its images [px].
         focal: (fx, fy) [px].
         centre: (cx, cy) [px], the centre of the first pixel at (0.5, 0.5).
 
     Raises:
         ValueError: the size is not positive or beyond `MOST_PIXELS`, a number is not finite, a focal length or the principal point
-            is not within `FOCAL` and `FURTHEST_CENTRE`, or the distortion is so strong that no pinhole sees the whole picture
-            after it is undone.
+            is not within `FOCAL` and `FURTHEST_CENTRE`, or the distortion cannot be undone over the whole image.
     """
 
     size: tuple[int, int]
@@ -72,44 +71,44 @@ class AbstractLens(ABC):
     @property
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """The numbers of its distortion."""
+        """The distortion coefficients."""
 
     @property
     @abstractmethod
     def is_pinhole(self) -> bool:
-        """Whether there is nothing to undo."""
+        """Whether there is no distortion."""
 
     @property
     @abstractmethod
     def intrinsics(self) -> np.ndarray:
-        """K [3 3] of the pictures as they are read: after undistortion, at the same size [px]."""
+        """K [3 3] of the images after undistortion, at the same size [px]."""
 
     @property
     @abstractmethod
     def invents_nothing(self) -> bool:
-        """Whether every pixel after undistortion has to come from one in the picture."""
+        """Whether every undistorted pixel has to come from a pixel of the stored image."""
 
     @abstractmethod
     def directions(self, positions: np.ndarray) -> np.ndarray:
-        """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
 
     @abstractmethod
     def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Where in the stored picture the pixels of a pinhole K [3 3] of (height, width) come from, in OpenCV's positions."""
+        """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
-        """For every pixel after undistortion the (x, y) before, in OpenCV's pixel positions, float32 [h w] each."""
+        """For every undistorted pixel its (x, y) in the stored image, in OpenCV's positions, float32 [h w] each."""
         return self.sources(self.intrinsics, self.size)
 
     def undistorted(
         self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
     ) -> np.ndarray:
-        """A picture [h w 3] or map [h w] with the distortion undone by `maps()`; interpolated, or from the nearest pixel."""
+        """An image [h w 3] or map [h w], undistorted by `maps()`; interpolated, or from the nearest pixel."""
         method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
         return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
 
     def _can_be_undone(self) -> bool:
-        """Whether every pixel after undistortion has one source in the picture: the model does not fold over before its edge."""
+        """Whether every undistorted pixel has exactly one source in the image: the model does not fold over before the edge."""
         if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:
             return False
         if not self.invents_nothing:
@@ -119,9 +118,7 @@ class AbstractLens(ABC):
         height, width = self.size
         coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
         x, y = self.sources(coarse, (_GRID, _GRID))
-        slack = 0.01 * max(
-            self.size
-        )  # OpenCV finds the pinhole from a grid of points, so an edge may be off by a little
+        slack = 0.01 * max(self.size)  # OpenCV's pinhole is only as accurate as its grid of points
         inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
         return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
 
@@ -135,7 +132,7 @@ class Lens(AbstractLens):
         distortion: (k1, k2, p1, p2, k3), all 0 for a pinhole.
 
     Raises:
-        ValueError: as `AbstractLens`.
+        ValueError: see `AbstractLens`.
     """
 
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -147,15 +144,14 @@ class Lens(AbstractLens):
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether all of them are 0."""
+        """Whether all coefficients are 0."""
         return not any(self.distortion)
 
     @property
     def intrinsics(self) -> np.ndarray:
-        """K [3 3] of the pictures as they are read: after undistortion, at the same size [px].
+        """K [3 3] of the images after undistortion, at the same size [px].
 
-        Of the pinholes that could follow undistortion it is the widest in which every pixel has been seen (OpenCV's
-        optimal camera matrix with alpha = 0), so that no border has to be invented.
+        It is the widest pinhole without unseen pixels (OpenCV's optimal camera matrix with alpha = 0).
         """
         if self.is_pinhole:
             return matrix(self.focal, self.centre)
@@ -167,11 +163,11 @@ class Lens(AbstractLens):
 
     @property
     def invents_nothing(self) -> bool:
-        """It always has to."""
+        """Always."""
         return True
 
     def directions(self, positions: np.ndarray) -> np.ndarray:
-        """Camera-frame directions [n 3], z = 1, of positions [n 2] in the picture as it is stored [px]."""
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
         if not len(positions):
             return np.zeros((0, 3))
         points = np.asarray(positions, dtype=np.float64)[:, None] - HALF
@@ -179,7 +175,7 @@ class Lens(AbstractLens):
         return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 
     def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Where in the stored picture the pixels of a pinhole K [3 3] of (height, width) come from, in OpenCV's positions."""
+        """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
         x, y = cv2.initUndistortRectifyMap(
             self._opencv_matrix, np.array(self.distortion), np.eye(3), shifted(pinhole, -HALF), size[::-1], cv2.CV_32FC1
         )
@@ -191,7 +187,7 @@ class Lens(AbstractLens):
 
 
 def matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
-    """K of focal lengths and a principal point."""
+    """K from focal lengths and principal point."""
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
 
 
@@ -201,14 +197,14 @@ def shifted(pinhole: np.ndarray, pixels: float) -> np.ndarray:
 
 
 def carried_over(values: np.ndarray, source: AbstractLens, target: AbstractLens) -> np.ndarray:
-    """A map [h w] of one pinhole as another sees it from the same place, looking the same way; 0 where it sees beyond.
+    """A map [h w] of one pinhole as seen by another with the same pose; 0 outside.
 
-    Each pixel gets the value of the pixel that its ray meets; nothing is mixed, so that z-depths stay what they are.
+    Each pixel gets the value of the pixel that its ray hits. Values are not interpolated, so z-depths stay valid.
 
     Args:
-        values: of `source`, which may be for another size of the same picture.
-        source: the pinhole that the map is of.
-        target: the pinhole to carry it to.
+        values: the map of `source`, perhaps at another size.
+        source: the pinhole of the map.
+        target: the pinhole that should see it.
     """
     (height, width), (rows, columns) = target.size, values.shape
     x = (np.arange(width) + HALF - target.centre[0]) / target.focal[0] * source.focal[0] + source.centre[0]

@@ -1,8 +1,8 @@
-"""Sources of depth, labels and masks: small parts that a frame is made of, each of which reads itself.
+"""Sources of depth, labels and masks: the parts of a frame that read its maps.
 
-A source gives a map for the pixels that a frame is read at. Those here read files: they give `Pixels.taken` what is stored in the
-pixels of the picture, and distortion, crop and size are dealt with there. A reader picks the sources that suit its files and writes
-no class; only what is stored in a way that nobody stored it before needs a new one, which is a dataclass with a method `read`.
+A source returns a map for the pixels that a frame is read at. The sources here read files: they pass the stored map to `Pixels.taken`,
+which applies undistortion, crop and resizing. A reader picks the sources that suit its files and needs no class of its own. Only a new way
+to store maps needs a new source: a dataclass with a method `read`.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.lens import AbstractLens, carried_over
 from semgs.data.resampling import kept_window, nearest
 from semgs.files.arrays import read_array
+from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.pictures import decode_map, read_uint8, read_uint16
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
 
 ASPECT_TOLERANCE = 0.02
-"""Depth and label maps may be smaller than their picture, as phones' are, if their aspect is the same to this fraction."""
+"""Depth and label maps may be smaller than their image, as on phones, if the aspects differ by no more than this fraction."""
 
 SATURATED = 65535
-"""The largest count of a 16-bit depth map: nothing was measured, or something beyond. Unknown, as 0 is."""
+"""The largest count of a 16-bit depth map. It means unknown, like 0: nothing was measured, or something too far away."""
 
 VISIBLE = 128
-"""Masks are 255 where a picture may be looked at and 0 where it may not; a film's in between."""
+"""Masks are 255 where the image is visible and 0 where it is hidden; compressed masks have values in between."""
 
 
 @final
@@ -40,10 +41,10 @@ class Pixels:
     """The pixels that a frame is read at.
 
     Attributes:
-        lens: of the picture as it is stored.
-        camera: the one pinhole that is read, its distortion undone, resized.
-        maps: what `lens.maps()` gives; None for a pinhole.
-        crop: whether the picture was cropped to the aspect of the camera's size, as `reframed`; else it was stretched.
+        lens: of the stored image.
+        camera: the pinhole of the view, after undistortion and resizing.
+        maps: the result of `lens.maps()`; None for a pinhole.
+        crop: whether the image was cropped to the aspect of the camera's size (`reframed`) instead of stretched.
     """
 
     lens: AbstractLens
@@ -52,13 +53,15 @@ class Pixels:
     crop: bool = False
 
     def taken(self, values: Shaped[np.ndarray, "rows columns"]) -> Shaped[np.ndarray, "h w"]:
-        """Of a map of the picture as it is stored, the value at each pixel; nothing is mixed.
+        """A map of the stored image at the pixels of the view. Values are never interpolated.
 
         Raises:
-            ValueError: it has another size than the picture.
+            ValueError: it has another size than the image.
         """
         if values.shape != self.lens.size:
-            raise ValueError(f"the map is {values.shape} (height, width); expected {self.lens.size}, as its picture")
+            raise ValueError(
+                f"the map is {values.shape} (height, width); expected {self.lens.size}, the size of its image"
+            )
         if self.maps is not None:
             values = self.lens.undistorted(values, self.maps, nearest=True)
         if self.camera.size == self.lens.size:
@@ -74,16 +77,16 @@ class MapSource(Protocol):
     """Where the depth, the labels or the mask of a frame come from.
 
     Attributes:
-        stored: whether they are read rather than computed, so that frames may be chosen by them.
+        stored: whether maps are read from files rather than computed, so that frames can be chosen by them.
     """
 
     stored: ClassVar[bool]
 
     def read(self, pixels: Pixels) -> Shaped[np.ndarray, "h w"]:
-        """The map at some pixels: z-depths (float32) [m], 0 where unknown; labels (uint8), 255 for none; or True where hidden.
+        """The map at these pixels: z-depths (float32) [m], 0 where unknown; labels (uint8), 255 for none; or a mask, True where hidden.
 
         Raises:
-            InputError: a file is absent, damaged, or does not go with its picture.
+            InputError: a file is missing or damaged, or does not match its image.
         """
         ...
 
@@ -94,9 +97,9 @@ class DepthMap:
     """Z-depths in a file: 16-bit PNG or PGM, or `.npy`.
 
     Attributes:
-        path: the file, or whatever holds or yields it.
-        unit: what one count is worth [m].
-        rotated: whether the bits of each count are rotated by three to the left, as SUN3D's are.
+        path: the file.
+        unit: metres per count [m].
+        rotated: whether the bits of each count are rotated left by three, as in SUN3D.
     """
 
     path: Stored
@@ -108,15 +111,15 @@ class DepthMap:
         """As `MapSource.read`.
 
         Raises:
-            InputError: as `MapSource.read`; its aspect is not the picture's.
+            InputError: as `MapSource.read`, or it has another aspect than the image.
         """
         return pixels.taken(fitted(self.path, self.metres(), pixels.lens.size))
 
     def metres(self) -> Float32[np.ndarray, "rows columns"]:
-        """The map at its own size [m], 0 where unknown.
+        """The stored map [m], 0 where unknown.
 
         Raises:
-            InputError: it is absent, damaged or of another type.
+            InputError: it is missing, damaged or of another type.
         """
         counts = self._counts()
         depths = counts.astype(np.float32) * np.float32(self.unit)
@@ -126,7 +129,7 @@ class DepthMap:
         return depths
 
     def _counts(self) -> Num[np.ndarray, "rows columns"]:
-        """What is stored."""
+        """The stored counts."""
         if self.path.suffix.lower() != ".npy":
             counts = read_uint16(self.path)
             return (counts >> 3) | (counts << 13) if self.rotated else counts
@@ -139,12 +142,13 @@ class DepthMap:
 @final
 @dataclass(frozen=True)
 class DepthThroughLens:
-    """A depth map of a camera of its own, at the place of the one that took the picture: each pixel gets the depth that its ray meets.
+    """A depth map of a separate depth camera with the same pose: each pixel gets the depth that its ray hits.
 
     Attributes:
-        map: as that camera measured it.
-        lens: that camera, a pinhole.
-        of_picture: the camera of the picture, a pinhole, if the frame's is what somebody else takes it for; None is the frame's.
+        map: as the depth camera measured it.
+        lens: the depth camera, a pinhole.
+        of_picture: the true camera of the image, a pinhole, if the frame has another one (that of another paper's code); None for the
+            frame's.
     """
 
     map: DepthMap
@@ -167,10 +171,10 @@ class ClassMap:
     """Labels in an 8-bit PNG.
 
     Attributes:
-        path: the file, or whatever holds or yields it.
-        classes: the table.
-        meaning: of each number from 0 to 255, as `LabelSet.meaning`; None where they are labels already.
-        key: what it is of, for errors.
+        path: the file.
+        classes: the class table.
+        meaning: the label of each number from 0 to 255, as `LabelSet.meaning`; None if the numbers are labels.
+        key: what the map belongs to, for errors.
     """
 
     path: Stored
@@ -183,7 +187,7 @@ class ClassMap:
         """As `MapSource.read`.
 
         Raises:
-            InputError: as `MapSource.read`; its aspect is not the picture's, or a label is outside the table.
+            InputError: as `MapSource.read`, or it has another aspect than the image, or a label outside the table.
         """
         labels = read_labels(self.path, self.classes, self.key, self.meaning)
         return pixels.taken(fitted(self.path, labels, pixels.lens.size))
@@ -192,11 +196,11 @@ class ClassMap:
 @final
 @dataclass(frozen=True, eq=False)
 class IdMap:
-    """Ids of a data set, 8 or 16 bits, and what they mean.
+    """Ids of a data set, 8 or 16 bits, and their labels.
 
     Attributes:
-        path: the file, or whatever holds or yields it.
-        labels: the label of every id that 16 bits hold.
+        path: the file.
+        labels: the label of every 16-bit id.
     """
 
     path: Stored
@@ -207,7 +211,7 @@ class IdMap:
         """As `MapSource.read`.
 
         Raises:
-            InputError: as `MapSource.read`; its aspect is not the picture's.
+            InputError: as `MapSource.read`, or it has another aspect than the image.
         """
         return pixels.taken(fitted(self.path, self.labels[read_ids(self.path)], pixels.lens.size))
 
@@ -215,10 +219,10 @@ class IdMap:
 @final
 @dataclass(frozen=True)
 class MaskMap:
-    """Where a picture may not be looked at, in an 8-bit PNG: dark places are hidden.
+    """A mask in an 8-bit PNG: dark pixels are hidden.
 
     Attributes:
-        path: the file, or whatever holds or yields it.
+        path: the file.
     """
 
     path: Stored
@@ -228,7 +232,7 @@ class MaskMap:
         """As `MapSource.read`.
 
         Raises:
-            InputError: as `MapSource.read`; its aspect is not the picture's.
+            InputError: as `MapSource.read`, or it has another aspect than the image.
         """
         return pixels.taken(fitted(self.path, read_uint8(self.path), pixels.lens.size)) < VISIBLE
 
@@ -236,7 +240,7 @@ class MaskMap:
 @final
 @dataclass(frozen=True, eq=False)
 class InMemory:
-    """A map that is an array already, in the pixels of the picture as it is stored.
+    """A map in memory, for the pixels of the stored image.
 
     Attributes:
         values: z-depths (float32) [m], 0 where unknown, or labels (uint8), 255 for none.
@@ -249,7 +253,7 @@ class InMemory:
         """As `MapSource.read`.
 
         Raises:
-            ValueError: it has another size than the picture.
+            ValueError: it has another size than the image.
         """
         return pixels.taken(self.values)
 
@@ -257,49 +261,46 @@ class InMemory:
 def fitted(
     path: Stored, values: Shaped[np.ndarray, "rows columns"], size: tuple[int, int]
 ) -> Shaped[np.ndarray, "h w"]:
-    """A map at the size of its picture, each pixel from the one that its centre lies in.
+    """A map resized to its image: each pixel takes the value of the pixel that its centre lies in.
 
     Args:
-        path: of the map, for the error.
+        path: the map's file, for the error.
         values: the map.
-        size: (height, width) of the picture.
+        size: (height, width) of the image.
 
     Raises:
-        InputError: its aspect is not the picture's.
+        InputError: it has another aspect than the image.
     """
     (height, width), (rows, columns) = size, values.shape
     if (rows, columns) == size:
         return values
     if not rows or not columns or abs(rows * width / (columns * height) - 1) > ASPECT_TOLERANCE:
-        raise InputError(path, f"{width}x{height} pixels (width x height), as its picture", f"{columns}x{rows}")
+        raise InputError(path, f"{width}x{height} pixels (width x height), the size of its image", f"{columns}x{rows}")
     return nearest(torch.from_numpy(values), size).numpy()
 
 
 def read_ids(path: Stored) -> np.ndarray:
-    """The ids that a label map holds, uint8 or uint16 [h w].
+    """The ids in a label map, uint8 or uint16 [h w].
 
     Raises:
-        InputError: it cannot be read, or is no map.
+        InputError: it cannot be read, or is not a PNG with one channel.
     """
-    try:
-        return decode_map(path.read_bytes(), path)
-    except OSError as error:
-        raise InputError(path, "a label map", error.strerror or str(error)) from error
+    return decode_map(read_bytes(path, "a label map"), path)
 
 
 def read_labels(
     path: Stored, classes: ClassTable, key: str | None = None, meaning: Sequence[int | None] | None = None
 ) -> UInt8[np.ndarray, "h w"]:
-    """A class map: indices of the table, or 255 for none.
+    """A class map: labels of the table, or 255 for none.
 
     Args:
-        path: of the picture.
-        classes: the table.
-        key: what the map is of, for the error.
-        meaning: the label of each number from 0 to 255 in the picture, None for one that must not occur; None where the numbers are labels.
+        path: the PNG.
+        classes: the class table.
+        key: what the map belongs to, for the error.
+        meaning: the label of each number from 0 to 255, None for a number that must not occur; None if the numbers are labels.
 
     Raises:
-        InputError: it is absent or damaged, or has a label outside the table.
+        InputError: it is missing or damaged, or has a label outside the table.
     """
     labels = read_uint8(path)
     if meaning is not None:

@@ -1,4 +1,4 @@
-"""Parallax: how far away things are, from features that two posed pictures share."""
+"""Parallax: depths from features that two posed images share."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from semgs.data.frames import Frame
 from semgs.files.pictures import read_grey
 
 LONGEST_SIDE = 480
-"""Features are found at this size: a few tens of milliseconds a picture, and plenty of them [px]."""
+"""Features are detected at this size [px]: it takes a few tens of milliseconds an image, and finds plenty."""
 
 FEATURES = 1500
 RATIO = 0.8
 EPIPOLAR_TOLERANCE_PX = 1.5
 LEAST_MATCHES = 15
 LEAST_PARALLAX = np.radians(0.25)
-"""Pairs whose features move less than this between the two views are not believed: it is a pixel or two."""
+"""Pairs whose features move less than this between the views are not used: it is only a pixel or two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Seen:
         axis: its optical axis [3].
         directions: unit directions of the features in the world [n 3].
         descriptors: SIFT [n 128].
-        pixel: the angle of one pixel of the reduced picture [rad].
+        pixel: the angle of one pixel of the reduced image [rad].
     """
 
     centre: np.ndarray
@@ -41,10 +41,10 @@ class Seen:
 
 
 def seen(frame: Frame) -> Seen:
-    """The features of a frame, at a reduced size, as directions in the world.
+    """The features of a frame at reduced size, as directions in the world.
 
     Raises:
-        InputError: its picture cannot be read.
+        InputError: its image cannot be read.
     """
     grey = read_grey(frame.picture, frame.lens.size, LONGEST_SIDE)
     keypoints, descriptors = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(grey, None)
@@ -62,10 +62,10 @@ def seen(frame: Frame) -> Seen:
 
 
 def inverse_depths(first: Seen, second: Seen) -> np.ndarray:
-    """Inverse z-depths of the features that two frames share, in both of them; none if they show too little parallax.
+    """Inverse z-depths, in both frames, of the features that they share; empty if there is too little parallax.
 
-    A match counts if it is mutual, passes Lowe's ratio test and its two rays meet within `EPIPOLAR_TOLERANCE_PX`. What is
-    too far to show parallax comes out near 0, or at 0 where its rays part.
+    A match counts if it is mutual, passes Lowe's ratio test, and its two rays meet within `EPIPOLAR_TOLERANCE_PX`. Points too far away to
+    show parallax get a value near 0, or 0 if their rays diverge.
     """
     baseline = second.centre - first.centre
     if not np.linalg.norm(baseline) > 0:
@@ -73,7 +73,7 @@ def inverse_depths(first: Seen, second: Seen) -> np.ndarray:
     i, j = _matches(first.descriptors, second.descriptors)
     a, b = first.directions[i], second.directions[j]
     along = baseline / np.linalg.norm(baseline)
-    # Where the pose is right, a and b lie in one plane with the baseline; the angle out of it is the epipolar error.
+    # With correct poses, a, b and the baseline lie in one plane; the angle out of it is the epipolar error.
     normal = np.cross(along, a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     meet = np.abs((normal * b).sum(1)) < np.sin(EPIPOLAR_TOLERANCE_PX * max(first.pixel, second.pixel))
@@ -91,7 +91,7 @@ def inverse_depths(first: Seen, second: Seen) -> np.ndarray:
 
 
 def _matches(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of descriptors that are each other's nearest and pass the ratio test."""
+    """Indices of descriptors that are each other's nearest neighbours and pass the ratio test."""
     none = np.zeros(0, dtype=np.int64)
     if len(first) < 2 or len(second) < 2:
         return none, none

@@ -1,4 +1,4 @@
-"""The record in a prepared scene: what it was made of."""
+"""The record in a prepared scene: what it was made from."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ RECORD = "prepared.json"
 
 
 def read_record(archive: Path) -> dict[str, Any] | None:
-    """What `prepared.json` in an archive holds; None where the archive is not one of ours.
+    """The content of `prepared.json` in an archive; None if it is not a prepared scene.
 
     Raises:
-        InputError: it is no zip archive.
+        InputError: it is not a zip archive.
     """
     member = members(archive).get(RECORD)
     try:

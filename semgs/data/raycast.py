@@ -1,4 +1,4 @@
-"""First hits of rays on a triangle mesh, through Embree; the one place that imports it."""
+"""First hits of rays on a triangle mesh, with Embree. Only this module imports it."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import numpy as np
 from jaxtyping import Float, Int, Num
 
 REACH = 1e30
-"""Where a ray without a limit ends [m]; Embree calls anything beyond it a miss."""
+"""The length of an unlimited ray [m]; Embree reports anything beyond as a miss."""
 
 
 class Raycaster:
-    """A triangle mesh that rays can be cast at.
+    """A triangle mesh to cast rays at.
 
-    Embree works in float32: keep the mesh within some tens of metres of the origin, and where more is needed than about
-    1e-6 of that distance, meet the ray with the plane of the triangle that was hit, in float64.
+    Embree works in float32: keep the mesh within some tens of metres of the origin. If you need hits to better than about 1e-6 of that
+    distance, intersect the ray with the plane of the triangle in float64.
 
     Args:
-        vertices: corners [m].
-        faces: three vertex numbers a triangle.
+        vertices: positions [m].
+        faces: three vertex indices per triangle.
 
     Raises:
-        ValueError: there is no triangle, a vertex is not finite, or a face names a vertex that does not exist.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ValueError: there is no triangle, a vertex is not finite, or a face refers to a vertex that does not exist.
+        ImportError: embreex is not installed; the error names the extra to install.
     """
 
     def __init__(self, vertices: Num[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> None:
@@ -31,7 +31,7 @@ class Raycaster:
             raise ValueError("a vertex of the mesh is not finite")
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise ValueError(
-                f"faces name vertices {faces.min()}..{faces.max()}, but the mesh has vertices 0..{len(vertices) - 1}"
+                f"faces refer to vertices {faces.min()}..{faces.max()}, but the mesh has vertices 0..{len(vertices) - 1}"
             )
         scene_type, mesh_type = _embree()
         self._scene = scene_type()
@@ -47,16 +47,16 @@ class Raycaster:
         directions: Num[np.ndarray, "r 3"],
         reach: Num[np.ndarray, " r"] | None = None,
     ) -> tuple[Int[np.ndarray, " r"], Float[np.ndarray, " r"]]:
-        """The nearest triangle that each ray meets, and where.
+        """The first triangle that each ray hits, and where.
 
         Args:
-            origins: where rays start [m].
-            directions: where they go, of any length > 0.
-            reach: how far each ray goes, in lengths of its direction; None is without limit.
+            origins: start points [m].
+            directions: of any length > 0.
+            reach: length of each ray, in lengths of its direction; None for no limit.
 
         Returns:
-            Number of the triangle, -1 where nothing is hit, and the distance of the hit in lengths of the direction (inf
-            where nothing is hit). Both sides of a triangle count.
+            Index of the triangle, -1 for a miss, and the distance of the hit in lengths of the direction (inf for a miss). Both sides
+            of a triangle count.
         """
         if len(origins) == 0:
             return np.zeros(0, np.int32), np.zeros(0, np.float32)
@@ -75,7 +75,7 @@ class Raycaster:
         directions: Num[np.ndarray, "r 3"],
         reach: Num[np.ndarray, " r"] | float = REACH,
     ) -> np.ndarray:
-        """Whether each ray gets to the end of its reach without meeting a triangle [r], boolean."""
+        """Whether each ray reaches its end without hitting a triangle [r], boolean."""
         if len(origins) == 0:
             return np.zeros(0, bool)
         limits = np.array(np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins)))
@@ -89,11 +89,7 @@ class Raycaster:
 
 
 def _embree() -> tuple[type, type]:
-    """Embree's scene and mesh types.
-
-    Raises:
-        ImportError: embreex is not installed.
-    """
+    """Embree's scene and mesh types."""
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene

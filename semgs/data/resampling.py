@@ -1,4 +1,4 @@
-"""Views at other sizes: resized, cropped, or both; image, maps and camera together."""
+"""Views at other sizes: resized, cropped, or both. Images, maps and cameras change together."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import checked_size
 
 DEFAULT_PIXELS = 76_800
-"""Pictures are reduced to at most so many pixels unless the user asks for a size: 240 x 320."""
+"""Images are reduced to at most this many pixels (240 x 320), unless the user gives a size."""
 
 STRETCH = 0.01
-"""Pictures whose aspect is off by no more than this are stretched where others are cropped."""
+"""Images whose aspect differs by no more than this are stretched instead of cropped."""
 
 
 def resized(views: Views, size: Sequence[int]) -> Views:
-    """The same views at another size: pictures, labels, depths and cameras together; the aspect need not be kept.
+    """The same views at another size: images, labels, depths and cameras together. The aspect may change.
 
-    Along an axis that shrinks, a new pixel is the mean of the area it covers, whatever the ratio; along one that grows, it
-    is interpolated linearly between pixel centres. Labels and depths are never mixed: each comes from the pixel that its
-    new centre lies in (`cv2.INTER_NEAREST` takes the one at its new corner instead).
+    Along an axis that shrinks, a new pixel is the mean of the area it covers, for any ratio. Along an axis that grows, it is interpolated
+    linearly between pixel centres. Labels and depths are never interpolated: each comes from the pixel that its new centre lies in
+    (`cv2.INTER_NEAREST` takes the one at its new corner instead).
 
     Args:
         views: with any leading axes.
@@ -45,16 +45,16 @@ def resized(views: Views, size: Sequence[int]) -> Views:
 
 
 def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
-    """A window of the views: pictures, labels, depths and cameras (cx and cy move) together.
+    """A window of the views: images, labels, depths and cameras (cx and cy move) together.
 
     Args:
         views: with any leading axes.
-        top: rows cut off above.
-        left: columns cut off at the left.
-        size: (height, width) of what is kept [px].
+        top: rows to remove at the top.
+        left: columns to remove at the left.
+        size: (height, width) of the window [px].
 
     Raises:
-        ValueError: the window is empty or reaches outside the pictures.
+        ValueError: the window is empty or extends beyond the images.
     """
     height, width = size
     if (height, width) == views.size and top == left == 0:
@@ -62,7 +62,7 @@ def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
     if not (0 <= top < top + height <= views.size[0] and 0 <= left < left + width <= views.size[1]):
         raise ValueError(
             f"the window has rows {top}..{top + height} and columns {left}..{left + width}; "
-            f"expected a part of pictures of {views.size} (height, width)"
+            f"expected a part of images of {views.size} (height, width)"
         )
     window = (..., slice(top, top + height), slice(left, left + width))
     shift = torch.eye(3, dtype=torch.float64)
@@ -71,7 +71,7 @@ def cropped(views: Views, top: int, left: int, size: Sequence[int]) -> Views:
 
 
 def reframed(views: Views, size: Sequence[int]) -> Views:
-    """The views at another size without distortion: cropped about the middle to its aspect, then resized.
+    """The views at another size without stretching: cropped to its aspect around the centre, then resized.
 
     Args:
         views: with any leading axes.
@@ -86,7 +86,7 @@ def reframed(views: Views, size: Sequence[int]) -> Views:
 
 
 def nearest(maps: Tensor, size: tuple[int, int]) -> Tensor:
-    """Maps [... h w] at another size, each pixel from the one that its centre lies in: labels and depths are never mixed."""
+    """Maps [... h w] at another size, without interpolation: each pixel takes the value of the pixel that its centre lies in."""
     row, column = (
         ((2 * torch.arange(new) + 1) * old // (2 * new)).to(maps.device)
         for old, new in zip(maps.shape[-2:], size, strict=True)
@@ -95,13 +95,13 @@ def nearest(maps: Tensor, size: tuple[int, int]) -> Tensor:
 
 
 def kept_window(old: tuple[int, int], size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """The part that `reframed` keeps, about the middle: rows cut off above, columns cut off at the left, height and width [px]."""
+    """The central part that `reframed` keeps: rows removed at the top, columns removed at the left, height and width [px]."""
     rows, columns = kept_size(old, size)
     return (old[0] - rows) // 2, (old[1] - columns) // 2, rows, columns
 
 
 def kept_size(old: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
-    """(height, width) of the part that `reframed` keeps: all of it where the aspects differ by no more than `STRETCH` [px]."""
+    """(height, width) of the part that `reframed` keeps: everything if the aspects differ by no more than `STRETCH` [px]."""
     (rows, columns), (height, width) = old, size
     if abs(rows * width / (columns * height) - 1) <= STRETCH:
         return old
@@ -109,19 +109,19 @@ def kept_size(old: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
 
 
 def default_size(size: Sequence[int]) -> tuple[int, int]:
-    """The size that pictures of `size` are read at when nobody asks for one.
+    """The default size at which images of `size` are read.
 
-    Reduced, never enlarged, to at most `DEFAULT_PIXELS` with their aspect, sides rounded to multiples of 16 (what the
-    networks work in without padding); a side shorter than 16 is left alone.
+    Images are reduced, never enlarged, to at most `DEFAULT_PIXELS` with about the same aspect. Sides are rounded to multiples of 16, which
+    the networks need no padding for; a side shorter than 16 is unchanged.
 
     Args:
-        size: (height, width) of the pictures [px].
+        size: (height, width) of the images [px].
     """
     scale = min(1.0, (DEFAULT_PIXELS / (size[0] * size[1])) ** 0.5)
     wanted = [side * scale / 16 for side in size]
     most = DEFAULT_PIXELS // 256
     units = [max(1, min(round(want), side // 16, most)) for want, side in zip(wanted, size, strict=True)]
-    while units[0] * units[1] > most:  # of the sides that can, the one that rounding lengthened most gives way
+    while units[0] * units[1] > most:  # shorten the side that rounding lengthened most, if it can be
         longer = max((0, 1), key=lambda axis: (units[axis] > 1, units[axis] / wanted[axis]))
         units[longer] -= 1
     height, width = (min(16 * unit, side) for unit, side in zip(units, size, strict=True))
@@ -129,7 +129,7 @@ def default_size(size: Sequence[int]) -> tuple[int, int]:
 
 
 def _resampling(old: int, new: int) -> Float64[Tensor, "new old"]:
-    """The matrix that resamples an axis of `old` pixels to `new`: means of areas when it shrinks, linear when it grows."""
+    """The matrix that resamples an axis of `old` pixels to `new`: area means if it shrinks, linear interpolation if it grows."""
     pixels = torch.arange(old, dtype=torch.float64)
     if new <= old:
         edges = torch.arange(new + 1, dtype=torch.float64)[:, None] * (old / new)

@@ -18,32 +18,32 @@ from semgs.data.parallax import Seen
 from semgs.data.resampling import default_size
 from semgs.data.views import FAR_OUT, Views, joined
 from semgs.files.errors import InputError
-from semgs.files.notebook import MOST, Row, html, small
+from semgs.files.notebook import MOST, Strip, html, small
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.summaries import summary
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Posed pictures as a layout describes them. Nothing but headers has been read yet.
+    """A scene of posed images. Only headers have been read.
 
-    Frames are counted by their position among the usable ones, in file order, from 0. Their poses, and `points`, are as the files have
-    them; views that are read of a scene far from the origin of its coordinates have `origin` subtracted.
+    A frame's position counts the usable frames in file order, from 0. Poses and `points` are those of the files. If the scene is far from
+    the origin of its coordinates, views have `origin` subtracted.
 
     Attributes:
         path: the file or folder that describes the scene.
-        name: its folder's name.
-        layout: what it was recognised as: "transforms.json", "COLMAP", "ScanNet", "ScanNet++ dslr", ...
-        unit: "metric" or "unknown": what lengths are in.
+        name: the name of its folder.
+        layout: the detected layout: "transforms.json", "COLMAP", "ScanNet", "ScanNet++ dslr", ...
+        unit: of lengths: "metric" or "unknown".
         frames: the usable frames.
-        classes: the table of the labels, None where the scene has none or they cannot be read.
-        unread_labels: why labels that are there cannot be read: their table is unknown or damaged. None where there is no such thing.
-        absent: names that are listed and whose pictures are missing.
-        notes: what the user should be told, a sentence each.
+        classes: the class table of the labels; None if there are no labels or they cannot be read.
+        unread_labels: why existing labels cannot be read: their table is unknown or damaged. None otherwise.
+        absent: names of listed frames whose images are missing.
+        notes: what the user should know, one sentence each.
         points: sparse points [n 3] in the world, or None.
         applied_transform: nerfstudio's [3 4], from the original world to that of the poses, which is ours; or None.
         applied_scale: nerfstudio's scale between the two, or None.
-        splits: positions of the frames of each part that the data set divides them into ("train", "test").
+        splits: positions of the frames in each split of the data set ("train", "test").
     """
 
     path: Path
@@ -66,7 +66,7 @@ class Scene:
             raise InputError(
                 self.path,
                 "at least two usable frames",
-                f"{len(self.frames)} ({listed} listed, {len(self.absent)} without their picture)",
+                f"{len(self.frames)} ({listed} listed, {len(self.absent)} without their image)",
                 advice=f"the first missing one is {self.absent[0]}" if self.absent else None,
             )
 
@@ -80,14 +80,14 @@ class Scene:
             unit=self.unit,
             frames=f"{len(self)} of {', '.join(f'{height}x{width}' for height, width in sizes[:MOST])} (height x width)",
             classes=self.classes and f"{self.classes.name}, {len(self.classes)} classes",
-            absent=f"{len(self.absent)} listed frames without their picture" if self.absent else None,
+            absent=f"{len(self.absent)} listed frames without their image" if self.absent else None,
             points=None if self.points is None else len(self.points),
             splits=", ".join(f"{name} {len(part)}" for name, part in self.splits.items()) or None,
             notes=" ".join(self.notes) or None,
         )
 
     def _repr_html_(self) -> str:
-        """A few of the photos, as a notebook shows them; those that cannot be read are named."""
+        """A few of the images for a notebook, or why they cannot be read."""
         pictures, said = [], []
         for index in np.unique(np.linspace(0, len(self) - 1, MOST).round().astype(int)).tolist():
             frame = self.frames[index]
@@ -96,7 +96,7 @@ class Scene:
                 said.append(f"{index}: {frame.name}")
             except InputError as error:
                 said.append(f"{index}: {error}")
-        return html(repr(self), [Row("frames", tuple(pictures), ", ".join(said))])
+        return html(repr(self), [Strip("frames", tuple(pictures), ", ".join(said))])
 
     def __len__(self) -> int:
         """The number of usable frames."""
@@ -104,26 +104,26 @@ class Scene:
 
     @property
     def cameras(self) -> list[Cameras]:
-        """The camera of each frame, as its files have it: at the picture's own size, distortion undone."""
+        """The camera of each frame, at full size, after undistortion."""
         return [frame.camera for frame in self.frames]
 
     @cached_property
     def origin(self) -> np.ndarray:
-        """The point [3] of the scene's coordinates that is the origin of the views' world.
+        """The point [3] of the scene's coordinates that becomes the origin of the views.
 
-        (0, 0, 0), and nothing is moved, but where the cameras are further than `FAR_OUT` from there along an axis (UTM, ECEF): then it is
-        in the middle of them, in whole units, so that subtracting it and adding it again are exact in float64.
+        It is (0, 0, 0), unless the cameras are further than `FAR_OUT` from there along an axis (UTM, ECEF). Then it is in the middle of
+        the cameras, rounded to whole units, so that subtracting and adding it are exact in float64.
         """
         centres = np.sort([frame.world_from_camera[:3, 3] for frame in self.frames], axis=0)
         middle = centres[len(centres) // 2]
         return np.rint(middle) if np.abs(middle).max() > FAR_OUT else np.zeros(3)
 
     def local(self, views: Views) -> Views:
-        """Views of frames, whose poses are as the files have them, in the world about `origin`."""
+        """Views with the poses of the files, moved to the world around `origin`."""
         return views.changed(cameras=views.cameras.relative_to(self.origin)) if self.origin.any() else views
 
     def index(self, frame: int | str) -> int:
-        """The position of a frame given by its position or name (as listed, the file's name, or that without its ending).
+        """The position of a frame, given its position or name (as listed, the file name, or the stem).
 
         Raises:
             ValueError: no frame has that position or name, or several have that name.
@@ -135,11 +135,11 @@ class Scene:
                 if len(found) > 1:
                     raise ValueError(
                         f"frame {frame!r} may be {self.frames[found[0]].name} or {self.frames[found[1]].name} "
-                        f"of {self.path}; give the whole name or its position"
+                        f"of {self.path}; give the full name or the position"
                     )
                 if found:
                     return found[0]
-            reason = ", its picture is missing" if wanted in {Path(name).name for name in self.absent} else ""
+            reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
         position = operator.index(frame)
         if not 0 <= position < len(self.frames):
@@ -151,27 +151,23 @@ class Scene:
     def depth_range(
         self, frames: Sequence[int | str] | None = None, features: dict[int, Seen] | None = None
     ) -> DepthRange:
-        """Near and far for some frames (None: for all), with the reason.
+        """Near and far for some frames, with the reason.
 
         Args:
-            frames: positions or names.
-            features: those found before by positions, for a caller who asks several times; new ones are added.
+            frames: positions or names; None for all.
+            features: known features by frame position, to reuse them between calls; new ones are added.
 
         Raises:
-            ValueError: no frame has that position or name, or none is asked for.
-            InputError: the scale has to be found from pictures and one cannot be read.
+            ValueError: no frame has that position or name, or the list is empty.
+            InputError: the scale has to be found from images, and one cannot be read.
         """
         return depth_range(self.frames, self._asked(frames), self.unit, self.points, features)
 
     def _asked(self, frames: Sequence[int | str] | None) -> Sequence[int]:
-        """The positions of frames, None being all.
-
-        Raises:
-            ValueError: no frame has that position or name, or none is asked for.
-        """
+        """The positions of frames; None for all."""
         asked = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
         if not asked:
-            raise ValueError(f"no frames are asked for; {self.path} has {len(self)}")
+            raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")
         return asked
 
     def read(
@@ -180,36 +176,28 @@ class Scene:
         size: Sequence[int] | Literal["native"] | None = None,
         depth_range: DepthRange | None = None,
     ) -> Views:
-        """Read frames as views in the world about `origin`: distortion undone, near and far filled in, labels and depths where all of them have them.
+        """Read frames as undistorted views in the world around `origin`, with labels and depths if all of them have some.
 
         Args:
-            frames: positions or names, in the order wanted.
-            size: (height, width) to bring them to, as `semgs.data.resampling.reframed`: other aspects are cropped. None is what `semgs reconstruct`
-                takes: `default_size` of the first frame, at most 76,800 pixels. "native" leaves the pictures at their own size.
-            depth_range: near and far to give them; None is `depth_range` of these frames.
+            frames: positions or names, in the order you want.
+            size: (height, width); images of another aspect are cropped (`semgs.data.resampling.reframed`). None is the size that
+                `semgs reconstruct` uses: `default_size` of the first frame, at most 76,800 pixels. "native" keeps the full size.
+            depth_range: near and far of the views; None for `depth_range` of these frames.
 
         Raises:
-            ValueError: no frame has that position or name, none is asked for, sizes differ and `size` is "native", or it is no size.
-            InputError: a picture, depth or label file cannot be used.
+            ValueError: no frame has that position or name, the list is empty, sizes differ and `size` is "native", or `size` is invalid.
+            InputError: an image, depth or label file cannot be used.
         """
         chosen = [self.frames[index] for index in self._asked(frames)]
         bounds = depth_range or self.depth_range(frames)
         wanted = _wanted(chosen, size)
-        views, lens, maps = [], None, None
-        for frame in chosen:
-            if frame.lens != lens and not frame.lens.is_pinhole:
-                lens, maps = frame.lens, frame.lens.maps()
-            given = None if frame.lens.is_pinhole else maps
-            views.append(frame.view((bounds.near, bounds.far), self.classes, size=wanted, crop=True, maps=given))
+        near_far = bounds.near, bounds.far
+        views = [frame.view(near_far, self.classes, size=wanted, crop=True) for frame in chosen]
         return self.local(joined(views)).checked()
 
 
 def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | None) -> Sequence[int] | None:
-    """The (height, width) to resize frames to as `Scene.read` was asked, None for their own.
-
-    Raises:
-        ValueError: their own is asked for and differs, or another word is given.
-    """
+    """The (height, width) to resize frames to, None for their full size; arguments as for `Scene.read`."""
     first = frames[0]
     if size is None:
         return default_size(first.lens.size)
@@ -223,6 +211,6 @@ def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | N
         if frame.lens.size != first.lens.size:
             raise ValueError(
                 f"{first.name} is {first.lens.size} (height, width) and {frame.name} {frame.lens.size}; "
-                "give a size to bring them to"
+                "give a size for all"
             )
     return None

@@ -1,11 +1,11 @@
-"""Lists of scenes: the splits that others tested on, those that follow from a rule, and one's own; and what a training may not have seen.
+"""Lists of scenes: published splits, splits by a rule, and your own; and the check that test scenes were not trained on.
 
-A list is asked for by
-- its name, of those inside the package (`semgs/data/lists`): "scannet-sray-test"
-- a text file with a name a line, as the splits of data sets come: "scene0000_00", "office_0/Sequence_1"; lines that begin with # are notes
-- "ten:FILE" or "all-but-ten:FILE": ten scenes of such a file that are held out, and the others (`held_out`)
+A list is given by
+- a name from the package (`semgs/data/lists`): "scannet-sray-test"
+- a text file with one name per line, as data sets publish their splits: "scene0000_00", "office_0/Sequence_1"; lines with # are comments
+- "ten:FILE" or "all-but-ten:FILE": ten held-out scenes of such a file, or all others (`held_out`)
 
-Whether a training has seen a scene is a question of rooms, not of scans: scene0211_00 and scene0211_03 show the same one.
+Test scenes are compared with training scenes by room, not by scan: scene0211_00 and scene0211_03 show the same room.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
 
+from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 
 Place = TypeVar("Place")
 
 TEN, ALL_BUT_TEN = "ten:", "all-but-ten:"
-"""What stands before a file of which ten scenes are wanted, or all others."""
+"""Prefixes of a file, for ten of its scenes or for all others."""
 
 HELD_OUT = 10
-"""Scenes of ScanNet++ that the paper tests on; which, it does not say."""
+"""Number of ScanNet++ scenes that the paper tests on; it does not say which."""
 
 _ROOMS = tuple(
     re.compile(pattern)
@@ -46,7 +47,7 @@ class SceneList:
     """Names of scenes.
 
     Attributes:
-        asked: how it was asked for, to name it in errors.
+        asked: how the list was given, for errors.
         names: of the scenes, in order.
     """
 
@@ -54,18 +55,18 @@ class SceneList:
     names: tuple[str, ...]
 
     def choose(self, known: Mapping[str, Place], where: str) -> list[Place]:
-        """Those of the scenes of a folder that are in the list, in its order, each once.
+        """The scenes of a folder that are in the list, in the list's order, each once.
 
         Args:
-            known: the scenes by all that a list may call them, as `calls` has it.
-            where: the folder, to be told.
+            known: the scenes of the folder by every name that a list may use, as from `calls`.
+            where: the folder, for errors.
 
         Raises:
-            InputError: a name is none of theirs.
+            InputError: no scene has one of the names.
         """
         missing = [name for name in self.names if _plain(name) not in known]
         if missing:
-            others = f" and {len(missing) - 1} more that are not there" if len(missing) > 1 else ", which is not there"
+            others = f" and {len(missing) - 1} more, which are missing" if len(missing) > 1 else ", which is missing"
             example = f", such as {next(iter(known))}" if known else ""
             raise InputError(
                 self.asked, f"names of scenes in {where}{example}", f"{missing[0]}{others}",
@@ -75,7 +76,7 @@ class SceneList:
 
 
 def package_lists() -> tuple[str, ...]:
-    """The names of the lists inside the package."""
+    """The names of the lists in the package."""
     return tuple(sorted(one.name.removesuffix(".txt") for one in _folder().iterdir() if one.name.endswith(".txt")))
 
 
@@ -83,18 +84,14 @@ def read_list(asked: str | Path) -> SceneList:
     """A list by its name, a text file, or a rule and a text file.
 
     Raises:
-        InputError: there is no such list or file, it cannot be read, it is empty, or has no more than the ten to hold out.
+        InputError: there is no such list or file, it cannot be read, is empty, or has too few scenes to hold out ten.
     """
     text = str(asked)
     if text in package_lists():
         return SceneList(text, _names(text, (_folder() / f"{text}.txt").read_text(encoding="utf-8")))
     rule = next((one for one in (TEN, ALL_BUT_TEN) if text.startswith(one)), "")
     path = typed_path(text.removeprefix(rule))
-    try:
-        names = _names(path, path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        known = f"a text file of scenes, or one of {', '.join(package_lists())}"
-        raise InputError(path, known, getattr(error, "strerror", None) or str(error)) from error
+    names = _names(path, read_text(path, f"a text file of scenes, or one of {', '.join(package_lists())}"))
     if not rule:
         return SceneList(text, names)
     if len(set(names)) <= HELD_OUT:
@@ -104,23 +101,23 @@ def read_list(asked: str | Path) -> SceneList:
 
 
 def held_out(names: Iterable[str], count: int = HELD_OUT) -> frozenset[str]:
-    """Scenes to test on where nobody says which: those whose names have the smallest SHA-256.
+    """Test scenes if no split is published: those whose names have the smallest SHA-256.
 
-    The rule knows neither the order of a list nor what the scenes show, and another release of a data set changes little of it.
+    The rule does not depend on the order of the list or on the scenes' content, and changes little with a new release of a data set.
     """
     return frozenset(sorted(set(names), key=lambda name: hashlib.sha256(os.fsencode(name)).hexdigest())[:count])
 
 
 def room_of(name: str) -> str | None:
-    """The room that a scene of ScanNet, ScanNet++, Replica or 7-Scenes shows, by its name ("scene0211_03" is "scene0211").
+    """The room of a scene of ScanNet, ScanNet++, Replica or 7-Scenes, by its name ("scene0211_03" is in "scene0211").
 
-    None for other names, which say nothing outside their folder: two data sets may both have a "scan1".
+    None for other names, because they are not unique: two data sets may both have a "scan1".
     """
     return next((match[1] for pattern in _ROOMS if (match := pattern.fullmatch(_plain(name)))), None)
 
 
 def seen_before(trained: Iterable[str], tested: Iterable[str]) -> dict[str, str]:
-    """Scenes that are tested on, each with one of the same room that was trained on."""
+    """Test scenes whose room was trained on, each with such a training scene."""
     rooms = {room: name for name in trained if (room := room_of(name)) is not None}
     return {name: rooms[room] for name in tested if (room := room_of(name)) in rooms and room is not None}
 
@@ -129,12 +126,12 @@ def check_unseen(path: str | Path, trained: Iterable[str], tested: Iterable[str]
     """Refuse to test on rooms that were trained on.
 
     Args:
-        path: what is tested on, or with, to be named.
+        path: the data or weights, for the error.
         trained, tested: names of scenes.
-        advice: what to do about it.
+        advice: what the user can do.
 
     Raises:
-        InputError: a scene of both shows the same room; all are named.
+        InputError: a test scene shows a room that was trained on; the error names all of them.
     """
     leaks = seen_before(trained, tested)
     if leaks:
@@ -145,10 +142,10 @@ def check_unseen(path: str | Path, trained: Iterable[str], tested: Iterable[str]
 
 
 def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
-    """The scenes below a folder by all that a list may call them.
+    """The scenes below a folder, by every name that a list may use.
 
-    That is the place below the folder (with _ or / between), the folder's own name, and for 7-Scenes "sequence1". What two are called means
-    the first.
+    These are the path below the folder (with _ or /), the name of the scene's own folder, and for 7-Scenes "sequence1". If two scenes share a
+    name, it means the first.
     """
     root = typed_path(root)
     known: dict[str, Path] = {}
@@ -161,29 +158,20 @@ def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
     return known
 
 
-def _room(name: str) -> str:
-    """The room of a scene; of one whose name does not say, the scene itself."""
-    return room_of(name) or name
-
-
 def _plain(name: str) -> str:
-    """A name as all its spellings have it: office_0/Sequence_1 is prepared as office_0_Sequence_1."""
+    """One spelling of a name: office_0/Sequence_1 is prepared as office_0_Sequence_1."""
     return name.replace("\\", "/").strip("/").replace("/", "_")
 
 
 def _names(path: str | Path, text: str) -> tuple[str, ...]:
-    """The names in the text of a list.
-
-    Raises:
-        InputError: there are none.
-    """
+    """The names in the text of a list."""
     lines = (line.strip().replace("\\", "/").rstrip("/") for line in text.splitlines())
     names = tuple(line for line in lines if line and not line.startswith("#"))
     if not names:
-        raise InputError(path, "names of scenes, one a line", "none: the list is empty")
+        raise InputError(path, "names of scenes, one per line", "an empty list")
     return names
 
 
 def _folder() -> Path:
-    """Where the lists inside the package are."""
+    """The folder of the lists in the package."""
     return Path(str(files("semgs.data"))) / "lists"

@@ -1,4 +1,4 @@
-"""Opening scenes: which layout a folder has is found out here."""
+"""Opening scenes; the layout is detected automatically."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from semgs.data.layouts.colmap import model as colmap
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.rgbd import folders as rgbd
 from semgs.data.layouts.rgbd import frame_files, tum
-from semgs.data.layouts.ros import bag as ros_bag
+from semgs.data.layouts.ros import recording as ros
 from semgs.data.layouts.scannet import scan as scannet
 from semgs.data.layouts.scannetpp import scan as scannetpp
-from semgs.data.peers import check_applicable, check_readings
+from semgs.data.readings import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.files.errors import InputError, readable
@@ -27,11 +27,11 @@ class Layout:
     """A layout of scenes on disk.
 
     Attributes:
-        recognises: whether a path has it.
-        open: the scene at such a path; a layout with `readings` also takes `as_peers`, one that `asks` takes `asked`.
-        looked_for: what makes it recognised, in words.
-        readings: those of `semgs.data.peers` that it knows.
-        asks: the fields of `semgs.data.asked.Asked` that it takes.
+        recognises: whether a path has this layout.
+        open: opens the scene; also takes `as_peers` if the layout has `readings`, and `asked` if it `asks`.
+        looked_for: what the layout is recognised by, in words.
+        readings: the names from `semgs.data.readings` that it supports.
+        asks: the fields of `semgs.data.asked.Asked` that it uses.
     """
 
     recognises: Callable[[Path], bool]
@@ -41,13 +41,13 @@ class Layout:
     asks: tuple[str, ...] = ()
 
     def scene(self, path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
-        """The scene at a path that has this layout.
+        """The scene at a path with this layout.
 
         Raises:
-            InputError: as `open`; or the layout has no such reading, or does not leave open what is told.
+            InputError: the scene cannot be opened, or the layout does not support a reading or a detail.
         """
-        told = {"as_peers": as_peers} if self.readings else {}
-        scene = self.open(path, **told, **({"asked": asked} if self.asks else {}))
+        options = {"as_peers": as_peers} if self.readings else {}
+        scene = self.open(path, **options, **({"asked": asked} if self.asks else {}))
         check_applicable(path, scene.layout, as_peers, self.readings)
         asked.only(path, scene.layout, *self.asks)
         return scene
@@ -61,13 +61,13 @@ LAYOUTS = (
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
     Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
     Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
-    Layout(ros_bag.recognises, ros_bag.open_bag, ros_bag.LOOKED_FOR, asks=ros_bag.ASKS),
+    Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, asks=ros.ASKS),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
 )
-"""The known layouts; of a folder that has several, the first counts."""
+"""The known layouts. If a folder has several, the first one counts."""
 
-SINGLE_FILES = (".zip", *ros_bag.ENDINGS)
-"""Endings of files that may be a scene each, where a folder is looked through."""
+SINGLE_FILES = (".zip", *ros.ENDINGS)
+"""Endings of files in a folder that may be scenes."""
 
 LOOKED_FOR = ", or ".join(layout.looked_for for layout in LAYOUTS)
 
@@ -83,28 +83,24 @@ def open_scene(
     depth_unit: float | None = None,
     needs_labels: bool = True,
 ) -> Scene:
-    """The scene at a path; its layout is recognised from what the folder holds.
+    """The scene at a path; its layout is detected automatically.
 
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
-        as_peers: names of `semgs.data.peers.READINGS`: what to read as peers do, where ours differs.
-        camera, world, body, intrinsics, depth_unit: as in `semgs.data.asked.Asked`, for layouts that leave them open.
-        needs_labels: whether labels that are there but cannot be read are an error; if not, they are left out and a note says why.
+        as_peers: names from `semgs.data.readings.READINGS`: read files the way another paper's code does.
+        camera, world, body, intrinsics, depth_unit: details that the files may not state, see `semgs.data.asked.Asked`.
+        needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
 
     Raises:
-        InputError: nothing is there, no layout is recognised (what was looked for is listed), the scene's own description is broken,
-            the table of its labels is unknown or damaged (if they are needed), a reading is asked for that its layout does not have, or something is told that it does not leave open.
-        ValueError: there is no reading of that name, or what is told cannot be.
+        InputError: nothing is there, no layout is recognised (the error lists the known ones), the scene's files are damaged, the class
+            table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
+        ValueError: a reading is unknown, or a detail is invalid.
     """
     return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit), needs_labels)
 
 
 def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene:
-    """As `open_scene`, with all that is told of the scene as one.
-
-    Raises:
-        InputError, ValueError: as `open_scene`.
-    """
+    """As `open_scene`, with the details in one object."""
     check_readings(as_peers)
     path = typed_path(path)
     existing_folder(path)
@@ -118,25 +114,25 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_
 def open_scenes(
     path: str | Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: SceneList | None = None
 ) -> tuple[Scene, ...]:
-    """The scene at a path, or else those right inside it, or else those one level below, in the order of their names.
+    """The scene at a path, or the scenes in that folder, or else those one level below, sorted by name.
 
-    What has no known layout is passed over, as is what has a name that begins with a dot.
+    Folders without a known layout, and names that start with a dot, are skipped.
 
     Args:
-        path: a scene as for `open_scene`, or a folder of such.
-        as_peers: as for `open_scene`, for all of them.
-        asked: what is told of all of them.
-        wanted: those to open; None is all.
+        path: a scene as for `open_scene`, or a folder of scenes.
+        as_peers: as for `open_scene`, for all scenes.
+        asked: details that apply to all scenes.
+        wanted: the scenes to open; None for all.
 
     Raises:
-        InputError: as `open_scene`; there is no scene at all, or not one that is wanted; or two have the same name.
+        InputError: as `open_scene`; there is no scene, or one in `wanted` is missing; or two have the same name.
         ValueError: as `open_scene`.
     """
     check_readings(as_peers)
-    told = asked or Asked()
+    details = asked or Asked()
     paths = scene_paths(path, wanted)
     with readable(path):
-        scenes = tuple(scene for one in paths if (scene := _opened(one, as_peers, told)) is not None)
+        scenes = tuple(scene for one in paths if (scene := _opened(one, as_peers, details)) is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -146,10 +142,10 @@ def open_scenes(
 
 
 def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path, ...]:
-    """Where the scenes of `open_scenes` are: the path itself, or else what is right inside it, or else one level below.
+    """The paths of the scenes that `open_scenes` opens.
 
     Raises:
-        InputError: nothing is there, no scene, or not one that is wanted.
+        InputError: there is no scene, or one in `wanted` is missing.
     """
     with readable(path):
         found = _found(typed_path(path))
@@ -160,7 +156,7 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
 
 
 def _found(path: Path) -> tuple[Path, ...]:
-    """As `scene_paths`, all of them."""
+    """The paths of all scenes."""
     existing_folder(path)
     if _recognised(path):
         return (path,)
@@ -176,11 +172,7 @@ def _found(path: Path) -> tuple[Path, ...]:
 
 
 def _opened(path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene | None:
-    """The scene at a path, None where it has no known layout.
-
-    Raises:
-        InputError: as `open_scene`.
-    """
+    """The scene at a path, None if it has no known layout."""
     layout = next((one for one in LAYOUTS if one.recognises(path)), None)
     if layout is None:
         return None
@@ -193,7 +185,7 @@ def _opened(path: Path, as_peers: Collection[str], asked: Asked, needs_labels: b
 
 
 def _children(path: Path) -> list[Path]:
-    """What may be a scene, or hold some, in a folder, by name."""
+    """Paths in a folder that may be scenes or contain some, sorted by name."""
     inside = sorted(child for child in path.iterdir() if not child.name.startswith("."))
     return [child for child in inside if child.is_dir() or child.suffix.lower() in SINGLE_FILES]
 
@@ -204,12 +196,12 @@ def _recognised(path: Path) -> bool:
 
 
 def _hint(path: Path) -> str | None:
-    """What to do about a folder that holds no known layout."""
+    """What to do about a path without a known layout."""
     if path.is_file():
         return "name the scene's folder"
     inside = next((child for child in _children(path) if _recognised(child)), None)
     if inside is not None:
         return f"there is one in {inside}"
     if any(child.suffix.lower() in (".jpg", ".jpeg", ".png") for child in path.iterdir()):
-        return "pictures alone have no poses; run COLMAP on them first"
+        return "images alone have no poses; run COLMAP on them first"
     return None

@@ -1,4 +1,4 @@
-"""Terms: under which licences or agreements scenes are, as far as their files tell. Weights carry those of what they were trained on."""
+"""Terms of use: the licences and agreements of scenes, as far as their files say. Weights store those of their training data."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from semgs.data.scene import Scene
 from semgs.files.strict_json import parse_json
 
 ROOM = "room.json"
-"""The file of a room's folder that tells which room of semgs it is and how many pixels each class has in it."""
+"""The file in the folder of a generated room: which room it is, and how many pixels each class has."""
 ATTRIBUTION = "ATTRIBUTION.md"
-"""The file beside rooms with assets that says whose work is in them."""
+"""The file next to rooms with third-party assets that credits their authors."""
 
 
 class TermsWarning(UserWarning):
-    """Weights were trained on data with terms of their own, which it repeats."""
+    """Weights were trained on data with terms of use, which the warning quotes."""
 
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of some data.
+    """The terms of use of some data.
 
     Attributes:
-        text: which data, and under what, in some words.
-        own: whether whoever uses weights that were trained on them should be told.
+        text: the data and its terms, in a few words.
+        own: whether users of weights trained on the data should be warned.
     """
 
     text: str
@@ -58,7 +58,7 @@ REPLICA = Terms(
 
 
 def terms_of(scene: Scene) -> Terms:
-    """The terms of a scene: by its layout or, where it was prepared, by that of its source; rooms are known by their files.
+    """The terms of a scene, by its layout or, if it was prepared, by that of its source. Generated rooms are known by their files.
 
     Raises:
         InputError: an archive is damaged.
@@ -77,12 +77,12 @@ def terms_of(scene: Scene) -> Terms:
 
 
 def terms_text(terms: Iterable[Terms]) -> str:
-    """Terms as a header keeps them: each once, in the order in which they came."""
+    """Terms as text for a header: each once, in order."""
     return json.dumps([asdict(one) for one in dict.fromkeys(terms)])
 
 
 def terms_from(text: str) -> tuple[Terms, ...]:
-    """What `terms_text` wrote.
+    """Terms from the text that `terms_text` wrote.
 
     Raises:
         ValueError, TypeError, KeyError: it is something else.
@@ -91,7 +91,7 @@ def terms_from(text: str) -> tuple[Terms, ...]:
 
 
 def _of_layout(layout: str) -> Terms | None:
-    """The terms of the data sets that have a layout of their own."""
+    """The terms of a data set with a layout of its own."""
     if layout == scannet.LAYOUT:
         return SCANNET
     if layout.startswith(scannetpp.LAYOUT):
@@ -100,7 +100,7 @@ def _of_layout(layout: str) -> Terms | None:
 
 
 def _has_assets(room: Path) -> bool:
-    """Whether a room's file lists assets."""
+    """Whether the file of a room lists assets."""
     try:
         content: Any = parse_json(room.read_bytes())
     except (OSError, ValueError):

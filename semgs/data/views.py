@@ -1,10 +1,10 @@
-"""Views: posed pictures with what is known of them; image and camera always move together."""
+"""Views: posed images with their labels and depths. Image and camera always change together."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,26 +18,26 @@ from semgs.geometry.cameras import Arrays, Cameras, as_float64
 from semgs.geometry.summaries import array_of, summary
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
-"""Near and far of rooms in metres, where nothing better is known."""
+"""Near and far of rooms [m], if nothing better is known."""
 
 FAR_OUT = 1000.0
-"""Coordinates may be so large in float32, whose steps there are 0.06 mm where they are metres; beyond, an origin is subtracted."""
+"""Largest coordinate for float32, where its steps are 0.06 mm if the unit is metres. For larger ones, an origin is subtracted."""
 
 
 @dataclass(frozen=True, init=False)
 class Views:
-    """Posed pictures of one scene, or of a batch of scenes.
+    """Posed images of one scene, or of a batch of scenes.
 
-    The constructor checks every number. Views that follow from checked ones (`map`, `arranged`, `changed`, and all that uses them)
-    are trusted: nothing is checked twice.
+    The constructor checks every number. Views made from checked views (`map`, `arranged`, `changed` and everything that uses them) are not
+    checked again.
 
     Attributes:
         images: 0..1, RGB.
-        cameras: one per picture, of the pictures' size.
+        cameras: one per image, of the images' size.
         depth_range: near and far z-depth of each view [m].
         labels: class of each pixel, 255 = ignore, or None.
         depths: z-depth of each pixel [m], 0 = unknown, or None.
-        classes: the table that labels refer to.
+        classes: the class table of the labels.
 
     Raises:
         ValueError: sizes or axes disagree, images are not in 0..1, near >= far or near <= 0, a label is outside the table.
@@ -85,32 +85,24 @@ class Views:
             )
         for name, maps in (("labels", labels), ("depths", depths)):
             if maps is not None and tuple(maps.shape) != (*leading, *size):
-                raise ValueError(f"{name} are {tuple(maps.shape)}; expected {(*leading, *size)}, as the images")
+                raise ValueError(f"{name} are {tuple(maps.shape)}; expected {(*leading, *size)}, like the images")
         if labels is not None:
             outside = (labels >= len(classes)) & (labels != IGNORE)
             if outside.any():
                 raise ValueError(
-                    f"labels hold {int(labels[outside][0])}; expected 0..{len(classes) - 1} of table "
+                    f"labels contain {int(labels[outside][0])}; expected 0..{len(classes) - 1} of table "
                     f"{classes.name}, or {IGNORE} for none"
                 )
         if depths is not None and not (torch.isfinite(depths).all() and (depths >= 0).all()):
-            raise ValueError("depths hold a number that is negative or not finite; expected z-depths, 0 where unknown")
+            raise ValueError(
+                "depths contain a number that is negative or not finite; expected z-depths, 0 where unknown"
+            )
 
     @classmethod
-    def trusted(
-        cls,
-        images: Tensor,
-        cameras: Cameras,
-        depth_range: Tensor,
-        labels: Tensor | None = None,
-        depths: Tensor | None = None,
-        classes: ClassTable = SCANNET20,
-    ) -> Views:
-        """Views as the constructor makes them, without its checks: for parts that were checked, or that will be, joined to others."""
+    def trusted(cls, **parts: Any) -> Views:
+        """Views with these fields, without the checks of the constructor: for parts that were checked, or will be after joining."""
         views = object.__new__(cls)
-        vars(views).update(
-            images=images, cameras=cameras, depth_range=depth_range, labels=labels, depths=depths, classes=classes
-        )
+        vars(views).update({field.name: field.default for field in fields(cls)} | parts)
         return views
 
     @classmethod
@@ -124,15 +116,15 @@ class Views:
         """Views from plain arrays.
 
         Args:
-            images: [v h w 3] uint8, or [v 3 h w] float in 0..1; a list of pictures will do.
+            images: [v h w 3] uint8, or [v 3 h w] float in 0..1, or a list of images.
             world_from_camera: [v 4 4], camera to world, OpenCV axes [m].
             intrinsics: [v 3 3] or one [3 3] for all [px].
-            depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning once.
+            depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning.
 
-        Poses further than `FAR_OUT` from the origin of their world cause a warning: Gaussians there are coarse, in float32.
+        Poses further than `FAR_OUT` from the origin cause a warning, because Gaussians there are coarse in float32.
 
         Raises:
-            ValueError: as the constructor, and for pictures that are neither uint8 HWC nor float CHW.
+            ValueError: as the constructor, and for images that are neither uint8 HWC nor float CHW.
         """
         pictures = torch.stack([_picture(image) for image in images])
         matrices = as_float64(intrinsics)
@@ -150,7 +142,7 @@ class Views:
         cameras = Cameras(world_from_camera, matrices, tuple(pictures.shape[-2:]))
         if (farthest := float(cameras.centres.abs().max())) > FAR_OUT:
             warnings.warn(
-                f"cameras are {farthest:.4g} from the origin, where the Gaussians' float32 is coarse: subtract a point near them from "
+                f"cameras are {farthest:.4g} from the origin, where float32 is too coarse for Gaussians: subtract a point near them from "
                 "all poses, as Cameras.relative_to does",
                 stacklevel=2,
             )
@@ -168,7 +160,7 @@ class Views:
         )
 
     def _repr_html_(self) -> str:
-        """The pictures, and labels and depths where there are some, as a notebook shows them."""
+        """The images, and labels and depths if there are some, for a notebook."""
         rows = [photo_row("images", array_of(self.images))]
         if self.labels is not None:
             rows.append(class_row("labels", self.labels.cpu().numpy(), self.classes))
@@ -177,7 +169,7 @@ class Views:
         return html(repr(self), rows)
 
     def __len__(self) -> int:
-        """The number of views of a scene."""
+        """The number of views per scene."""
         return self.images.shape[-4]
 
     @property
@@ -186,7 +178,7 @@ class Views:
         return self.cameras.size
 
     def checked(self) -> Views:
-        """These views, every number checked.
+        """These views, with every number checked.
 
         Raises:
             ValueError: as the constructor.
@@ -194,7 +186,7 @@ class Views:
         return replace(self)
 
     def changed(self, **parts: Any) -> Views:
-        """These views with other parts, which are trusted; `dataclasses.replace` does the same and checks them."""
+        """These views with some fields replaced, without checks; `dataclasses.replace` does the same with checks."""
         return Views.trusted(**(vars(self) | parts))
 
     def map(
@@ -206,9 +198,9 @@ class Views:
         """These views with a function applied to their pixels.
 
         Args:
-            maps: for labels and depths, where there are some, and for the images too, unless they have a function of their own.
+            maps: for labels and depths, and for the images too unless `images` is given.
             images: for the images.
-            cameras: of the new pixels; None keeps those there are.
+            cameras: of the new pixels; None keeps the cameras.
         """
         return self.changed(
             images=(images or maps)(self.images),
@@ -218,11 +210,11 @@ class Views:
         )
 
     def arranged(self, function: Callable[..., Tensor], *others: Views) -> Views:
-        """Views in another arrangement: `function` indexes, joins or reshapes the leading axes of every array, the cameras' too.
+        """Views in another arrangement: `function` indexes, joins or reshapes the leading axes of every array, including the cameras'.
 
         Args:
-            function: given the array of these views, then that of each of the others.
-            others: of the same size, labelled in the same table. Labels and depths are kept only where all have them.
+            function: called with the array of these views, then that of each of the others.
+            others: views of the same size, with the same class table. Labels and depths are kept only if all have them.
         """
         every = (self, *others)
 
@@ -238,12 +230,12 @@ class Views:
         )
 
     def select(self, indices: Sequence[int]) -> Views:
-        """The views at these positions of the view axis, in this order."""
+        """The views at these positions of the view axis, in the given order."""
         picked, axis = torch.as_tensor(list(indices), dtype=torch.int64), self.images.ndim - 4
         return self.arranged(lambda array: array.index_select(axis, picked.to(array.device)))
 
     def to(self, device: torch.device | str) -> Views:
-        """These views with pictures, labels and depths on a device; cameras and bounds stay on the CPU."""
+        """These views with images, labels and depths on a device; cameras and depth range stay on the CPU."""
         if all(one is None or one.device == torch.device(device) for one in (self.images, self.labels, self.depths)):
             return self
         return self.map(lambda maps: maps.to(device))
@@ -251,13 +243,13 @@ class Views:
 
 @dataclass(frozen=True)
 class Batch:
-    """What one training or evaluation step sees: contexts in, targets to compare with.
+    """The data of one training or evaluation step: input views, and target views to compare with.
 
     Attributes:
         context: the input views [b v ...].
         target: the views to render [b v ...].
-        scenes: the name of each scene of the batch.
-        taught: another network's class probabilities of the input views, 0 where it says nothing; None without such a teacher.
+        scenes: the name of each scene in the batch.
+        taught: a teacher network's class probabilities for the input views, 0 where it has none; None without a teacher.
     """
 
     context: Views
@@ -267,34 +259,30 @@ class Batch:
 
 
 def stack(views: Sequence[Views]) -> Views:
-    """Views of several scenes as one batch, with a new leading axis; labels and depths only where all have them."""
+    """Views of several scenes as one batch, with a new leading axis; labels and depths only if all have them."""
     return views[0].arranged(lambda *arrays: torch.stack(arrays), *views[1:])
 
 
 def joined(views: Sequence[Views]) -> Views:
-    """Views of the same scenes, one after the other along the view axis; labels and depths only where all have them."""
+    """Views of the same scenes, concatenated along the view axis; labels and depths only if all have them."""
     axis = views[0].images.ndim - 4
     return views[0].arranged(lambda *arrays: torch.cat(arrays, dim=axis), *views[1:])
 
 
 def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
-    """One picture as float CHW.
-
-    Raises:
-        ValueError: it is neither uint8 HWC nor float CHW.
-    """
+    """One image as float CHW."""
     tensor = torch.as_tensor(np.asarray(image))
     if tensor.dtype == torch.uint8 and tensor.ndim == 3 and tensor.shape[-1] == 3:
         return tensor.permute(2, 0, 1).float() / 255
     if tensor.is_floating_point() and tensor.ndim == 3 and tensor.shape[0] == 3:
         return tensor.float()
     raise ValueError(
-        f"a picture is {tensor.dtype} {tuple(tensor.shape)}; expected uint8 [h w 3] or float [3 h w] in 0..1"
+        f"an image is {tensor.dtype} {tuple(tensor.shape)}; expected uint8 [h w 3] or float [3 h w] in 0..1"
     )
 
 
 def __getattr__(name: str) -> Any:
-    """What moved to `semgs.data.resampling`, for one release more."""
+    """Names that moved to `semgs.data.resampling`, kept for one more release."""
     from semgs.data import resampling
 
     if name in ("DEFAULT_PIXELS", "STRETCH", "cropped", "default_size", "kept_size", "reframed", "resized"):

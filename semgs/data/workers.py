@@ -1,4 +1,4 @@
-"""Worker processes that prepare data: each on one thread, and none outlives the run that started it."""
+"""Worker processes that prepare data: each uses one thread, and ends with the run that started it."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ Result = TypeVar("Result")
 def outcomes(
     work: Callable[[Item], Result], items: Sequence[Item], workers: int
 ) -> Generator[Result | Exception, None, None]:
-    """What a function makes of each item, in their order, by worker processes that end when the generator is closed.
+    """The results of a function for each item, in order, from worker processes that end when the generator is closed.
 
     Args:
-        work: what to do; with workers, something that can be pickled.
-        items: for each call.
-        workers: processes, at most one an item; 0 works in this one.
+        work: the function; with workers, it must be picklable.
+        items: its arguments, one for each call.
+        workers: number of processes, at most one per item; 0 runs in this process.
 
     Yields:
-        For each item the result, or the exception that it raised, with the worker's traceback as a note.
+        For each item the result, or the exception raised, with the worker's traceback as a note.
     """
     crew = min(workers, len(items))
     found = iter(
@@ -37,7 +37,7 @@ def outcomes(
             _Work(work, items),
             batch_size=None,
             num_workers=crew,
-            # A forked process in which numba has run its threads dies at its next kernel.
+            # A process forked after numba has started threads would die at its next kernel.
             multiprocessing_context="forkserver" if crew else None,
             worker_init_fn=settle_worker,
         )
@@ -45,11 +45,11 @@ def outcomes(
     try:
         yield from found
     finally:
-        del found  # ends the workers now, even if an error is kept for long, and this generator with it
+        del found  # ends the workers now, even if an exception keeps this generator alive
 
 
 class _Work(Dataset, Generic[Item, Result]):
-    """Calls for a loader. An error is handed over as a value because a loader would keep no more than its type and text."""
+    """Calls for a loader. Errors are returned as values, because a loader keeps only their type and text."""
 
     def __init__(self, work: Callable[[Item], Result], items: Sequence[Item]) -> None:
         self._work, self._items = work, items
@@ -61,12 +61,12 @@ class _Work(Dataset, Generic[Item, Result]):
         try:
             return self._work(self._items[k])
         except Exception as error:
-            error.add_note(f"while {self._items[k]} was worked on:\n{traceback.format_exc()}")
+            error.add_note(f"while working on {self._items[k]}:\n{traceback.format_exc()}")
             return error
 
 
 def settle_worker(index: int = 0) -> None:
-    """Settle a worker process: one thread, no signals that are meant for the run, and no life after it."""
+    """Set up a worker process: one thread, ignore signals meant for the run, and end with the run."""
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -75,10 +75,10 @@ def settle_worker(index: int = 0) -> None:
 
 
 def _end_with_the_run() -> None:
-    """Wait until the process that started it all is gone, then be gone.
+    """Wait until the run's process has ended, then exit.
 
-    The parent of a worker is the fork server, which stays for as long as it has a child: after a `kill -9` of the run
-    both would wait for each other for ever.
+    The parent of a worker is the fork server, which lives as long as it has a child: after a `kill -9` of the run, both would wait for
+    each other forever.
     """
     run = multiprocessing.parent_process()
     if run is not None:

@@ -1,1 +1,1 @@
-"""Files: atomic writes, the mark of our own folders, pictures in and out, errors that name a file. No torch."""
+"""Files: atomic writes, folders that we own, images, JSON, archives, and errors that name the file. No torch."""

@@ -1,7 +1,7 @@
-"""Zip archives read in place: each member is a stretch of the file, found once and then read without opening the archive again.
+"""Zip archives read in place: members are located once, and then read without listing the archive again.
 
-A `Member` is plain data, so that scenes made of them go to worker processes, and thousands of them share one list. What is stored
-uncompressed is read at the speed of a file; deflated members are inflated.
+A `Member` is plain data, so scenes made of members can be sent to worker processes. Uncompressed members are read as fast as files;
+compressed (deflated) ones are inflated.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from pathlib import Path, PurePosixPath
 from semgs.files.errors import InputError
 
 MOST_BYTES = 1 << 28
-"""A member that is larger than this when it is inflated is not read [bytes]: 256 MiB, four times the largest of photos."""
+"""Largest inflated member that is read [bytes]: 256 MiB, four times the largest photo."""
 
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
 _HEADER = struct.Struct("<4s22xHH")
-"""Of a local file header: its signature, and how long the name and the extra field behind it are."""
+"""A local file header: signature, then the lengths of the name and the extra field that follow it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ class Member:
 
     Attributes:
         archive: the zip file.
-        inside: its name in there, with slashes ("images/000.jpg").
-        header: where its local header begins.
-        length: bytes that it takes in the archive.
-        size: bytes of its content.
-        checksum: CRC-32 of its content.
+        inside: its path in the archive, with slashes ("images/000.jpg").
+        header: offset of its local header [bytes].
+        length: stored size [bytes].
+        size: size of the content [bytes].
+        checksum: CRC-32 of the content.
         deflated: whether it is compressed.
     """
 
@@ -59,14 +59,14 @@ class Member:
         return PurePosixPath(self.inside).suffix
 
     def is_file(self) -> bool:
-        """Whether the archive is there; the member was, when the archive was listed."""
+        """Whether the archive still exists; the member existed when the archive was listed."""
         return self.archive.is_file()
 
     def read_bytes(self) -> bytes:
         """The content.
 
         Raises:
-            OSError: the archive cannot be read, was changed, or is damaged here, or the content is larger than `MOST_BYTES`.
+            OSError: the archive cannot be read, has changed or is damaged here, or the content is larger than `MOST_BYTES`.
         """
         if self.size > MOST_BYTES:
             raise OSError(errno.EFBIG, f"{self.size:,} bytes; at most {MOST_BYTES:,} are read")
@@ -80,12 +80,14 @@ class Member:
             else:
                 data = b""
         try:
-            # No more than the archive lists, whatever is in there.
+            # Never inflate more than the archive lists.
             content = zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, self.size + 1) if self.deflated else data
         except zlib.error:
             content = b""
         if len(data) != self.length or len(content) != self.size or zlib.crc32(content) != self.checksum:
-            raise OSError(errno.EIO, "its bytes are not those that the archive lists: damaged, or changed meanwhile")
+            raise OSError(
+                errno.EIO, "its bytes differ from what the archive lists: damaged, or changed since it was opened"
+            )
         return content
 
     def __str__(self) -> str:
@@ -105,7 +107,7 @@ class Archive:
     members: dict[str, Member]
 
     def beside(self, member: Member, name: str) -> Member | None:
-        """The file of that name relative to the folder of a member, as a path beside a file is meant; None if there is none."""
+        """The file at a path relative to a member's folder, None if there is none."""
         return self.members.get(posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name)))
 
 
@@ -113,8 +115,8 @@ def members(archive: Path) -> dict[str, Member]:
     """The files of a zip archive by their names in it.
 
     Raises:
-        InputError: it is no zip archive, is damaged, has two members of one name, or one that is encrypted, compressed in another way
-            than deflate, or longer than the archive.
+        InputError: it is not a zip archive or is damaged, two members have the same name, or a member is encrypted, compressed by
+            another method than deflate, or longer than the archive.
     """
     try:
         with zipfile.ZipFile(archive) as opened:

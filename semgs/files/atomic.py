@@ -1,33 +1,49 @@
-"""Files that appear whole or not at all: written under another name in the same folder, then renamed."""
+"""Atomic writes: a file is written under a temporary name in the same folder, then renamed, so it is complete or absent."""
 
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import secrets
+from collections.abc import Iterator
 from pathlib import Path
 
 from semgs.files.errors import InputError
 
 
 def write_bytes(path: str | Path, data: bytes | bytearray | memoryview, *, durable: bool = False) -> None:
-    """Write a file in one step: readers see the old file or the new one, never a part.
+    """Write a file atomically: readers see the old file or the new one, never a part.
 
     Args:
-        path: the file; what it held before stays if writing fails.
-        data: all of it.
-        durable: wait until the disk holds the bytes before the rename, so that a power cut leaves the old file or the
-            new one (for checkpoints; it costs milliseconds to seconds).
+        path: the file; its old content stays if writing fails.
+        data: the new content.
+        durable: sync to disk before the rename, so that even after a power cut the file is complete (for checkpoints; takes
+            milliseconds to seconds).
 
     Raises:
-        OSError: the folder is missing or closed to us, or the disk is full; nothing is left behind.
+        OSError: the folder is missing or not writable, or the disk is full; nothing is left behind.
+    """
+    with new_file(path, durable=durable) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def new_file(path: str | Path, *, durable: bool = False) -> Iterator[io.BufferedWriter]:
+    """A file to write, which is renamed to `path` if the block succeeds and removed if it fails.
+
+    Args:
+        path, durable: as for `write_bytes`.
+
+    Raises:
+        OSError: as `write_bytes`.
     """
     target = Path(path)
     partial = partial_name(target)
     try:
         with partial.open("xb") as file:
-            file.write(data)
+            yield file
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
@@ -35,57 +51,55 @@ def write_bytes(path: str | Path, data: bytes | bytearray | memoryview, *, durab
     except BaseException as error:
         if isinstance(error, OSError) and error.filename is None:
             error.filename = str(target)
-        # The first error is the one to tell; a disk that fails again while we tidy up must not hide it.
+        # Report the first error; a second one while tidying up must not hide it.
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
         raise
 
 
 def check_file(path: str | Path) -> None:
-    """Say now whether `write_bytes` could write a file, before long work is done for nothing.
+    """Check that `write_bytes` could write a file, before long work starts.
 
     Raises:
-        InputError: it is a folder, or the folder that it is in is missing or closed to us.
+        InputError: it is a folder, or its folder is missing or not writable.
     """
     target = Path(path)
     try:
         if target.is_dir():
             raise InputError(path, "a file to write", "a folder")
         if not target.absolute().parent.is_dir():
-            raise InputError(path, "a file in a folder that is there", "no such folder")
+            raise InputError(path, "a file in an existing folder", "no such folder")
         partial = partial_name(target)
         partial.touch(exist_ok=False)
         partial.unlink()
     except OSError as error:
-        raise InputError(
-            path, "a file that can be written", f"{error.strerror} ({target.absolute().parent})"
-        ) from error
+        raise InputError(path, "a writable file", f"{error.strerror} ({target.absolute().parent})") from error
 
 
 def partial_name(target: Path) -> Path:
-    """A new name beside a file or folder, hidden, for what is to take its name once it is complete."""
+    """A temporary hidden name beside a file or folder, to write it under until it is complete."""
     return target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
 
 
 def is_part_of(file: Path, target: Path) -> bool:
-    """Whether a file is what a writing of `target` left behind that was killed at once."""
+    """Whether a file is a temporary one that a killed process left while writing `target`."""
     return file.name.startswith(f".{target.name}.") and file.name.endswith(".part")
 
 
 def write_text(path: str | Path, text: str, *, durable: bool = False) -> None:
-    """Write a text file in one step, UTF-8 with the line ends of `text`; errors as `write_bytes`.
+    """Write a text file atomically, in UTF-8 with the line ends of `text`; errors as `write_bytes`.
 
-    The bytes of file names that are no UTF-8, which Python keeps as lone surrogates, are written as escapes (`\\udcff`).
+    File names that are not UTF-8 contain lone surrogates in Python; these are written as escapes (`\\udcff`).
     """
     write_bytes(path, text.encode(errors="backslashreplace"), durable=durable)
 
 
 def write_json(path: str | Path, content: object, *, durable: bool = False) -> None:
-    """Write a JSON file in one step, indented by two, keys in the order given; lone surrogates become JSON's own escapes.
+    """Write a JSON file atomically, indented by two, keys in the given order; lone surrogates become JSON escapes.
 
     Raises:
-        ValueError: a number is NaN or infinite, which JSON has no word for; write None where nothing is known.
-        TypeError: something in it is neither a dict, list, text, number, bool nor None.
+        ValueError: a number is NaN or infinite, which JSON cannot express; use None for unknown numbers.
+        TypeError: a value is not a dict, list, text, number, bool or None.
         OSError: as `write_bytes`.
     """
     try:

@@ -1,4 +1,4 @@
-"""Where results are kept that can be made again: outside of data sets, which may be read-only or shared."""
+"""The cache folder, for results that can be recomputed. It is outside the data sets, which may be read-only or shared."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ VARIABLE = "SEMGS_CACHE"
 
 
 def cache_folder() -> Path:
-    """The folder that SEMGS_CACHE names, else `semgs` in XDG_CACHE_HOME or `~/.cache`; it need not exist. It may be deleted at any time."""
+    """The folder named by SEMGS_CACHE, else `semgs` in XDG_CACHE_HOME or `~/.cache`. It may not exist, and may be deleted at any time."""
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named).expanduser()

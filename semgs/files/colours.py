@@ -1,4 +1,4 @@
-"""Colours of class maps and of depth, without any figure around them."""
+"""Colour maps for classes and depth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Colour = tuple[int, int, int]
 """sRGB, 0..255."""
 
 HATCH = ((52, 54, 60), (120, 124, 132))
-"""The two greys of the stripes over what was not seen."""
+"""The two greys of the stripes over unseen pixels."""
 
 NOTHING = (40, 42, 46)
 """The grey of pixels without depth."""
@@ -22,8 +22,8 @@ _STRIPE_PX = 5
 
 
 @runtime_checkable
-class Palette(Protocol):
-    """What a class map needs to be read: a name and a colour for each class, in label order. A `ClassTable` is one."""
+class NamedColours(Protocol):
+    """A name and a colour for each class, in label order. `ClassTable` is one."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -39,34 +39,34 @@ class Palette(Protocol):
 def class_colours(
     labels: UInt8[np.ndarray, "h w"], colours: Sequence[Colour], elsewhere: UInt8[np.ndarray, "h w 3"]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The colour of each pixel's class, and another picture where the label is not that of a class (255, say)."""
+    """The colour of each pixel's class; pixels without a class (label 255) come from the image `elsewhere`."""
     palette = np.zeros((256, 3), np.uint8)
     palette[: len(colours)] = colours
     return np.where((labels < len(colours))[..., None], palette[labels], elsewhere)
 
 
 def hatching(size: tuple[int, ...]) -> UInt8[np.ndarray, "h w 3"]:
-    """Diagonal stripes of two greys, as no class looks."""
+    """Diagonal stripes in two greys, unlike any class."""
     rows, columns = np.indices(size)
     return np.array(HATCH, np.uint8)[((rows + columns) // _STRIPE_PX) % 2]
 
 
 def depth_limits(maps: Iterable[np.ndarray]) -> tuple[float, float]:
-    """The depths that the colours of several maps should span: the 1st to the 99th percentile of what has depth (> 0).
+    """The depth range for colouring several maps: 1st to 99th percentile of the known depths (> 0).
 
-    Maps without any depth give (1, 10).
+    (1, 10) if no depth is known.
     """
-    drawn = np.concatenate([np.zeros(0), *(depths[depths > 0].ravel() for depths in maps)])
-    if not drawn.size:
+    known = np.concatenate([np.zeros(0), *(depths[depths > 0].ravel() for depths in maps)])
+    if not known.size:
         return 1.0, 10.0
-    low, high = (float(limit) for limit in np.percentile(drawn, (1, 99)))
+    low, high = (float(limit) for limit in np.percentile(known, (1, 99)))
     return (low, high) if high > low else (low * 0.95, low * 1.05)
 
 
 def depth_picture(depths: Float[np.ndarray, "h w"], limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
-    """Depths in colours (turbo, near is red), even in their logarithm between the limits; grey where there is none.
+    """Depth in colours (turbo, near is red), on a log scale between the limits; unknown pixels are grey.
 
-    Even in the logarithm, because a room's far end would otherwise leave no colours for what stands in front of it.
+    On a linear scale, the far end of a room would leave few colours for the near things.
     """
     low, high = limits
     steps = np.log(np.clip(depths, low, high) / low) / np.log(high / low)
@@ -75,10 +75,10 @@ def depth_picture(depths: Float[np.ndarray, "h w"], limits: tuple[float, float])
 
 
 def depth_palette() -> UInt8[np.ndarray, "256 3"]:
-    """The colours of depth from near to far: turbo from its warm end."""
+    """The colours of depth from near to far: turbo reversed."""
     return opencv_palette(cv2.COLORMAP_TURBO)[::-1]
 
 
 def opencv_palette(palette: int) -> UInt8[np.ndarray, "256 3"]:
-    """A palette of OpenCV's, which has the bytes of matplotlib's and is there at once."""
+    """One of OpenCV's palettes: the same bytes as matplotlib's, but quick to import."""
     return cv2.applyColorMap(np.arange(256, dtype=np.uint8)[None], palette)[0, :, ::-1]

@@ -1,4 +1,4 @@
-"""The one error for input that a file holds and we cannot use."""
+"""The error for files that cannot be used."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from semgs.files.text import printable
 
 
 class InputError(ValueError):
-    """A file or folder that cannot be used: says which, what was expected, what was found, on one line that any terminal can show.
+    """A file or folder that cannot be used: which one, what was expected, and what was found, in one printable line.
 
-    The command line prints it and ends with exit code 2; a library caller catches it as a ValueError.
+    The command line prints it and exits with code 2. In Python code, catch it as a ValueError.
 
     Args:
-        path: the file or folder at fault; of what lies inside another file, its text.
-        expected: what would have been usable ("a 4x4 matrix of finite numbers").
-        found: what was there instead ("a NaN in row 2").
-        key: the place inside the file ("frames[3].transform_matrix"), None for the file itself.
-        advice: what the user can do about it, None where it is obvious.
+        path: the file or folder at fault, or the name of a file inside another.
+        expected: what would be usable ("a 4x4 matrix of finite numbers").
+        found: what is there instead ("a NaN in row 2").
+        key: the place inside the file ("frames[3].transform_matrix"); None for the file itself.
+        advice: what the user can do about it; None if that is obvious.
     """
 
     def __init__(
@@ -36,16 +36,16 @@ class InputError(ValueError):
         super().__init__(printable(" ".join((f"{message}; {advice}" if advice else message).split())))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[Path, str, str, str | None, str | None]]:
-        """How it travels between processes: by its parts, not by its message."""
+        """Pickle the parts, not the message."""
         return type(self), (self.path, self.expected, self.found, self.key, self.advice)
 
 
 @contextmanager
 def readable(path: str | Path) -> Iterator[None]:
-    """Around looking at what a user named: what the system refuses (no permission, a name too long) becomes an InputError.
+    """Turn errors of the file system (no permission, name too long) into InputErrors.
 
     Args:
-        path: what was named, for errors that do not say which file they are of.
+        path: the path that the user gave, for errors that do not name a file.
 
     Raises:
         InputError: in place of an OSError.
@@ -55,3 +55,22 @@ def readable(path: str | Path) -> Iterator[None]:
     except OSError as error:
         place = path if error.filename is None else str(error.filename)
         raise InputError(place, "something that can be read", error.strerror or str(error)) from error
+
+
+@contextmanager
+def input_error(path: str | Stored, expected: str, key: str | None = None, advice: str | None = None) -> Iterator[None]:
+    """Turn a ValueError about the content of a file into an InputError that names the file.
+
+    Args:
+        path: the file.
+        expected, key, advice: as for `InputError`.
+
+    Raises:
+        InputError: in place of a ValueError.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(path, expected, str(error), key, advice) from error

@@ -1,4 +1,4 @@
-"""Folders of ours: a result appears whole or not at all, and nobody else's folder is ever replaced."""
+"""Output folders: a result is complete or absent, and only folders that semgs wrote are ever replaced."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError, readable
 
 MARK = ".semgs"
-"""The file that tells a folder of ours from any other."""
+"""The file that marks a folder as written by semgs."""
 
 _MARK_TEXT = "This folder was written by semgs, which replaces it as a whole when it is told to overwrite it.\n"
 
 
 def check_folder(path: str | Path, overwrite: bool = False) -> None:
-    """Say now whether `own_folder` could make `path`, before long work is done for nothing.
+    """Check that `own_folder` could create `path`, before long work starts.
 
     Raises:
         InputError: as `own_folder`.
@@ -37,10 +37,10 @@ def check_folder(path: str | Path, overwrite: bool = False) -> None:
 
 
 def check_writable(path: str | Path) -> None:
-    """Say now whether files can be written into a folder that is there, or into one that is to be made.
+    """Check that files can be written to a folder, or that the folder can be created.
 
     Raises:
-        InputError: they cannot.
+        InputError: it is not writable.
     """
     with readable(path):
         nearest = next(one for one in (Path(path).absolute(), *Path(path).absolute().parents) if one.exists())
@@ -51,12 +51,12 @@ def check_writable(path: str | Path) -> None:
 
 @contextlib.contextmanager
 def alone(record: Path, expected: str, found: str) -> Iterator[None]:
-    """Be the only process that works in a folder, until the block or the process ends; where the system has no locks, hope so.
+    """Lock a folder for this process, until the block or the process ends. Without effect on systems that have no locks.
 
     Args:
-        record: a file in it, which is locked; it is made if it is not there.
+        record: the file in it to lock; created if missing.
         expected: what the folder should be, for the message.
-        found: what it is if another process has the lock.
+        found: what it is if another process has the lock, likewise.
 
     Raises:
         InputError: another process has it.
@@ -71,26 +71,24 @@ def alone(record: Path, expected: str, found: str) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise InputError(record.parent, expected, found, advice="end that first, or name another folder") from error
+            raise InputError(
+                record.parent, expected, found, advice="stop that process first, or name another folder"
+            ) from error
         except OSError:  # file systems without locks
             pass
         yield
 
 
 def _check_free(path: str | Path, overwrite: bool) -> None:
-    """Refuse what must not be replaced.
-
-    Raises:
-        InputError: it is a file, a folder that is not ours, one of ours without `overwrite`, or the working folder.
-    """
+    """Refuse what must not be replaced."""
     target = Path(path)
     if not target.exists():
         if target.is_symlink():
-            raise InputError(path, "a folder or nothing", "a link that leads nowhere")
+            raise InputError(path, "a folder or nothing", "a broken link")
         for parent in target.absolute().parents:
             if parent.exists():
                 if not parent.is_dir():
-                    raise InputError(path, "a folder above it", f"that {parent} is a file")
+                    raise InputError(path, "a path below a folder", f"that {parent} is a file")
                 break
         return
     if not target.is_dir():
@@ -102,9 +100,9 @@ def _check_free(path: str | Path, overwrite: bool) -> None:
     if not (target / MARK).is_file():
         raise InputError(
             path,
-            "a new folder, an empty one or one that semgs wrote",
+            "a new or empty folder, or one that semgs wrote",
             f"a folder without the mark {MARK}",
-            advice="name another folder, nothing was changed",
+            advice="name another folder; nothing was changed",
         )
     if not overwrite:
         raise InputError(
@@ -114,36 +112,35 @@ def _check_free(path: str | Path, overwrite: bool) -> None:
 
 @contextlib.contextmanager
 def own_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
-    """A folder to fill that takes the name `path` once the block ends well, and vanishes if it does not.
+    """A folder to fill, which is renamed to `path` if the block succeeds and removed if it fails.
 
         with own_folder("out/living", overwrite=True) as folder:
             write_json(folder / "report.json", numbers)
 
-    A new or empty `path` is filled; one that an earlier run wrote (it holds the file `.semgs`) is replaced as a whole
-    with `overwrite`, and only then. What existed stays untouched until the new folder is complete. Missing folders above it are
-    made (and stay, if the block fails).
+    `path` may be new or empty. A folder that an earlier run wrote (it contains the file `.semgs`) is replaced only with
+    `overwrite`, and stays untouched until the new one is complete. Missing parent folders are created, and stay if the block fails.
 
     Args:
-        path: the folder to appear.
-        overwrite: replace one of ours.
+        path: the folder to create.
+        overwrite: replace a folder that semgs wrote.
 
     Yields:
-        An empty folder beside `path`, on the same disk, that already bears the mark.
+        An empty, already marked folder beside `path`, on the same disk.
 
     Raises:
-        InputError: it is a file, a folder that is not ours, one of ours without `overwrite`, or the working folder; it cannot be
-            made there; or it cannot be renamed (a mount point).
+        InputError: `path` is a file, the working folder, a folder that semgs did not write, or one that it did without
+            `overwrite`; or the folder cannot be created or renamed (a mount point).
         OSError: the disk is full.
     """
     with readable(path):
         _check_free(path, overwrite)
-        target = Path(path).resolve()  # a link to one of ours stays, what it points to is replaced
+        target = Path(path).resolve()  # a link stays; its target is replaced
     staging = partial_name(target)
     _make(path, staging)
     try:
         (staging / MARK).write_text(_MARK_TEXT)
         yield staging
-        _check_free(path, overwrite)  # a long time may have passed
+        _check_free(path, overwrite)  # again, as time has passed
         _swap(staging, target)
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
@@ -151,26 +148,19 @@ def own_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
 
 
 def _make(path: str | Path, folder: Path) -> None:
-    """Make a folder, and those above it, that is to become `path`.
-
-    Raises:
-        InputError: that cannot be.
-    """
+    """Create a folder that will become `path`, and its parents."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir()
     except OSError as error:
-        raise InputError(path, "a folder that can be made", f"{error.strerror} ({folder.parent})") from error
+        raise InputError(path, "a folder that can be created", f"{error.strerror} ({folder.parent})") from error
 
 
 def _swap(staging: Path, target: Path) -> None:
-    """Give `staging` the name `target`; what had it is removed, or keeps it if that fails.
+    """Rename `staging` to `target` and remove the old folder, or leave it in place if that fails.
 
-    The two exchange their names in one step where the system can, so that even a kill leaves one of them there. Elsewhere the old one
-    moves aside first, and comes back if the second rename fails.
-
-    Raises:
-        InputError: `target` cannot be moved, as a mount point cannot.
+    If the system can, the two exchange names in one step, so one of them is there even if the process is killed. Otherwise the old one
+    is moved aside first, and moved back if the second rename fails.
     """
     if not target.exists():
         staging.replace(target)
@@ -194,7 +184,7 @@ def _swap(staging: Path, target: Path) -> None:
 
 
 def _mounted(path: str | Path) -> InputError:
-    return InputError(path, "a folder that can be replaced", "a mount point", advice="name a folder inside it")
+    return InputError(path, "a replaceable folder", "a mount point", advice="name a folder inside it")
 
 
 _HERE, _EXCHANGE = -100, 2
@@ -202,14 +192,14 @@ _HERE, _EXCHANGE = -100, 2
 
 
 def _exchange(first: Path, second: Path) -> bool:
-    """Exchange two names in one step (renameat2); False where the system or the file system cannot, and nothing was done.
+    """Exchange two names in one step (renameat2). False if the system or file system does not support it; then nothing was done.
 
     Raises:
-        OSError: it can, and refuses.
+        OSError: the exchange failed.
     """
     try:
         rename = ctypes.CDLL(None, use_errno=True).renameat2
-    except (AttributeError, OSError, TypeError):  # other systems, and old C libraries
+    except (AttributeError, OSError, TypeError):  # not Linux, or an old C library
         return False
     if rename(_HERE, os.fsencode(first), _HERE, os.fsencode(second), _EXCHANGE) == 0:
         return True

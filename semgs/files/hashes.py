@@ -1,4 +1,4 @@
-"""Hashes of files, by which one tells whether two are the same."""
+"""Hashes of files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths that a user typed: told at once, before anything heavy is imported, where they lead nowhere."""
+"""Paths that a user typed: expanded, and checked before heavy imports."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from semgs.files.errors import InputError, readable
 
 
 def typed_path(path: str | Path) -> Path:
-    """A path as it was typed, with ~ (the user's own folder) and ~NAME (that of another) at its beginning replaced, as a shell does.
+    """A path with a leading ~ or ~NAME expanded, as a shell does.
 
     Raises:
-        InputError: nothing was typed, or nobody is called NAME.
+        InputError: it is empty, or there is no user NAME.
     """
     if path == "":
-        raise InputError('""', "a path", "an empty one", advice="name . for the folder you are in")
+        raise InputError('""', "a path", "an empty one", advice="use . for the current folder")
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
@@ -25,15 +25,15 @@ def typed_path(path: str | Path) -> Path:
             path,
             f"a user {user[1:]}" if user[1:] else "a home folder",
             "none",
-            advice=f"a file of that name is ./{path}",
+            advice=f"for a file with that name, use ./{path}",
         ) from error
 
 
 def existing_folder(path: str | Path) -> Path:
-    """The folder of a scene, whether the folder itself or a file inside it was named.
+    """The folder of a scene, given the folder or a file in it.
 
     Raises:
-        InputError: nothing is there (the nearest folder that does exist is named), or a folder on the way may not be entered.
+        InputError: it does not exist (the error names the nearest folder that does), or a folder on the way cannot be entered.
     """
     path = typed_path(path)
     with readable(path):
@@ -42,14 +42,14 @@ def existing_folder(path: str | Path) -> Path:
         if path.is_file():
             return path.parent
         nearest = next(parent for parent in path.absolute().parents if parent.is_dir())
-    raise InputError(path, "a folder with a scene", "nothing there", advice=f"the path exists as far as {nearest}")
+    raise InputError(path, "a folder with a scene", "nothing there", advice=f"the path exists up to {nearest}")
 
 
 def found_at(path: str | Path) -> Literal["a file", "a folder", "nothing there"]:
-    """What is at a path, as errors name it; a name that is too long for any file has nothing there.
+    """What is at a path, for errors; nothing if the name is too long for any file.
 
     Raises:
-        InputError: a folder on the way may not be entered.
+        InputError: a folder on the way cannot be entered.
     """
     path = Path(path)
     try:
@@ -59,14 +59,14 @@ def found_at(path: str | Path) -> Literal["a file", "a folder", "nothing there"]
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             return "nothing there"
-        raise InputError(path, "a path that can be followed", error.strerror or str(error)) from error
+        raise InputError(path, "a path that can be read", error.strerror or str(error)) from error
 
 
 def check_utf8(path: str | Path, library: str) -> None:
-    """Refuse a path whose name is no UTF-8, for a library that takes no other.
+    """Refuse a path that is not UTF-8, for a library that needs it.
 
     Raises:
-        InputError: it is none.
+        InputError: it is not UTF-8.
     """
     try:
         str(path).encode()

@@ -1,8 +1,8 @@
-"""Pictures in and out: JPEG and PNG (and PGM for depth) to arrays, arrays to PNG.
+"""Images: JPEG and PNG (and PGM for depth) to arrays, and arrays to PNG and JPEG.
 
-What a file means is decided here and nowhere else. 8-bit RGB is what comes out; 16-bit is rounded to 8, grey is repeated,
-palettes are looked up, transparent areas are laid on white (as NeRF's synthetic scenes are meant). What has no certain
-meaning (CMYK, an EXIF rotation that the camera neither confirms nor denies, a picture cut short) is refused.
+All images become 8-bit RGB: 16 bits are rounded to 8, grey is repeated, palettes are looked up, and transparent areas become white (as
+NeRF's synthetic scenes expect). Ambiguous files are refused: CMYK, truncated images, and an EXIF rotation that the camera's size neither
+confirms nor rules out.
 """
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from semgs.files.atomic import write_bytes
+from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
 
 MOST_PIXELS = 1 << 26
-"""Pictures with more pixels than this are not decoded: 67 megapixels, which as float32 take 0.8 GB."""
+"""Larger images are not decoded: 67 megapixels, 0.8 GB as float32."""
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
-"""A PGM's header: width, height and the largest count, with spaces and comments between; a single space before the counts."""
+"""A PGM header: width, height and largest count, separated by spaces and comments, then one space before the counts."""
 _ORIENTATION = 0x0112
 _SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
-"""What Pillow raises on files that are damaged, by format and place of the damage."""
+"""What Pillow raises for damaged files, depending on the format and the damage."""
 
 
 _TURNS = {
@@ -44,12 +45,12 @@ _TURNS = {
     7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
     8: lambda pixels: np.rot90(pixels, 1),
 }
-"""From stored to upright pixels, for the EXIF orientations that exchange height and width."""
+"""From stored to upright pixels, for the EXIF orientations that swap height and width."""
 
 
 @dataclass(frozen=True)
 class PictureHeader:
-    """What a picture's header tells without decoding it.
+    """What an image's header says.
 
     Attributes:
         size: (height, width) of the pixels as stored [px].
@@ -66,25 +67,25 @@ def read_header(path: str | Stored) -> PictureHeader:
     """Size, orientation and transparency of a JPEG or PNG.
 
     Raises:
-        InputError: the file is absent, or is no JPEG or PNG.
+        InputError: the file is missing, or is not a JPEG or PNG.
     """
     with _opened(path) as image:
         return _header(path, image)
 
 
 def is_turned(path: str | Stored, header: PictureHeader, size: tuple[int, int] | None) -> bool:
-    """Whether the EXIF rotation of a picture has to be applied, so that its pixels are those of a camera of `size`.
+    """Whether to apply the EXIF rotation of an image, so that its pixels match a camera of `size`.
 
-    Programs disagree on EXIF: some work on the stored pixels, some on the turned ones. The camera's size tells which,
-    where the turn exchanges height and width; in all other cases the picture is refused, for a guess could be silently wrong.
+    Some programs use the stored pixels, others the rotated ones. If the rotation swaps height and width, the camera's size shows which
+    was used. Otherwise the image is refused, because a guess could be silently wrong.
 
     Args:
-        path: the picture, for the message.
+        path: the image, for the message.
         header: its header.
-        size: (height, width) that its camera was made for, None if nobody said.
+        size: (height, width) of its camera; None if unknown.
 
     Raises:
-        InputError: the size fits neither the stored nor the turned pixels, or an orientation is set that the size cannot decide.
+        InputError: the size fits neither the stored nor the rotated pixels, or it cannot decide about the rotation.
     """
     stored, turned = header.size, header.size[::-1]
     quarter_turn = header.orientation >= 5
@@ -93,39 +94,39 @@ def is_turned(path: str | Stored, header: PictureHeader, size: tuple[int, int] |
             path,
             f"{size[1]}x{size[0]} pixels (width x height), as its camera says",
             f"{stored[1]}x{stored[0]}",
-            advice="give the pictures that the cameras were made for, or cameras for these pictures",
+            advice="use the images that the cameras were made for, or cameras for these images",
         )
     if header.orientation == 1:
         return False
     if size is None or not quarter_turn or stored == turned:
         raise InputError(
             path,
-            "pixels stored upright, or a camera whose width and height tell whether EXIF was applied",
+            "an upright image, or a camera whose width and height show whether EXIF was applied",
             f"EXIF orientation {header.orientation} and "
-            + ("no stated size" if size is None else "a size that fits both ways"),
-            advice="store the pixels as the cameras were made for and remove the orientation tag",
+            + ("an unknown camera size" if size is None else "a size that fits both ways"),
+            advice="save the pixels as the cameras expect them, without the orientation tag",
         )
     return size == turned
 
 
 def read_rgb(path: str | Stored, size: tuple[int, int] | None = None) -> np.ndarray:
-    """A picture as uint8 [h w 3], RGB.
+    """An image as uint8 [h w 3], RGB.
 
     Args:
         path: a JPEG or PNG: grey, palette or RGB, 8 or 16 bits, with or without alpha.
-        size: (height, width) of the camera that took it; it also decides whether an EXIF rotation is applied (see `is_turned`).
+        size: (height, width) of its camera, which also decides whether an EXIF rotation is applied (see `is_turned`).
 
     Raises:
-        InputError: absent, cut short, of another format, of another size, CMYK, or with an undecidable EXIF rotation.
+        InputError: it is missing, truncated or CMYK, has another format or size, or an ambiguous EXIF rotation.
     """
-    return decode_rgb(_bytes(path), path, size)
+    return decode_rgb(read_bytes(path, "an image"), path, size)
 
 
 def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = None) -> np.ndarray:
-    """As `read_rgb`, of a picture inside another file.
+    """As `read_rgb`, for the bytes of an image.
 
     Args:
-        data: the picture's bytes.
+        data: the bytes.
         path: the file that they are from, for messages.
         size: as for `read_rgb`.
 
@@ -137,11 +138,11 @@ def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = N
         header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
         turn = is_turned(path, header, size)
         if data[:4] == b"\x89PNG" and data[24] == 16:
-            # Pillow is content without the last bytes; OpenCV is not, and its libraries print so.
-            whole = _PNG_END in data
-            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if whole else None
+            # Pillow accepts a file without its last bytes; OpenCV does not, and prints warnings.
+            complete = _PNG_END in data
+            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if complete else None
             if decoded is None:
-                raise InputError(path, "a complete picture", "one cut short")
+                raise InputError(path, "a complete image", "a truncated one")
             pixels = _eight_bits(np.asarray(decoded))
         else:
             pixels = _channels(path, image)
@@ -150,14 +151,14 @@ def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = N
 
 
 def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.ndarray:
-    """A picture in grey, uint8 [h w], reduced so that its longer side is at most `longest` pixels.
+    """An image in grey, uint8 [h w], reduced so that its longer side is at most `longest` pixels.
 
-    For finding features, where speed counts more than the last bit: JPEGs are decoded at a smaller size.
+    For feature detection, so it is fast rather than exact: JPEGs are decoded at reduced size.
 
     Args:
         path: a JPEG or PNG.
-        size: (height, width) of the camera that took it, as for `read_rgb`.
-        longest: what the longer side may be [px].
+        size: (height, width) of its camera, as for `read_rgb`.
+        longest: largest longer side [px].
 
     Raises:
         InputError: as `read_rgb`.
@@ -177,13 +178,13 @@ def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.nda
 
 
 def read_uint16(path: str | Stored) -> np.ndarray:
-    """A 16-bit PNG or binary PGM of one channel, uint16 [h w]: depth maps. The counts of a PGM are taken as they are, whatever its maximum.
+    """A depth map: a 16-bit PNG or binary PGM with one channel, uint16 [h w]. PGM counts are not rescaled, whatever the stated maximum.
 
     Raises:
-        InputError: absent, cut short, or not that.
+        InputError: it is missing, truncated, or something else.
     """
     if stored(path).suffix.lower() == ".pgm":
-        return _pgm_counts(path, _bytes(path))
+        return _pgm_counts(path, read_bytes(path, "an image"))
     with _opened(path) as image:
         _decode(path, image)
         if image.mode not in _SIXTEEN_BITS or image.format != "PNG":
@@ -192,27 +193,21 @@ def read_uint16(path: str | Stored) -> np.ndarray:
 
 
 def _pgm_counts(path: str | Stored, data: bytes) -> np.ndarray:
-    """The counts of a PGM, uint16 [h w]. https://netpbm.sourceforge.net/doc/pgm.html
-
-    Raises:
-        InputError: cut short, or not 16 bits.
-    """
+    """The counts of a PGM, uint16 [h w]. https://netpbm.sourceforge.net/doc/pgm.html"""
     header = _PGM.match(data)
     width, height, most = (int(number) for number in header.groups()) if header else (0, 0, 0)
     if header is None or not 255 < most < 1 << 16:
-        raise InputError(
-            path, "a 16-bit PGM (P5)", f"one whose largest count is {most}" if header else "something else"
-        )
+        raise InputError(path, "a 16-bit PGM (P5)", f"one with largest count {most}" if header else "something else")
     if len(data) - header.end() < 2 * width * height:
-        raise InputError(path, "a complete picture", f"{len(data) - header.end()} bytes of {width}x{height} counts")
+        raise InputError(path, "a complete image", f"{len(data) - header.end()} bytes of {width}x{height} counts")
     return np.frombuffer(data, ">u2", width * height, header.end()).reshape(height, width).astype(np.uint16)
 
 
 def read_uint8(path: str | Stored) -> np.ndarray:
-    """An 8-bit PNG of one channel, uint8 [h w]: labels and masks; of a palette picture the indices, not the colours.
+    """Labels or a mask: an 8-bit PNG with one channel, uint8 [h w]. For palette images, the indices.
 
     Raises:
-        InputError: absent, cut short, or not that.
+        InputError: it is missing, truncated, or something else.
     """
     with _opened(path) as image:
         _decode(path, image)
@@ -222,14 +217,14 @@ def read_uint8(path: str | Stored) -> np.ndarray:
 
 
 def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
-    """A PNG of one channel as it is stored, uint8 or uint16 [h w]; of a palette picture the indices, not the colours.
+    """A PNG with one channel as stored, uint8 or uint16 [h w]. For palette images, the indices.
 
     Args:
-        data: the picture's bytes.
+        data: the bytes of the image.
         path: the file that they are from, for messages.
 
     Raises:
-        InputError: cut short, or not that.
+        InputError: it is truncated, or something else.
     """
     with _opened(path, data) as image:
         _decode(path, image)
@@ -239,7 +234,7 @@ def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:
-    """Write a PNG: uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w]; complete or not at all.
+    """Write a PNG atomically: uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w].
 
     Raises:
         ValueError: another type or shape.
@@ -256,7 +251,7 @@ def png_bytes(array: np.ndarray) -> bytes:
     rgb = array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
     if not (rgb or (array.dtype in (np.uint8, np.uint16) and array.ndim == 2)) or not array.size:
         raise ValueError(
-            f"a picture is {array.dtype} {array.shape}; expected uint8 [h w 3], uint8 [h w] or uint16 [h w]"
+            f"the image is {array.dtype} {array.shape}; expected uint8 [h w 3], uint8 [h w] or uint16 [h w]"
         )
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=4)
@@ -270,49 +265,29 @@ def jpeg_bytes(array: np.ndarray, quality: int) -> bytes:
     return buffer.getvalue()
 
 
-def _bytes(path: str | Stored) -> bytes:
-    """The content of a file.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    try:
-        return stored(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, "a picture", error.strerror or str(error)) from error
-
-
 def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
-    """The picture with its header read and its pixels not yet.
-
-    Raises:
-        InputError: the file is absent, no JPEG or PNG, or has more than `MOST_PIXELS`.
-    """
-    held = stored(path)
-    if data is None and not held.is_file():
-        raise InputError(path, "a picture", "no such file")
-    if data is None and not isinstance(held, Path):
-        data = _bytes(held)
+    """The image with only its header read."""
+    file = stored(path)
+    if data is None and not file.is_file():
+        raise InputError(path, "an image", "no such file")
+    if data is None and not isinstance(file, Path):
+        data = read_bytes(file, "an image")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the bound is below, and lower
-            image = Image.open(str(held) if data is None else io.BytesIO(data), formats=FORMATS)
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit below is lower
+            image = Image.open(str(file) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
-        raise InputError(path, "a JPEG or PNG picture", "something else or a damaged header") from error
+        raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
     except _DAMAGE as error:
-        raise InputError(path, "a JPEG or PNG picture", str(error)) from error
+        raise InputError(path, "a JPEG or PNG image", str(error)) from error
     if image.width * image.height > MOST_PIXELS:
         image.close()
-        raise InputError(path, f"a picture of at most {MOST_PIXELS:,} pixels", f"{image.width}x{image.height}")
+        raise InputError(path, f"an image of at most {MOST_PIXELS:,} pixels", f"{image.width}x{image.height}")
     return image
 
 
 def _header(path: str | Stored, image: Image.Image) -> PictureHeader:
-    """What the header of an opened picture says.
-
-    Raises:
-        InputError: its EXIF data are damaged.
-    """
+    """The header of an opened image."""
     try:
         orientation = Image.Image.getexif(image).get(_ORIENTATION, 1)  # PngImageFile's own would decode all pixels
     except _DAMAGE as error:
@@ -323,23 +298,15 @@ def _header(path: str | Stored, image: Image.Image) -> PictureHeader:
 
 
 def _decode(path: str | Stored, image: Image.Image) -> None:
-    """Decode all pixels.
-
-    Raises:
-        InputError: the file is cut short or damaged.
-    """
+    """Decode all pixels."""
     try:
         image.load()
     except _DAMAGE as error:
-        raise InputError(path, "a complete picture", str(error)) from error
+        raise InputError(path, "a complete image", str(error)) from error
 
 
 def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
-    """The pixels of an 8-bit picture as [h w 3] or, with alpha, [h w 4].
-
-    Raises:
-        InputError: its colour space is not grey, RGB or a palette of such.
-    """
+    """The pixels of an 8-bit image as [h w 3] or, with alpha, [h w 4]."""
     if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
         raise InputError(path, "grey or RGB pixels", f"mode {image.mode}", advice="convert it to sRGB first")
     transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
@@ -347,7 +314,7 @@ def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
 
 
 def _eight_bits(pixels: np.ndarray) -> np.ndarray:
-    """16-bit pixels as OpenCV decodes them (grey, BGR or BGRA) rounded to 8 bits, as [h w 3] or [h w 4] in RGB order."""
+    """16-bit pixels in OpenCV's order (grey, BGR or BGRA) as 8-bit RGB or RGBA."""
     reduced = ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
     if reduced.ndim == 2:
         return np.repeat(reduced[..., None], 3, axis=-1)
@@ -355,7 +322,7 @@ def _eight_bits(pixels: np.ndarray) -> np.ndarray:
 
 
 def _on_white(pixels: np.ndarray) -> np.ndarray:
-    """Pixels [h w 3] as they are, [h w 4] laid on white."""
+    """RGB pixels as they are; RGBA pixels blended with white."""
     if pixels.shape[2] == 3:
         return pixels
     alpha = pixels[..., 3:].astype(np.uint32)

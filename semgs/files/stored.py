@@ -1,4 +1,4 @@
-"""What holds the bytes of a file, wherever they are: a path, a member of a zip archive, a message of a recording."""
+"""Anything that has the bytes of a file: a path, a member of a zip archive, a message of a ROS bag."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 @runtime_checkable
 class Stored(Protocol):
-    """Bytes with a name, as far as readers need them; every `Path` is one. Its text is how errors name it."""
+    """A named file as readers use it. Every `Path` is one. `str()` gives the name for errors."""
 
     @property
     def name(self) -> str:
@@ -17,15 +17,15 @@ class Stored(Protocol):
 
     @property
     def suffix(self) -> str:
-        """The ending of the name, which tells the format (".png")."""
+        """The file name extension (".png")."""
         ...
 
     def is_file(self) -> bool:
-        """Whether it is there."""
+        """Whether it exists."""
         ...
 
     def read_bytes(self) -> bytes:
-        """All of it.
+        """The content.
 
         Raises:
             OSError: it cannot be read.
@@ -34,5 +34,5 @@ class Stored(Protocol):
 
 
 def stored(path: str | Stored) -> Stored:
-    """What was named, a text taken as a path."""
+    """A text as a path; anything else as it is."""
     return Path(path) if isinstance(path, str) else path

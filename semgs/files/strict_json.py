@@ -1,4 +1,4 @@
-"""JSON from files, read strictly: what a parser would let pass, or fall over, is a `ValueError` with one sentence."""
+"""Strict JSON: duplicate keys, deep nesting and huge numbers are one-line ValueErrors."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from collections import Counter
 from decimal import Decimal
 from typing import Any
 
+from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.stored import Stored, stored
+from semgs.files.stored import Stored
 
 DEEPEST = 100
-"""Objects and lists nested more deeply than this are refused: walking them would exhaust Python's stack."""
+"""Deeper nesting is refused, because walking it would exhaust Python's stack."""
 
 FLOAT_DIGITS, MOST_DIGITS = 300, 1000
-"""Whole numbers of more digits become `Decimal`, as no float holds them; of still more they are refused, as Python takes long to read them."""
+"""Integers with more digits than the first become `Decimal`, as no float can hold them. More than the second are refused, as parsing is slow."""
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The content of a JSON text, in UTF-8 (or what its byte order mark says) if it is bytes.
+    """The content of a JSON text; bytes are UTF-8, or what the byte order mark says.
 
-    A whole number that no float holds is a `Decimal`: no `int`, so that who reads numbers can refuse it and name its key.
+    An integer too large for a float becomes a `Decimal`, so callers that expect numbers can refuse it and name its key.
 
     Raises:
-        ValueError: it is no JSON, a key appears twice in one object, it is nested more than 100 levels deep, or a whole number has more
+        ValueError: it is not JSON, a key appears twice in one object, nesting is deeper than 100 levels, or an integer has more
             than 1,000 digits.
     """
     if isinstance(text, bytes):
@@ -48,32 +49,26 @@ def read_json(path: str | Stored, expected: str = "JSON", advice: str | None = N
 
     Args:
         path: the file.
-        expected: what it should hold, for the error.
-        advice: likewise, what to do about it.
+        expected: what it should contain, for the error.
+        advice: what the user can do, likewise.
 
     Raises:
-        InputError: it cannot be read, or as `parse_json`.
+        InputError: it cannot be read, or is refused by `parse_json`.
     """
-    file = stored(path)
+    data = read_bytes(path, expected, advice)
     try:
-        return parse_json(file.read_bytes())
-    except OSError as error:
-        raise InputError(file, expected, error.strerror or str(error), advice=advice) from error
+        return parse_json(data)
     except UnicodeDecodeError as error:
-        raise InputError(file, f"{expected} in UTF-8", f"byte {error.start} that is not", advice=advice) from error
+        raise InputError(path, f"{expected} in UTF-8", f"byte {error.start} that is not", advice=advice) from error
     except ValueError as error:
-        raise InputError(file, expected, str(error), advice=advice) from error
+        raise InputError(path, expected, str(error), advice=advice) from error
 
 
 _TOO_DEEP = f"objects or lists nested more than {DEEPEST} levels deep"
 
 
 def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of its keys and values.
-
-    Raises:
-        ValueError: a key appears twice.
-    """
+    """An object from its keys and values, each key once."""
     content = dict(pairs)
     if len(content) < len(pairs):
         (key, _), *_ = Counter(key for key, _ in pairs).most_common(1)
@@ -82,11 +77,7 @@ def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _whole(digits: str) -> int | Decimal:
-    """A whole number.
-
-    Raises:
-        ValueError: it is too long.
-    """
+    """An integer."""
     if len(digits) > MOST_DIGITS:
         raise ValueError(f"a whole number of {len(digits)} digits")
     return int(digits) if len(digits) <= FLOAT_DIGITS else Decimal(digits)

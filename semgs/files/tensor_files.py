@@ -1,4 +1,4 @@
-"""Safetensors files, opened with care: a crafted header must neither keep us busy nor be read in two ways."""
+"""Safetensors files, with checks against crafted headers: too long, or ambiguous."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 from safetensors import SafetensorError, safe_open
 
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
 
 LONGEST_HEADER = 8 * 2**20
-"""Bytes of a header that are parsed. The longest of ours, with the names of thousands of scenes, are a tenth of it; 80 MB take half a minute."""
+"""Largest header that is parsed [bytes]. Ours, with the names of thousands of scenes, reach a tenth of it; parsing 80 MB takes half a minute."""
 
 
 @contextmanager
 def opened_tensors(path: str | Path, expected: str) -> Iterator[Any]:
-    """A safetensors file, open for as long as the block lasts; its tensors are torch's.
+    """Open a safetensors file for the block; its tensors are torch's.
 
     Args:
         path: the file.
@@ -29,8 +29,7 @@ def opened_tensors(path: str | Path, expected: str) -> Iterator[Any]:
         What `safetensors.safe_open` gives.
 
     Raises:
-        InputError: it cannot be read, is no safetensors file or not a complete one, or its header is longer than 8 MiB or no JSON as
-            `parse_json` takes it.
+        InputError: it cannot be read, is not a complete safetensors file, or its header is longer than 8 MiB or refused by `parse_json`.
     """
     try:
         with Path(path).open("rb") as file:
@@ -39,19 +38,8 @@ def opened_tensors(path: str | Path, expected: str) -> Iterator[Any]:
                 raise InputError(path, expected, f"a header of {length:,} bytes; at most {LONGEST_HEADER:,} are read")
             header = file.read(length)
         with safe_open(path, "pt") as opened:
-            _check(path, header, expected)
+            with input_error(path, expected, "header"):
+                parse_json(header)  # refuses duplicate keys
             yield opened
     except (OSError, SafetensorError) as error:
         raise InputError(path, expected, str(error)) from None
-
-
-def _check(path: str | Path, header: bytes, expected: str) -> None:
-    """Refuse a header that says a thing twice.
-
-    Raises:
-        InputError: it does, or is no JSON as `parse_json` takes it.
-    """
-    try:
-        parse_json(header)
-    except ValueError as error:
-        raise InputError(path, expected, str(error), key="header") from None

@@ -1,4 +1,4 @@
-"""Text that others wrote (names of files, scenes, classes), made safe to show."""
+"""Names of files, scenes and classes, made safe to print."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 
 def printable(text: str) -> str:
-    """The text with a backslash escape for each character that a terminal would obey or cannot show; line ends stay.
+    """The text with unprintable characters escaped; line ends stay.
 
-    These are control characters (colours, cursor movements, titles), invisible characters that reorder text, and the bytes of
-    file names that are no UTF-8, which Python keeps as lone surrogates.
+    These are control characters (colours, cursor movements, titles), invisible characters that reorder text, and lone surrogates, which
+    Python uses for file names that are not UTF-8.
     """
     if text.isprintable():
         return text
@@ -17,7 +17,7 @@ def printable(text: str) -> str:
 
 
 def listed(names: Sequence[str], most: int = 5) -> str:
-    """Names on a line: the first ones, and how many more."""
+    """The first names on one line, and how many more there are."""
     rest = len(names) - most
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
 

@@ -1,1 +1,1 @@
-"""Preparing data sets: scenes of any layout as small archives, for training."""
+"""Preparing data sets: converts scenes of any layout to compact zip files for training."""

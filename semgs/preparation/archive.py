@@ -1,20 +1,19 @@
-"""Preparing scenes: whatever a reader opens becomes an ordinary `transforms.json` scene, small and in one file.
+"""Preparing scenes: any scene that can be opened becomes a compact `transforms.json` scene in one file.
 
-Each scene is one zip archive in which nothing is compressed again, so that `open_scene` reads it in place:
+Each scene is a zip archive without further compression, so `open_scene` reads it in place:
 
-    transforms.json    nerfstudio's layout, metric where the source is; each frame with the name that it had
+    transforms.json    nerfstudio's layout, metric if the source is; each frame keeps its name
     images/NAME.jpg    at one size
     depth/NAME.png     z-depth, 16 bits, millimetres
     labels/NAME.png    class per pixel, 8 bits, 255 = none
-    prepared.json      what it was made of: layout, frames, notes, pixels of each class, terms
+    prepared.json      the source: layout, frames, notes, pixels of each class, terms
 
-Pictures whose aspect is another one lose their margins on two sides, so that pixels stay square; where that is a hundredth or less they are
-stretched. Their cameras follow. The bytes depend on the source and the settings alone: not on the time, nor on who prepares how many at once.
+Images of another aspect are cropped on two sides, so pixels stay square; differences of up to 1 % are stretched. Cameras are adjusted. The
+bytes depend only on the source and the settings, not on the time or the number of processes.
 """
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import re
@@ -25,38 +24,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from semgs import __version__
 from semgs.data.classes import IGNORE
 from semgs.data.frames import Frame
-from semgs.data.lens import AbstractLens
 from semgs.data.maps import SATURATED
 from semgs.data.prepared_record import RECORD
 from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
 from semgs.data.terms import terms_of
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
-from semgs.files.atomic import partial_name
+from semgs.files.atomic import new_file
 from semgs.files.errors import InputError
-from semgs.files.pictures import png_bytes
+from semgs.files.pictures import jpeg_bytes, png_bytes
 
 MILLIMETRE = 0.001
 _MIDNIGHT = (1980, 1, 1, 0, 0, 0)
-"""The time of every member: the earliest that a zip archive can tell."""
+"""The time of every member: the earliest that a zip archive can store."""
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """What decides the bytes of a prepared scene, beside its source.
+    """The settings for preparing scenes.
 
     Attributes:
-        size: (height, width) of pictures that are wider than high; the others get it turned [px].
-        every: keep each n-th usable frame, from the first.
+        size: (height, width) of landscape images; swapped for portrait images [px].
+        every: keep every n-th usable frame, from the first.
         quality: of the JPEGs, 1 to 95.
 
     Raises:
-        ValueError: a field is out of its range.
+        ValueError: a value is out of range.
     """
 
     size: tuple[int, int] = (240, 320)
@@ -71,60 +68,48 @@ class Preparation:
             )
 
     def as_json(self) -> dict[str, Any]:
-        """As files keep it, with the version that prepared."""
+        """The settings for JSON files, with the version of semgs."""
         return {"semgs": __version__, "size": list(self.size), "every": self.every, "quality": self.quality}
 
 
 def prepare_scene(
-    scene: Scene, target: Path, settings: Preparation, *, done: Callable[[int], None] = lambda count: None
+    scene: Scene, target: Path, settings: Preparation, *, done: Callable[[int], None] | None = None
 ) -> dict[str, Any]:
-    """Write a scene as one zip archive, complete or not at all.
+    """Write a scene atomically as one zip archive.
 
     Args:
-        scene: what a reader opened.
-        target: the archive to appear; one that is there is replaced.
-        settings: how.
-        done: told how many frames are written, after each.
+        scene: the scene.
+        target: the archive to write; an existing one is replaced.
+        settings: how to prepare it.
+        done: called after each frame with the number of frames written.
 
     Returns:
-        What `prepared.json` in the archive holds.
+        The content of `prepared.json` in the archive.
 
     Raises:
         InputError: a file of the scene cannot be used, or fewer than two frames are kept.
         OSError: the disk is full.
     """
     frames = _kept(scene, settings)
-    partial = partial_name(target)
-    try:
-        with partial.open("xb") as file:
-            record = _fill(file, scene, frames, settings, done)
-        partial.replace(target)
-    except BaseException:
-        with contextlib.suppress(OSError):  # the first error is the one to tell
-            partial.unlink(missing_ok=True)
-        raise
-    return record
+    with new_file(target) as file:
+        return _fill(file, scene, frames, settings, done)
 
 
 def estimated_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int:
-    """About how many bytes the archive of a scene will have, from some of its frames.
+    """Estimate the size of a scene's archive in bytes, from some of its frames.
 
     Raises:
-        InputError: a file of them cannot be used, or fewer than two frames are kept.
+        InputError: a file of the scene cannot be used, or fewer than two frames are kept.
     """
     frames = _kept(scene, settings)
     few = [frames[round(step)] for step in np.linspace(0, len(frames) - 1, min(len(frames), sample))]
     trial = io.BytesIO()
-    _fill(trial, scene, few, settings, lambda count: None)
+    _fill(trial, scene, few, settings)
     return round(trial.tell() / len(few) * len(frames))
 
 
 def _kept(scene: Scene, settings: Preparation) -> tuple[Frame, ...]:
-    """The frames that are kept.
-
-    Raises:
-        InputError: they are fewer than two.
-    """
+    """The frames to keep, at least two."""
     frames = scene.frames[:: settings.every]
     if len(frames) < 2:
         raise InputError(scene.path, "at least two frames to keep", f"{len(frames)} of {len(scene)}", "every")
@@ -132,61 +117,48 @@ def _kept(scene: Scene, settings: Preparation) -> tuple[Frame, ...]:
 
 
 def _fill(
-    file: io.BufferedIOBase, scene: Scene, frames: Sequence[Frame], settings: Preparation, done: Callable[[int], None]
+    file: io.BufferedIOBase,
+    scene: Scene,
+    frames: Sequence[Frame],
+    settings: Preparation,
+    done: Callable[[int], None] | None = None,
 ) -> dict[str, Any]:
-    """Write the archive of some frames; what its record holds."""
+    """Write the archive of some frames; returns its record."""
     pixels = np.zeros(IGNORE + 1, np.int64)
     listed: list[dict[str, Any]] = []
-    maps = _Maps()
     with zipfile.ZipFile(file, "w") as archive:
         for frame, stem in zip(frames, _stems(frames), strict=True):
-            view = prepared_view(scene, frame, settings.size, maps.of(frame.lens))
+            view = prepared_view(scene, frame, settings.size)
             listed.append(_write_frame(archive, frame, stem, view, scene, settings))
             if view.labels is not None:
                 pixels += np.bincount(view.labels.numpy().ravel(), minlength=IGNORE + 1)
-            done(len(listed))
+            if done is not None:
+                done(len(listed))
         record = _record(scene, listed, pixels, settings)
         _write(archive, "transforms.json", _json(_transforms(scene, listed)))
         _write(archive, RECORD, _json(record))
     return record
 
 
-class _Maps:
-    """What undoes the distortion of the lens that was used last: most frames of a scene have the same."""
-
-    def __init__(self) -> None:
-        self._lens: AbstractLens | None = None
-        self._maps: tuple[np.ndarray, np.ndarray] | None = None
-
-    def of(self, lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
-        """Its maps, None for a pinhole."""
-        if lens != self._lens:
-            self._lens, self._maps = lens, None if lens.is_pinhole else lens.maps()
-        return self._maps
-
-
-def prepared_view(
-    scene: Scene, frame: Frame, size: tuple[int, int], maps: tuple[np.ndarray, np.ndarray] | None = None
-) -> Views:
-    """One frame as it is kept: cropped to the aspect of `size` and resized; `size` is turned where the picture is higher than wide.
+def prepared_view(scene: Scene, frame: Frame, size: tuple[int, int]) -> Views:
+    """One prepared frame: cropped to the aspect of `size` and resized. For portrait images, `size` is swapped.
 
     Args:
         scene: of the frame.
         frame: to read.
-        size: (height, width) to bring it to [px].
-        maps: as for `Frame.read`.
+        size: the new (height, width) [px].
 
     Raises:
         InputError: a file of the frame cannot be used.
     """
-    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes, maps=maps)
+    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes)
     rows, columns = view.size
     height, width = size if (rows <= columns) == (size[0] <= size[1]) else size[::-1]
     return reframed(view, (height, width))
 
 
 def fingerprint(scene: Scene) -> dict[str, Any]:
-    """What tells a scene from another of the same name: which frames it has, what comes with them, and where they stand."""
+    """A fingerprint of a scene, to detect changes: its frames, maps and cameras."""
     return {
         "layout": scene.layout,
         "unit": scene.unit,
@@ -202,9 +174,9 @@ def fingerprint(scene: Scene) -> dict[str, Any]:
 
 
 def _stems(frames: Sequence[Frame]) -> list[str]:
-    """The names of the frames' files: that of the picture without folder and ending, with its folders where that comes twice."""
+    """File names for the frames: the image name without folder and ending; with folders, or numbers, if that is not unique."""
     names = [frame.name.replace("\\", "/").rpartition(".")[0] or frame.name for frame in frames]
-    names = [re.sub("[\ud800-\udfff]", "_", name) for name in names]  # bytes that are no UTF-8, which an archive wants
+    names = [re.sub("[\ud800-\udfff]", "_", name) for name in names]  # not UTF-8, which archives need
     for choice in ([name.rpartition("/")[2] for name in names], [name.replace("/", "_") for name in names]):
         if len(set(choice)) == len(choice):
             return choice
@@ -214,14 +186,12 @@ def _stems(frames: Sequence[Frame]) -> list[str]:
 def _write_frame(
     archive: zipfile.ZipFile, frame: Frame, stem: str, view: Views, scene: Scene, settings: Preparation
 ) -> dict[str, Any]:
-    """Write the files of a frame; what `transforms.json` says of it."""
+    """Write the files of a frame; returns its entry in `transforms.json`."""
     picture = (view.images[0].permute(1, 2, 0) * 255).round().byte().numpy()
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=settings.quality)
-    _write(archive, f"images/{stem}.jpg", buffer.getvalue())
+    _write(archive, f"images/{stem}.jpg", jpeg_bytes(picture, settings.quality))
     k = view.cameras.intrinsics[0].numpy()
     pose = view.cameras.world_from_camera[0].numpy().copy()
-    pose[:3, 1:3] *= -1  # OpenGL axes, as the format wants
+    pose[:3, 1:3] *= -1  # OpenGL axes
     entry: dict[str, Any] = {
         "file_path": f"images/{stem}.jpg",
         "source_name": frame.name,
@@ -242,7 +212,7 @@ def _write_frame(
 
 
 def _transforms(scene: Scene, listed: list[dict[str, Any]]) -> dict[str, Any]:
-    """The content of `transforms.json`: what all frames share is said once."""
+    """The content of `transforms.json`; values that all frames share are stored once."""
     alike = {key: listed[0][key] for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
     alike = {key: value for key, value in alike.items() if all(entry[key] == value for entry in listed)}
     shared: dict[str, Any] = {"camera_model": "PINHOLE", **alike, "metric": scene.unit == "metric"}
@@ -260,9 +230,7 @@ def _transforms(scene: Scene, listed: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, settings: Preparation) -> dict[str, Any]:
     """The content of `prepared.json`."""
-    named = (
-        {} if scene.classes is None else {name: int(pixels[label]) for label, name in enumerate(scene.classes.names)}
-    )
+    named = {name: int(pixels[label]) for label, name in enumerate(scene.classes.names)} if scene.classes else {}
     return {
         **settings.as_json(),
         "frames": len(listed),
@@ -277,12 +245,12 @@ def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, sett
 
 
 def _write(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
-    """Add a file to an archive, uncompressed, with nothing of today in it."""
+    """Add an uncompressed file to an archive, without the current time."""
     info = zipfile.ZipInfo(name, _MIDNIGHT)
     info.compress_type, info.external_attr, info.create_system = zipfile.ZIP_STORED, 0o644 << 16, 3
     archive.writestr(info, data)
 
 
 def _json(content: dict[str, Any]) -> bytes:
-    """A JSON file's bytes; lone surrogates, of names that are no UTF-8, become JSON's own escapes."""
+    """The bytes of a JSON file; lone surrogates (names that are not UTF-8) become JSON escapes."""
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(errors="backslashreplace")

@@ -1,9 +1,9 @@
-"""Prepared data sets: a folder of prepared scenes that is filled by worker processes and goes on where it was left.
+"""Prepared data sets: a folder of prepared scenes, filled by worker processes; interrupted work can be resumed.
 
-settings.json     what all scenes were prepared with
-SCENE.zip         one each, as `semgs.preparation.archive` has them
-SHA256SUMS        their hashes, as `sha256sum -c` takes them
-index.json        what is in each, those that could not be prepared and why, and the pixels of every class
+settings.json     the settings, the same for all scenes
+SCENE.zip         one for each scene, see `semgs.preparation.archive`
+SHA256SUMS        their hashes, for `sha256sum -c`
+index.json        the content of each, scenes that failed and why, and the pixels of every class
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from semgs.preparation.archive import Preparation, estimated_bytes, fingerprint,
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
 SAMPLED_SCENES = 3
-"""Of so many scenes some frames are prepared on trial, to find how much space all need."""
+"""The needed space is estimated from this many scenes."""
 MARGIN = 1.05
-"""The space asked for is this much more than what the trial says."""
+"""Safety factor of the estimate."""
 
 
 @dataclass(frozen=True)
-class Source:
+class SceneSource:
     """A scene to prepare.
 
     Attributes:
-        path: where it is.
-        name: of its archive; no other scene of the set has it.
+        path: of the scene.
+        name: of its archive, unique in the set.
     """
 
     path: Path
@@ -58,18 +58,18 @@ class Source:
 
 @dataclass(frozen=True)
 class Reading:
-    """How sources are read.
+    """How to read the scenes.
 
     Attributes:
         as_peers: as for `open_scene`.
-        asked: what the user says of all of them.
+        asked: details that apply to all scenes.
     """
 
     as_peers: tuple[str, ...] = ()
     asked: Asked = Asked()  # noqa: RUF009
 
-    def open(self, source: Source) -> Scene:
-        """The scene of a source.
+    def open(self, source: SceneSource) -> Scene:
+        """Open a scene.
 
         Raises:
             InputError: as `open_scene`.
@@ -78,20 +78,20 @@ class Reading:
         return scene
 
     def as_json(self) -> dict[str, Any]:
-        """As `settings.json` keeps it: what was told, and nothing of what was not."""
-        told = {name: value for name, value in vars(self.asked).items() if value is not None}
-        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(told))}
+        """The given details for `settings.json`."""
+        details = {name: value for name, value in vars(self.asked).items() if value is not None}
+        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(details))}
 
 
-def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
-    """The scenes at a path, named by where they are below it.
+def sources(path: Path, wanted: SceneList | None = None) -> list[SceneSource]:
+    """The scenes at a path, named by their place below it.
 
     Args:
-        path: a scene, or a folder with scenes, or one of such folders.
-        wanted: those to take; None takes all.
+        path: a scene, a folder of scenes, or a folder of such folders.
+        wanted: the scenes to take; None for all.
 
     Raises:
-        InputError: there is none, or not one that is wanted.
+        InputError: there is none, or one in `wanted` is missing.
     """
     path = typed_path(path)
     paths = scene_paths(path)
@@ -100,7 +100,7 @@ def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
     else:
         below = [one.relative_to(path) for one in paths]
     found = [
-        Source(one, _safe("_".join((place if one.is_dir() else place.with_suffix("")).parts)))
+        SceneSource(one, _safe("_".join((place if one.is_dir() else place.with_suffix("")).parts)))
         for one, place in zip(paths, below, strict=True)
     ]
     twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
@@ -115,7 +115,7 @@ def sources(path: Path, wanted: SceneList | None = None) -> list[Source]:
 
 def prepare_set(
     out: Path,
-    found: Sequence[Source],
+    found: Sequence[SceneSource],
     settings: Preparation,
     reading: Reading,
     *,
@@ -123,26 +123,26 @@ def prepare_set(
     done: Callable[[int], None] = lambda count: None,
     frame_done: Callable[[int], None] | None = None,
 ) -> dict[str, Any]:
-    """Prepare the scenes that a folder does not hold yet, then write its hashes and index.
+    """Prepare the scenes that are not in a folder yet, then write its hashes and index.
 
-    Every archive appears complete or not at all, so the same call goes on where an earlier one was cut short; an archive whose source has
-    changed is made anew. A scene that cannot be prepared is passed over and listed.
+    Archives are written atomically, so the same call resumes an interrupted one. If the source of an archive has changed, it is prepared
+    again. Scenes that fail are skipped and listed.
 
     Args:
-        out: a new or empty folder, or one that holds scenes of the same settings.
+        out: a new or empty folder, or one with scenes of the same settings.
         found: the scenes.
         settings: how to prepare them.
         reading: how to read them.
-        workers: processes that prepare; 0 prepares in this one.
-        done: told how many scenes are done, at the start and after each.
-        frame_done: told how many frames of the present scene are done; with it all work is done in this process.
+        workers: number of processes; 0 works in this one.
+        done: called with the number of finished scenes, at the start and after each scene.
+        frame_done: called with the number of finished frames of the current scene; if given, all work is done in this process.
 
     Returns:
-        What `index.json` holds.
+        The content of `index.json`.
 
     Raises:
-        ValueError: the folder holds scenes of other settings.
-        InputError: the folder holds something else, another process is filling it, or no scene could be prepared (the first one's error).
+        ValueError: the folder was made with other settings.
+        InputError: the folder contains something else, another process is using it, or all scenes failed (the first one's error).
         OSError: the disk is full.
     """
     check(out, settings, reading)
@@ -150,59 +150,42 @@ def prepare_set(
     if not (out / SETTINGS).is_file():
         write_json(out / SETTINGS, _settings(settings, reading))
     with _alone(out):
-        for path in out.glob(".*.zip.*.part"):  # archives that were cut short
+        for path in out.glob(".*.zip.*.part"):  # incomplete archives
             path.unlink(missing_ok=True)
-        failed = _prepared(out, found, settings, reading, workers, done, frame_done)
+        work = partial(_entry, out, settings, reading, frame_done)
+        failed = _prepared(work, found, workers if frame_done is None else 0, done)
         return _write_index(out, settings, reading, failed)
 
 
 def _alone(out: Path) -> AbstractContextManager[None]:
-    """Be the only one that prepares into a folder.
-
-    Raises:
-        InputError: another process does.
-    """
-    return alone(out / SETTINGS, "a folder that nobody prepares scenes into", "one that another process is filling")
+    """Lock a folder against other processes that prepare scenes into it."""
+    return alone(out / SETTINGS, "a folder that no other process prepares scenes into", "one in use")
 
 
 def _prepared(
-    out: Path,
-    found: Sequence[Source],
-    settings: Preparation,
-    reading: Reading,
-    workers: int,
-    done: Callable[[int], None],
-    frame_done: Callable[[int], None] | None,
+    work: Callable[[SceneSource], object], found: Sequence[SceneSource], workers: int, done: Callable[[int], None]
 ) -> dict[str, InputError]:
-    """Prepare the scenes that are not there yet; those that could not be, and why.
-
-    Raises:
-        InputError: none could be (the first one's error).
-    """
+    """Prepare scenes; returns those that failed, and why. Raises the first error if all failed."""
     failed: dict[str, InputError] = {}
-    entries: dict[str, dict[str, Any]] = {}
     done(0)
-    work = partial(_entry, out, settings, reading, frame_done or _nothing)
-    with closing(outcomes(work, found, workers if frame_done is None else 0)) as prepared:
+    with closing(outcomes(work, found, workers)) as prepared:
         for count, (source, outcome) in enumerate(zip(found, prepared, strict=True), start=1):
             if isinstance(outcome, InputError):
                 failed[source.name] = outcome
             elif isinstance(outcome, Exception):
                 raise outcome
-            else:
-                entries[source.name] = outcome
             done(count)
-    if not entries:
+    if len(failed) == len(found):
         raise next(iter(failed.values()))
     return failed
 
 
 def check(out: Path, settings: Preparation, reading: Reading) -> None:
-    """See that a folder is or can become a prepared set of these settings.
+    """Check that a folder is, or can become, a prepared set with these settings.
 
     Raises:
-        ValueError: it holds scenes of other settings, which are told.
-        InputError: it holds something else, nothing can be written there, or another process is filling it.
+        ValueError: it was made with other settings; the error lists the differences.
+        InputError: it contains something else, is not writable, or another process is using it.
     """
     begun = is_begun(out / SETTINGS, _settings(settings, reading), "a prepared set")
     with _alone(out) if begun else nullcontext():
@@ -210,15 +193,15 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
 
 
 def _settings(settings: Preparation, reading: Reading) -> dict[str, Any]:
-    """What `settings.json` holds."""
+    """The content of `settings.json`."""
     return {**settings.as_json(), **reading.as_json()}
 
 
-def needed_space(out: Path, found: Sequence[Source], settings: Preparation, reading: Reading) -> int:
-    """How many bytes the scenes that are not there yet will take, from some frames of some of them.
+def needed_space(out: Path, found: Sequence[SceneSource], settings: Preparation, reading: Reading) -> int:
+    """Estimate the bytes that the missing scenes will need, from some frames of some of them.
 
     Raises:
-        InputError: none of those that were tried can be read (the first one's error).
+        InputError: none of the sampled scenes can be read (the first one's error).
     """
     missing = [source for source in found if not (out / f"{source.name}.zip").is_file()]
     sizes: list[int] = []
@@ -234,19 +217,15 @@ def needed_space(out: Path, found: Sequence[Source], settings: Preparation, read
 
 
 def free_space(out: Path) -> int:
-    """How many bytes are free where a folder is or will be."""
+    """Free bytes on the disk of a folder that may not exist yet."""
     nearest = next(one for one in (out.absolute(), *out.absolute().parents) if one.exists())
     return shutil.disk_usage(nearest).free
 
 
 def _entry(
-    out: Path, settings: Preparation, reading: Reading, frame_done: Callable[[int], None], source: Source
+    out: Path, settings: Preparation, reading: Reading, frame_done: Callable[[int], None] | None, source: SceneSource
 ) -> dict[str, Any]:
-    """The entry of a scene in the index; it is prepared if that is not there yet.
-
-    Raises:
-        InputError: it cannot be.
-    """
+    """The record of a scene, which is prepared if its archive is missing or outdated."""
     target = out / f"{source.name}.zip"
     scene = reading.open(source)
     there = read_record(target) if target.is_file() else None
@@ -255,12 +234,8 @@ def _entry(
     return prepare_scene(scene, target, settings, done=frame_done)
 
 
-def _nothing(count: int) -> None:
-    """What is told where nobody listens."""
-
-
 def _write_index(out: Path, settings: Preparation, reading: Reading, failed: dict[str, InputError]) -> dict[str, Any]:
-    """Write the hashes and the index of all archives in a folder; what the index holds."""
+    """Write the hashes and index of all archives in a folder; returns the content of the index."""
     known = _sums(out)
     scenes, total, sums = [], Counter[str](), {}
     for archive in sorted(out.glob("*.zip")):
@@ -291,7 +266,7 @@ def _write_index(out: Path, settings: Preparation, reading: Reading, failed: dic
 
 
 def _sums(out: Path) -> dict[str, str]:
-    """The hashes that an earlier run wrote, by file."""
+    """The hashes from an earlier call, by file name."""
     try:
         lines = (out / SUMS).read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -300,10 +275,10 @@ def _sums(out: Path) -> dict[str, str]:
 
 
 def _older(file: Path, than: Path) -> bool:
-    """Whether a file was last written before another."""
+    """Whether a file is older than another."""
     return file.stat().st_mtime_ns < than.stat().st_mtime_ns
 
 
 def _safe(name: str) -> str:
-    """A name as a file may have it anywhere."""
+    """A name that is a valid file name on any system."""
     return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "scene"

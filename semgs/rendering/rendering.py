@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from semgs.files.colours import Palette
-from semgs.files.notebook import Row, class_row, depth_row, html, photo_row
+from semgs.files.colours import NamedColours
+from semgs.files.notebook import Strip, class_row, depth_row, html, photo_row
 from semgs.geometry.summaries import array_of, summary
 
 SEEN_ALPHA = 0.5
@@ -36,7 +36,7 @@ class Rendering:
     semantics: Float[Tensor, "*batch v class h w"] | None
     depths: Float[Tensor, "*batch v h w"]
     alphas: Float[Tensor, "*batch v h w"]
-    classes: Palette | None = None
+    classes: NamedColours | None = None
 
     def __repr__(self) -> str:
         return summary(
@@ -45,7 +45,7 @@ class Rendering:
 
     def _repr_html_(self) -> str:
         """Images, class maps and depth, as a notebook shows them."""
-        rows: list[Row] = [photo_row("images", array_of(self.images))]
+        rows: list[Strip] = [photo_row("images", array_of(self.images))]
         if self.semantics is not None:
             rows.append(class_row("classes", label_maps(self), self.classes))
         return html(repr(self), [*rows, depth_row("depths", array_of(self.depths))])

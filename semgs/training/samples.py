@@ -194,8 +194,7 @@ class Samples:
         chosen = [scene.frames[index] for index in frames]
         if not with_depths:
             chosen = [replace(frame, depth=None) for frame in chosen]
-        maps = {frame.lens: frame.lens.maps() for frame in chosen if not frame.lens.is_pinhole}
-        views = [frame.view((bounds.near, bounds.far), scene.classes, maps=maps.get(frame.lens)) for frame in chosen]
+        views = [frame.view((bounds.near, bounds.far), scene.classes) for frame in chosen]
         return scene.local(joined([window(view, views[0].size) for view in views])).checked()
 
     def _generator(self, k: int, purpose: int) -> np.random.Generator:

@@ -106,7 +106,7 @@ def test_a_picture_cut_short(refused: Refused, scene: Path, kept: int) -> None:
 def test_pictures_that_are_missing(refused: Refused, scene: Path) -> None:
     for picture in sorted((scene / "images").iterdir())[1:]:
         picture.unlink()
-    assert "3 without their picture" in refused(scene)
+    assert "3 without their image" in refused(scene)
 
 
 @pytest.mark.parametrize("views", ["0", "1", "-3", "1000", "two", "2.5", "9" * 40])

@@ -56,7 +56,7 @@ def test_one_scene_is_enough_and_what_fails_is_told(
     told = capsys.readouterr().out
     assert "two: 1 scenes, 3 frames" in told
     assert "left out: b: " in told
-    assert "001.png: expected a JPEG or PNG picture" in told
+    assert "001.png: expected a JPEG or PNG image" in told
 
 
 def test_what_cannot_be_is_refused_and_nothing_is_written(
@@ -64,7 +64,7 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
 ) -> None:
     out = tmp_path / "out"
     (tmp_path / "split.txt").write_text("\n")
-    assert "found none: the list is empty" in refused(capsys, scenes, out, "--scenes", tmp_path / "split.txt")
+    assert "found an empty list" in refused(capsys, scenes, out, "--scenes", tmp_path / "split.txt")
     assert "nothing there" in refused(capsys, tmp_path / "nowhere", out)
     assert "a scene or a folder of scenes" in refused(capsys, _made(tmp_path / "empty"), out)
     assert "--every is 0" in refused(capsys, scenes, out, "--every", 0)

@@ -85,8 +85,8 @@ def test_a_second_prepare_into_a_folder_is_told_before_it_works(room: Path, tmp_
     part.touch()
     with alone(out / "settings.json", "", ""):
         assert told(*command) == (
-            f"{out}: expected a folder that nobody prepares scenes into, found one that another process is filling; "
-            "end that first, or name another folder"
+            f"{out}: expected a folder that no other process prepares scenes into, found one in use; "
+            "stop that process first, or name another folder"
         )
         assert part.exists(), "what the other is writing is cleared away"
     assert main([str(one) for one in command]) == 0

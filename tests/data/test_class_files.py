@@ -56,7 +56,7 @@ def test_without_numbers_classes_are_counted_from_0(tmp_path):
         (lambda t: t["classes"][1].pop("ids"), r"classes\[1\]\.ids"),
         (lambda t: t["classes"][1].update(ids=[1]), "found 1 twice"),
         (lambda t: t.update(ignored=[5]), "found 5 twice"),
-        (lambda t: t["classes"][1].update(name="wall"), "names a class twice"),
+        (lambda t: t["classes"][1].update(name="wall"), "has a class name twice"),
         (lambda t: t.update(ignored="0"), "ignored"),
     ],
 )

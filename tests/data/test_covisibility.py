@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from semgs.data.covisibility import Covisibility, Surfaces, flat
+from semgs.data.covisibility import Covisibility, DepthGrids, flat
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap
@@ -45,7 +45,7 @@ def wall(depth: float) -> np.ndarray:
 
 def covisibility(opened: Scene) -> Covisibility:
     every = range(len(opened))
-    return Covisibility(opened, every, Surfaces(opened).of(every, 2.0))
+    return Covisibility(opened, every, DepthGrids(opened).of(every, 2.0))
 
 
 def test_frames_side_by_side_before_a_wall_share_what_the_shift_leaves(tmp_path):
@@ -80,7 +80,7 @@ def test_parts_are_of_what_is_known(tmp_path):
     half = wall(1.0)
     half[:, :85] = 0
     opened = scene(tmp_path, [half, wall(1.0)], [0, 0])
-    known = Surfaces(opened).of([0], 9.0)[0]
+    known = DepthGrids(opened).of([0], 9.0)[0]
     assert np.isfinite(known.depths).sum() == 50
     assert known.median == 1
     assert covisibility(opened).covered([1])[0] == 1
@@ -93,7 +93,7 @@ def test_a_map_that_tells_nothing_leaves_the_assumed_depth(tmp_path, content):
     opened = scene(tmp_path, [None if content == "absent" else depths, wall(1.0)], [0, 0])
     if content == "damaged":
         (tmp_path / "0.png").write_bytes(b"no picture")
-    assumed, measured = Surfaces(opened).of([0, 1], 2.5)
+    assumed, measured = DepthGrids(opened).of([0, 1], 2.5)
     assert (assumed.median, assumed.source) == (2.5, "")
     assert (assumed.depths == flat(2.5).depths).all()
     assert measured.source == "measured depth"
@@ -109,10 +109,10 @@ def test_sparse_points_give_each_cell_the_depth_of_the_nearest(tmp_path):
     points = np.concatenate((ours, outside)) @ POSE[:3, :3].T + POSE[:3, 3]
     opened = scene(tmp_path, [None, None], [0, 0])
     sparse = Scene(opened.path, "scene", "COLMAP", "unknown", opened.frames, points=points)
-    surface = Surfaces(sparse).of([0], 9.0)[0]
-    columns = surface.depths.reshape(10, 10)
+    grid = DepthGrids(sparse).of([0], 9.0)[0]
+    columns = grid.depths.reshape(10, 10)
     assert columns[:, :3] == pytest.approx(4.0)
     assert columns[:, 7:] == pytest.approx(2.0)
-    assert surface.source == "sparse points"
+    assert grid.source == "sparse points"
     few = Scene(opened.path, "scene", "COLMAP", "unknown", opened.frames, points=points[:9])
-    assert Surfaces(few).of([0], 9.0)[0].median == 9
+    assert DepthGrids(few).of([0], 9.0)[0].median == 9

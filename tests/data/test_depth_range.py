@@ -96,7 +96,7 @@ def test_pictures_that_do_not_match_leave_the_baseline(tmp_path):
 def test_cameras_at_one_place_tell_no_scale(tmp_path):
     bounds = scene(tmp_path, eyes=[EYES[0]] * 3).depth_range([0, 1])
     assert (bounds.near, bounds.far, bounds.unit) == (0.5, 10.0, "unknown")
-    assert "nothing tells the scale" in bounds.reason
+    assert "the scale is unknown" in bounds.reason
 
 
 def test_all_views_that_are_read_get_the_same_range(tmp_path):

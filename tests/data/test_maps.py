@@ -75,7 +75,7 @@ def test_depth_of_another_lens_is_what_each_ray_meets(tmp_path):
 
 def test_a_map_of_another_size_than_its_picture_is_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "d.png"), np.ones((4, 5), np.uint16))
-    with pytest.raises(InputError, match=r"6x4 pixels .*, as its picture, found 5x4"):
+    with pytest.raises(InputError, match=r"6x4 pixels .*, the size of its image, found 5x4"):
         frame(tmp_path, depth=DepthMap(tmp_path / "d.png")).read(RANGE)
     with pytest.raises(ValueError, match=r"the map is \(2, 3\) .* expected \(4, 6\)"):
         frame(tmp_path, depth=InMemory(np.ones((2, 3), np.float32))).read(RANGE)

@@ -113,7 +113,7 @@ def test_the_held_out_ones_are_those_of_smallest_hash():
 
 def test_lists_that_cannot_be_read_are_refused(tmp_path: Path):
     (tmp_path / "empty.txt").write_text("\n# nobody\n \n")
-    with pytest.raises(InputError, match=r"empty\.txt: expected names of scenes, one a line, found none: the list is"):
+    with pytest.raises(InputError, match=r"empty\.txt: expected names of scenes, one per line, found an empty list"):
         read_list(tmp_path / "empty.txt")
     with pytest.raises(
         InputError, match=r"scannet-sray: expected a text file of scenes, or one of .*scannet-sray-test"
@@ -137,6 +137,6 @@ def test_scenes_of_a_list_are_opened_and_others_are_not(tmp_path: Path):
     assert [scene.name for scene in open_scenes(tmp_path / "data", wanted=wanted)] == ["b"]
     (tmp_path / "list.txt").write_text("b\nc\n")
     with pytest.raises(
-        InputError, match=r"1 of 2 names: expected names of scenes in .*, such as a, found c, which is not there"
+        InputError, match=r"1 of 2 names: expected names of scenes in .*, such as a, found c, which is missing"
     ):
         open_scenes(tmp_path / "data", wanted=read_list(tmp_path / "list.txt"))

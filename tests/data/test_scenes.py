@@ -104,7 +104,7 @@ def test_names_work_as_positions_do(folder, name, position):
         ([-1], "no frame -1"),
         (["0002.png"], r"may be left/0002\.png or right/0002\.png"),
         (["other.png"], r"no usable frame 'other\.png'"),
-        ([], "no frames are asked for"),
+        ([], "the list of frames is empty"),
     ],
 )
 def test_frames_that_are_not_there_are_refused(folder, frames, message):
@@ -115,7 +115,7 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
 def test_an_unknown_layout_lists_what_was_looked_for(tmp_path):
     (tmp_path / "photo.jpg").touch()
     with pytest.raises(
-        InputError, match=r"transforms\.json .* COLMAP model .* sparse/0/.*; pictures alone have no poses"
+        InputError, match=r"transforms\.json .* COLMAP model .* sparse/0/.*; images alone have no poses"
     ):
         open_scene(tmp_path)
     (tmp_path / "notes.txt").touch()
@@ -160,7 +160,7 @@ def test_a_folder_without_any_scene_is_refused_and_a_broken_scene_is_not_passed_
 def test_the_fox_has_twelve_of_its_sixty_seven_pictures(shared):
     fox = open_scene(shared / "data" / "fox")
     assert (len(fox), len(fox.absent), fox.unit, fox.name) == (12, 55, "unknown", "fox")
-    assert fox.notes == ("55 of the 67 listed pictures are absent, the first is images/0005.jpg.",)
+    assert fox.notes == ("55 of 67 listed images are missing, the first is images/0005.jpg.",)
     views = fox.read(["0004.jpg", 4], size=(320, 180))
     assert views.images.shape == (2, 3, 320, 180)
     assert views.depths is None

@@ -68,7 +68,7 @@ def test_a_point_is_seen_on_its_feature_after_cropping(views):
     ("top", "left", "size"), [(-1, 0, (10, 10)), (0, 0, (181, 10)), (175, 0, (6, 10)), (0, 245, (5, 6)), (0, 0, (0, 5))]
 )
 def test_windows_that_reach_outside_are_refused(views, top, left, size):
-    with pytest.raises(ValueError, match="expected a part of pictures"):
+    with pytest.raises(ValueError, match="expected a part of images"):
         cropped(views, top, left, size)
 
 
@@ -198,11 +198,11 @@ LABELS = torch.zeros(2, 8, 11, dtype=torch.uint8)
         ({"depth_range": [[5.0, 1.0]] * 2}, "0 < near < far"),
         ({"depth_range": [[1.0, float("inf")]] * 2}, "0 < near < far"),
         ({"depth_range": [[1.0, 2.0]]}, "near and far of each view"),
-        ({"labels": LABELS + 20}, "labels hold 20; expected 0..19"),
-        ({"labels": LABELS[:1]}, "as the images"),
+        ({"labels": LABELS + 20}, "labels contain 20; expected 0..19"),
+        ({"labels": LABELS[:1]}, "like the images"),
         ({"depths": -torch.ones(2, 8, 11)}, "negative or not finite"),
         ({"depths": torch.ones(2, 8, 11) * float("nan")}, "negative or not finite"),
-        ({"depths": torch.ones(2, 11, 8)}, "as the images"),
+        ({"depths": torch.ones(2, 11, 8)}, "like the images"),
     ],
 )
 def test_views_that_cannot_be_are_refused(change, message):

@@ -21,7 +21,7 @@ def test_results_come_in_order_and_errors_as_values_with_the_place_where_they_we
     assert (first, third) == (4, 3)
     assert isinstance(second, ZeroDivisionError)
     (note,) = second.__notes__
-    assert "while 0 was worked on" in note
+    assert "while working on 0" in note
     assert "return number // by" in note
 
 

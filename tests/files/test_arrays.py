@@ -36,7 +36,7 @@ def test_headers_that_lie_are_found_out_before_anything_is_allocated(tmp_path: P
     (tmp_path / "a.npy").write_bytes(lying(shape))
     tracemalloc.start()
     with pytest.raises(
-        InputError, match=r"a\.npy: expected an array of numbers as long as its header says, found .* 60 bytes"
+        InputError, match=r"a\.npy: expected an array of numbers, as long as its header says, found .* 60 bytes"
     ):
         read_array(tmp_path / "a.npy")
     assert tracemalloc.get_traced_memory()[1] < 1_000_000

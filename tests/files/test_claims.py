@@ -28,7 +28,9 @@ def test_a_folder_of_the_same_settings_is_gone_on_with_whatever_else_is_in_it(tm
 
 def test_every_setting_that_differs_is_named(tmp_path: Path):
     (tmp_path / "settings.json").write_text(json.dumps({"seed": 8, "size": [36, 50]}))
-    told = r"is a set of things of other settings: seed is 8 there, 7 asked; size is \[36, 50\] there, \[36, 48\] asked; give"
+    told = (
+        r"is a set of things with other settings: seed is 8 there, not 7; size is \[36, 50\] there, not \[36, 48\]; use"
+    )
     with pytest.raises(ValueError, match=told):
         begun(tmp_path)
 
@@ -44,6 +46,6 @@ def test_a_file_and_a_folder_of_something_else_are_refused(tmp_path: Path):
     (tmp_path / "mine.txt").touch()
     for folder in (tmp_path, tmp_path / "mine.txt"):
         with pytest.raises(
-            InputError, match="a new or empty folder, or a set of things to go on with, found something else"
+            InputError, match="a new or empty folder, or a set of things to resume, found something else"
         ):
             begun(folder)

@@ -139,7 +139,7 @@ def test_the_cameras_size_tells_whether_an_exif_rotation_counts(tmp_path, rgb, o
         (6, (24, 24), (24, 24)),
         (8, (24, 37), (12, 18)),
     ],
-    ids=["no stated size", "half turn", "mirrored", "square", "another size"],
+    ids=["an unknown camera size", "half turn", "mirrored", "square", "another size"],
 )
 def test_an_exif_rotation_that_the_camera_cannot_decide_is_refused(tmp_path, rgb, orientation, shape, size):
     path = oriented(tmp_path / "a.png", np.ascontiguousarray(rgb[: shape[0], : shape[1]]), orientation)
@@ -160,7 +160,7 @@ def test_pictures_cut_short_are_refused(tmp_path, kind, read):
     pixels = np.random.default_rng(6).integers(0, 256, (120, 90, 3)).astype(np.uint8)
     cv2.imwrite(str(path), pixels.astype(np.uint16) * 257 if "16" in kind else pixels)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(InputError, match="expected a complete picture"):
+    with pytest.raises(InputError, match="expected a complete image"):
         read(path)
 
 
@@ -169,7 +169,7 @@ def test_a_16_bit_png_without_its_last_bytes_is_refused_and_nothing_is_printed(t
     pixels = np.random.default_rng(6).integers(0, 65536, (HEIGHT, WIDTH, 3)).astype(np.uint16)
     cv2.imwrite(str(tmp_path / "a.png"), pixels)
     (tmp_path / "a.png").write_bytes((tmp_path / "a.png").read_bytes()[:-cut])
-    with pytest.raises(InputError, match=r"a\.png: expected a complete picture, found one cut short"):
+    with pytest.raises(InputError, match=r"a\.png: expected a complete image, found a truncated one"):
         read_rgb(tmp_path / "a.png")
     assert capfd.readouterr().err == ""
 
@@ -232,9 +232,9 @@ def test_counts_of_a_pgm_are_taken_as_they_are(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"P5 3 2 65535\n" + bytes(11), "expected a complete picture, found 11 bytes of 3x2 counts"),
-        (b"P5 999999999 999999999 65535\n" + bytes(12), "expected a complete picture, found 12 bytes of 999999999x"),
-        (b"P5 3 2 255\n" + bytes(6), "expected a 16-bit PGM .* found one whose largest count is 255"),
+        (b"P5 3 2 65535\n" + bytes(11), "expected a complete image, found 11 bytes of 3x2 counts"),
+        (b"P5 999999999 999999999 65535\n" + bytes(12), "expected a complete image, found 12 bytes of 999999999x"),
+        (b"P5 3 2 255\n" + bytes(6), "expected a 16-bit PGM .* found one with largest count 255"),
         (b"P2 3 2 65535\n1 2 3 4 5 6", "expected a 16-bit PGM .* found something else"),
         (b"", "expected a 16-bit PGM .* found something else"),
     ],

@@ -128,7 +128,7 @@ def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
     (rooms / "kitchen" / "images" / "002.jpg").unlink()
     index = prepare_set(tmp_path / "out", sources(rooms), SMALL, Reading())
     assert [scene["frames"] for scene in index["scenes"]] == [2, 3, 3]
-    assert "1 of the 3 listed pictures are absent" in index["scenes"][0]["notes"][0]
+    assert "1 of 3 listed images are missing" in index["scenes"][0]["notes"][0]
     assert sha256(tmp_path / "out" / "kitchen.zip") == index["scenes"][0]["sha256"]
 
 
@@ -138,7 +138,7 @@ def test_a_scene_that_cannot_be_prepared_is_passed_over_and_listed(rooms: Path, 
     assert [scene["name"] for scene in index["scenes"]] == ["kitchen", "seq-02"]
     (failed,) = index["failed"]
     assert failed["name"] == "seq-01"
-    assert "depth/001.png: expected a JPEG or PNG picture" in failed["error"]
+    assert "depth/001.png: expected a JPEG or PNG image" in failed["error"]
     with pytest.raises(InputError, match=r"001\.png"):
         prepare_set(tmp_path / "other", sources(rooms / "seq-01"), SMALL, Reading())
 
@@ -151,7 +151,7 @@ def test_lists_name_scenes_as_the_data_sets_do(rooms: Path, tmp_path: Path):
     assert [one.name for one in sources(tmp_path, read_list(wanted))] == ["rooms_seq-01"]
     wanted.write_text("kitchen\nbath\nattic\n")
     with pytest.raises(
-        InputError, match=r"2 of 3 names: expected names of scenes .* found bath and 1 more that are not there"
+        InputError, match=r"2 of 3 names: expected names of scenes .* found bath and 1 more, which are missing"
     ):
         sources(rooms, read_list(wanted))
 
@@ -169,9 +169,9 @@ def test_the_space_is_told_beforehand_to_a_tenth(rooms: Path, tmp_path: Path):
 
 def test_other_settings_and_other_folders_are_refused(rooms: Path, tmp_path: Path):
     prepare_set(tmp_path / "out", sources(rooms)[:1], SMALL, Reading())
-    with pytest.raises(ValueError, match=r"other settings: every is 1 there, 2 asked"):
+    with pytest.raises(ValueError, match=r"other settings: every is 1 there, not 2"):
         check(tmp_path / "out", Preparation((48, 64), every=2), Reading())
-    with pytest.raises(ValueError, match=r"told is \{\} there, \{'depth_unit': 0\.001\} asked"):
+    with pytest.raises(ValueError, match=r"told is \{\} there, not \{'depth_unit': 0\.001\}"):
         check(tmp_path / "out", SMALL, Reading(asked=Asked(depth_unit=0.001)))
     with pytest.raises(InputError, match="a new or empty folder"):
         check(rooms, SMALL, Reading())

@@ -79,7 +79,7 @@ def test_a_list_says_which_scenes_of_all_folders_are_trained_on(scans: Path, arc
     seen = {scene for one in batches(settings, tmp_path / "run") for scene in one.scenes}
     assert seen == {"scene0002_00", "scan"}
     assert scenes_of(tmp_path / "run" / RECORD) == ("scan", "scene0002_00")
-    with pytest.raises(InputError, match=r"list\.txt: 1 of 1 names: .* found scene0003_00, which is not there"):
+    with pytest.raises(InputError, match=r"list\.txt: 1 of 1 names: .* found scene0003_00, which is missing"):
         surveyed(replace(settings, scenes=listed(tmp_path, "scene0003_00")), tmp_path)
     write_labelled(tmp_path / "other" / "room", 9)
     both = replace(settings, data=(str(archives), str(tmp_path / "other")), scenes=listed(tmp_path, "scan"))

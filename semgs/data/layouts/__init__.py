@@ -1,1 +1,1 @@
-"""Layouts: one module per layout of scenes on disk."""
+"""Readers: one module or folder for each layout of scenes on disk."""

@@ -1,7 +1,7 @@
-"""`transforms.json`: the dialects of nerfstudio and of instant-ngp, in a folder or in a zip archive of one.
+"""`transforms.json` of nerfstudio and instant-ngp, in a folder or a zip archive.
 
-Poses are camera to world with OpenGL axes (x right, y up, z backward); they become OpenCV's here, by turning the signs of
-their second and third column. Intrinsics are pixels with the centre of the first pixel at (0.5, 0.5), shared or per frame.
+Poses are camera to world with OpenGL axes (x right, y up, z backward). They become OpenCV's by negating the second and third column.
+Intrinsics are in pixels with the centre of the first pixel at (0.5, 0.5), shared or per frame.
 https://docs.nerf.studio/quickstart/data_conventions.html, https://github.com/NVlabs/instant-ngp (docs/nerf_dataset_tips.md).
 """
 
@@ -19,11 +19,12 @@ from semgs.data.classes import IGNORE, ClassTable, class_table
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, parsed
 from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.parts.sentences import lacking, on_white
 from semgs.data.lens import Lens
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
 from semgs.files.archives import Archive, Member, members
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.pictures import is_turned, read_header
 from semgs.files.stored import Stored
 
@@ -31,29 +32,29 @@ FILE_NAMES = ("transforms.json", "transforms_train.json")
 LOOKED_FOR = "transforms.json (nerfstudio, instant-ngp; also in a .zip)"
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
-"""What is tried behind a `file_path` without an ending, as instant-ngp and the synthetic NeRF scenes write it."""
+"""Endings to try for a `file_path` without one, as in instant-ngp and the synthetic NeRF scenes."""
 
 CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL")
-"""Camera models that k1, k2, p1, p2, k3 of OpenCV cover; which of these a file gives counts, not the model's name."""
+"""Camera models covered by OpenCV's k1, k2, p1, p2, k3. Only these coefficients matter, not the name of the model."""
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 OTHER_DISTORTION = ("k4", "k5", "k6")
 OTHER_LENSES = ("is_fisheye", "ftheta_p0", "ftheta_p1", "ftheta_p2", "ftheta_p3", "ftheta_p4", "latlong", "equirect")
-"""instant-ngp's marks of lenses that are no pinholes."""
+"""instant-ngp's keys of lenses that are not pinholes."""
 
 DEPTH_UNIT = 0.001
-"""nerfstudio's `depth_unit_scale_factor` where none is given: millimetres."""
+"""Default of nerfstudio's `depth_unit_scale_factor`: millimetres."""
 
 
 Beside = Callable[[str], Stored | None]
-"""The file of that name beside a transforms file, None where there is none."""
+"""Gives the file at a path relative to the transforms file, None if there is none."""
 
 
 def recognises(path: Path) -> bool:
     """Whether a path is a transforms file, or a folder or a zip archive with one.
 
     Raises:
-        InputError: it is called a zip archive and is none, or is damaged.
+        InputError: it has the ending of a zip archive, but is not one, or is damaged.
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         return _member(members(path)) is not None
@@ -64,8 +65,8 @@ def open_transforms(path: Path) -> Scene:
     """The scene of a transforms file, or of a folder or a zip archive with one.
 
     Raises:
-        InputError: it is no JSON, a key is missing or cannot be used, fewer than two pictures are there, or one has
-            another size than its camera; the file and key are named.
+        InputError: it is not JSON, a key is missing or invalid, there are fewer than two images, or one has another size than its
+            camera. The error names the file and key.
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         archive = Archive(path, members(path))
@@ -81,10 +82,10 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
     """The scene that a transforms file describes.
 
     Args:
-        path: what to call it by: the file, or the archive that it is in.
+        path: the path of the scene: the file, or its archive.
         file: the transforms file.
-        name_of_scene: what else to call it by.
-        beside: finds the files that it names.
+        name_of_scene: the name of the scene.
+        beside: finds the files that it lists.
     """
     shared = parsed(file)
     listed = shared.objects("frames")
@@ -127,86 +128,73 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=tuple(notes.sentences(absent, len(listed), listed)),
+        notes=tuple(notes.sentences(absent, listed)),
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
     )
 
 
 class _Notes:
-    """What is counted while frames are read, to be told in a sentence each."""
+    """Counts for the notes of a scene."""
 
     def __init__(self) -> None:
-        self.transparent = 0
+        self.transparent = self.maps = 0
         self.missing_maps: list[str] = []
         self.unread_maps: list[str] = []
 
-    def sentences(self, absent: Sequence[str], count: int, listed: Sequence[Fields]) -> list[str]:
+    def sentences(self, absent: Sequence[str], listed: Sequence[Fields]) -> list[str]:
         """The notes on a scene."""
-        notes = []
-        if absent:
-            notes.append(f"{len(absent)} of the {count} listed pictures are absent, the first is {absent[0]}.")
-        if self.transparent:
-            notes.append(
-                f"{self.transparent} pictures have an alpha channel; where transparent they are laid on white."
-            )
-        if self.missing_maps:
-            notes.append(
-                f"{len(self.missing_maps)} listed depth or label files are absent, the first is {self.missing_maps[0]}."
-            )
-        if self.unread_maps:
-            notes.append(
-                f"{len(self.unread_maps)} depth or label files are of a kind that is not read, the first is {self.unread_maps[0]}."
-            )
-        if any(frame.value("mask_path") for frame in listed):
-            notes.append("The frames list masks, which are not used.")
-        return notes
+        masked = any(frame.value("mask_path") for frame in listed)
+        return [
+            *lacking(absent, len(listed), "listed images are missing"),
+            *on_white(self.transparent),
+            *lacking(self.missing_maps, self.maps, "listed depth and label files are missing"),
+            *lacking(self.unread_maps, self.maps, "listed depth and label files have an unsupported format"),
+            *(["The frames list masks, which are ignored."] if masked else []),
+        ]
 
 
 def _file(folder: Path) -> Path | None:
-    """The transforms file of a folder, if it has one."""
+    """The transforms file of a folder, None if there is none."""
     return next((folder / name for name in FILE_NAMES if (folder / name).is_file()), None)
 
 
 def _names(listed: Sequence[Fields]) -> list[str]:
-    """The frames' names: their `file_path` with slashes, without a leading `./`.
-
-    Raises:
-        InputError: one is missing, no text, or comes twice.
-    """
+    """The names of the frames: their `file_path` with slashes, without a leading `./`. Each may appear once."""
     places: dict[str, str] = {}
     for frame in listed:
         name = Fields(frame.path, frame.values, frame.place).text("file_path")
         if name is None:
-            raise frame.refused("file_path", "the path of a picture", "nothing")
+            raise frame.refused("file_path", "the path of an image", "nothing")
         name = name.replace("\\", "/").removeprefix("./")
         if name in places:
-            raise frame.refused("file_path", "a picture listed once", f"{name}, which {places[name]}file_path is too")
+            raise frame.refused("file_path", "each image once", f"{name}, as in {places[name]}file_path")
         places[name] = frame.place
     return list(places)
 
 
 def _member(held: Mapping[str, Member]) -> Member | None:
-    """The transforms file of an archive: the one that the fewest folders are around; None where there is none."""
+    """The transforms file of an archive: the one in the fewest folders. None if there is none."""
     found = [one for name, one in held.items() if name.rpartition("/")[2] in FILE_NAMES and "__MACOSX" not in name]
     return min(found, key=lambda one: (one.inside.count("/"), one.inside != FILE_NAMES[0], one.inside), default=None)
 
 
 def _on_disk(path: Path) -> Path | None:
-    """The path, if there is a file."""
+    """The path if it is a file, else None."""
     return path if path.is_file() else None
 
 
 def _found(beside: Beside, name: str, endings: Sequence[str] = ()) -> Stored | None:
-    """The file of that name beside the transforms file, or the first that exists with one of the endings added."""
+    """The file with a name, or else the first that exists with one of the endings added."""
     return next((found for ending in ("", *endings) if (found := beside(name + ending)) is not None), None)
 
 
 def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: Beside) -> Stored | None:
-    """The depth or label file of a frame, where it has one of a kind that is read."""
+    """The depth or label file of a frame, None if it has none of a supported kind."""
     name = Fields(fields.path, fields.values, fields.place).text(key)
     if name is None:
         return None
+    notes.maps += 1
     path = _found(beside, name.replace("\\", "/"))
     if path is None:
         notes.missing_maps.append(name)
@@ -217,27 +205,22 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
 
 
 def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
-    """The lens of a frame, its own keys before the shared ones.
-
-    Raises:
-        InputError: the camera model is not one of `CAMERA_MODELS`, no focal length is given or it is not positive, or the picture
-            has another size than the camera.
-    """
+    """The lens of a frame, from its own keys or the shared ones."""
     model = fields.text("camera_model")
     if model is not None and model.upper() not in CAMERA_MODELS:
         raise fields.refused(
-            "camera_model", "one of " + ", ".join(CAMERA_MODELS), model, "undistort the pictures to pinholes first"
+            "camera_model", "one of " + ", ".join(CAMERA_MODELS), model, "undistort the images to pinholes first"
         )
     for key in (*OTHER_LENSES, *OTHER_DISTORTION):
         if fields.value(key):
             raise fields.refused(
-                key, "a pinhole with " + " ".join(DISTORTION), f"{fields.value(key)!r}", "undistort the pictures first"
+                key, "a pinhole with " + " ".join(DISTORTION), f"{fields.value(key)!r}", "undistort the images first"
             )
     header = read_header(picture)
     notes.transparent += header.transparent
     width, height = fields.whole("w"), fields.whole("h")
     stated = None if width is None or height is None else (height, width)
-    is_turned(picture, header, stated)  # refuses a picture of another size
+    is_turned(picture, header, stated)  # refuses an image of another size
     if stated is None and (width or header.size[1], height or header.size[0]) != header.size[::-1]:
         key = "w" if width else "h"
         raise fields.refused(key, f"{header.size[::-1]} (width, height) of {picture}", f"{fields.value(key)}")
@@ -249,19 +232,13 @@ def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     cx, cy = fields.number("cx"), fields.number("cy")
     k1, k2, p1, p2, k3 = (fields.number(key) or 0.0 for key in DISTORTION)
     centre = (size[1] / 2 if cx is None else cx, size[0] / 2 if cy is None else cy)
-    try:
+    key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
+    with input_error(fields.path, "a possible camera", fields.key(key)):
         return Lens(size, (focal[0], focal[1]), centre, (k1, k2, p1, p2, k3))
-    except ValueError as error:
-        key = "k1" if any((k1, k2, p1, p2, k3)) else "fl_x" if fields.value("fl_x") else "camera_angle_x"
-        raise fields.refused(key, "a camera that can be", str(error)) from error
 
 
 def _focal(fields: Fields, axis: str, side: int) -> float | None:
-    """The focal length along an axis: `fl_x`, or that of the angle `camera_angle_x` that `side` pixels cover.
-
-    Raises:
-        InputError: it is not positive, or the angle is not between 0 and pi.
-    """
+    """The focal length along an axis: `fl_x`, or from the angle `camera_angle_x` over `side` pixels."""
     length, angle = f"fl_{axis}", f"camera_angle_{axis}"
     holder = fields.holder(length, angle)
     if holder is None:
@@ -275,11 +252,7 @@ def _focal(fields: Fields, axis: str, side: int) -> float | None:
 
 
 def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
-    """Metric if the file says so or, where it says nothing, if it has depth files, whose unit it gives.
-
-    Raises:
-        InputError: `metric` is neither true nor false.
-    """
+    """Metric if the file says so. If it does not say, then metric if there are depth files, as these have a unit."""
     metric = shared.value("metric")
     if metric is None:
         metric = any(frame.value("depth_file_path") for frame in listed)
@@ -289,32 +262,24 @@ def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
 
 
 def _classes(shared: Fields, beside: Beside) -> tuple[ClassTable, tuple[int | None, ...] | None]:
-    """The table that labels refer to, by its name or in a file (`*.json`, beside the scene's or from there), and their meaning there.
-
-    Raises:
-        InputError: `label_set` names no known table or file, or `label_ignore` is not 255.
-    """
+    """The class table of the labels, by name or from a file (`*.json`, relative to the transforms file), and the numbers' meaning."""
     name, ignore = shared.text("label_set"), shared.number("label_ignore")
     if ignore not in (None, IGNORE):
         raise shared.refused("label_ignore", f"{IGNORE}", f"{ignore:g}")
     if name is not None and name.endswith(".json"):
         file = beside(name)
         if file is None:
-            raise shared.refused("label_set", "a file with a table of classes", f"{name}, which is not there")
-        held = read_class_file(file)
-        return held.table, held.meaning
+            raise shared.refused("label_set", "a file with a class table", f"{name}, which is missing")
+        labels = read_class_file(file)
+        return labels.table, labels.meaning
     try:
         return class_table(name or ""), None
     except ValueError as error:
-        raise shared.refused("label_set", "the table of classes that the label files refer to", str(error)) from error
+        raise shared.refused("label_set", "the class table of the label files", str(error)) from error
 
 
 def _applied_transform(shared: Fields) -> np.ndarray | None:
-    """nerfstudio's transform from the original world to that of the poses, [3 4].
-
-    Raises:
-        InputError: it is no 3x4 or 4x4 matrix of finite numbers.
-    """
+    """nerfstudio's transform from the original world to that of the poses, [3 4]."""
     value = shared.value("applied_transform")
     if value is None:
         return None

@@ -12,6 +12,7 @@ from pathlib import Path
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
+from semgs.files.text import listed
 from semgs.rooms.assets.catalogue import MeshRow, PictureRow, inside, read_catalogue
 
 NAME = "lock.json"
@@ -130,7 +131,7 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
             missing.append(row.file)
     if missing or altered:
         found = "; ".join(
-            f"{len(names)} {what}: {_some(names)}"
+            f"{len(names)} {what}: {listed(names, SHOWN)}"
             for what, names in (("missing", missing), ("altered", altered))
             if names
         )
@@ -155,7 +156,7 @@ def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> s
     rows = {row.file: row for row in (read_lock() if lock is None else lock)}
     unknown = sorted(set(used) - rows.keys())
     if unknown:
-        raise ValueError(f"the lock has no {_some(unknown)}; expected files that it names")
+        raise ValueError(f"the lock has no {listed(unknown, SHOWN)}; expected files that it names")
     lines = [
         "# Attribution",
         "",
@@ -179,8 +180,3 @@ def _digest(folder: Path, name: str) -> str:
         raise InputError(
             folder / name, "a file of the assets", "no such file", advice="fetch the assets again"
         ) from None
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more

@@ -49,7 +49,7 @@ def test_a_damaged_archive_is_told_of_with_its_member(tmp_path: Path):
     data = bytearray(path.read_bytes())
     data[1000] ^= 255
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"a\.zip/depth/000\.png: .* its bytes are not those that the archive lists"):
+    with pytest.raises(InputError, match=r"a\.zip/depth/000\.png: .* its bytes differ from what the archive lists"):
         scene.read([0, 1])
     path.write_bytes(data[:5000])
     with pytest.raises(InputError, match=r"a\.zip: expected a zip archive"):

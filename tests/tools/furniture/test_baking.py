@@ -141,7 +141,7 @@ def test_other_settings_and_other_folders_are_refused(stand_in, tmp_path):
     run(tmp_path / "lib", stand_in, 1)
     record = tmp_path / "lib" / "bake.json"
     record.write_text(json.dumps(json.loads(record.read_text()) | {"seed": 9}))
-    with pytest.raises(ValueError, match="seed is 9 there, 3 asked"):
+    with pytest.raises(ValueError, match="seed is 9 there, not 3"):
         run(tmp_path / "lib", stand_in, 1)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "photo.jpg").write_bytes(b"")

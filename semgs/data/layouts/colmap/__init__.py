@@ -1,1 +1,1 @@
-"""COLMAP's models."""
+"""COLMAP models."""

@@ -1,8 +1,8 @@
 """The files of a COLMAP model: cameras, images and points, binary (`.bin`) or text (`.txt`).
 
-Poses are world to camera with OpenCV axes and become camera to world here; intrinsics are pixels with the centre of the first pixel at
-(0.5, 0.5), as ours. Every count is compared with the file's size before anything is allocated for it, every number is finite, and every id
-that is referred to exists. `rigs` and `frames` of newer versions are not needed: `images` has every pose.
+Poses are world to camera with OpenCV axes, and are inverted here. Intrinsics are in pixels with the centre of the first pixel at
+(0.5, 0.5), like ours. Counts are compared with the size of the file before anything is allocated, and numbers and ids are checked. `rigs` and
+`frames` of newer versions are not needed, because `images` has every pose.
 https://colmap.github.io/format.html
 """
 
@@ -18,7 +18,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from semgs.files.errors import InputError
+from semgs.data.lens import Lens
+from semgs.files.contents import read_bytes
+from semgs.files.errors import InputError, input_error, readable
 from semgs.geometry.rotations import matrix_from_quaternion
 
 PARAMETERS = {
@@ -29,24 +31,24 @@ PARAMETERS = {
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
     "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
 }
-"""The camera models that are read, and what their parameters are."""
+"""The supported camera models and their parameters."""
 
 NAMES = (
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
     "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
 )  # fmt: skip
-"""COLMAP's camera models by their numbers."""
+"""COLMAP's camera models, in the order of their ids."""
 
 _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")
-"""Id, model, width, height; the parameters (f64) follow."""
+"""Id, model, width, height; then the parameters (f64)."""
 _IMAGE = struct.Struct("<I7dI")
-"""Id, quaternion (w, x, y, z) and translation, camera; the name until a zero byte and the points follow."""
+"""Id, quaternion (w, x, y, z) and translation, camera; then the name up to a zero byte, and the points."""
 _IMAGE_POINT = 24
 """Bytes of a point of an image: x, y (f64), id (i64)."""
 _POINT = struct.Struct("<Q3d3x8xQ")
-"""Id, position, colour (3 u8) and error (f64), length of the track; the track, pairs of u32, follows."""
+"""Id, position, colour (3 u8) and error (f64), length of the track; then the track, pairs of u32."""
 _SIGHTING = 8
 """Bytes of a pair in a track: image, point of that image."""
 
@@ -58,24 +60,48 @@ class ColmapCamera:
     Attributes:
         model: one of `PARAMETERS`.
         size: (height, width) [px].
-        values: its parameters by name; the corner of the first pixel is at (0, 0).
+        values: its parameters by name, with the corner of the first pixel at (0, 0).
     """
 
     model: str
     size: tuple[int, int]
     values: dict[str, float]
 
+    @property
+    def focal(self) -> tuple[float, float]:
+        """(fx, fy) [px]."""
+        return self.values.get("fx", self.values.get("f", 0.0)), self.values.get("fy", self.values.get("f", 0.0))
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """(cx, cy) [px]."""
+        return self.values["cx"], self.values["cy"]
+
+    def lens(self, path: Path, key: str) -> Lens:
+        """The lens, for any model but fisheye.
+
+        Args:
+            path: the file, for errors.
+            key: the place in it.
+
+        Raises:
+            InputError: the parameters are impossible.
+        """
+        k1, k2, p1, p2 = (self.values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
+        with input_error(path, "a possible camera", key):
+            return Lens(self.size, self.focal, self.centre, (k1, k2, p1, p2, 0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class ColmapImage:
-    """An image that has a pose.
+    """An image with its pose.
 
     Attributes:
         number: its id.
-        name: as listed, decoded as UTF-8, or where it is none as Latin-1.
+        name: as listed, decoded as UTF-8, or else as Latin-1.
         camera: its camera's id.
         world_from_camera: pose [4 4].
-        place: where it is in the file, for messages.
+        place: in the file, for errors.
     """
 
     number: int
@@ -91,7 +117,7 @@ class ColmapPoints:
 
     Attributes:
         positions: in the world [n 3].
-        seen: for each image by its id which of the points it sees, ascending positions in `positions`.
+        seen: for each image id, the ascending indices of the points that it sees.
     """
 
     positions: np.ndarray
@@ -103,13 +129,13 @@ def read_cameras(path: Path, models: Collection[str]) -> dict[int, ColmapCamera]
 
     Args:
         path: `cameras.bin` or `cameras.txt`.
-        models: the camera models that the caller can use, of `PARAMETERS`.
+        models: the camera models that the caller supports, from `PARAMETERS`.
 
     Raises:
         InputError: the file cannot be read or is damaged, or a camera has another model.
     """
     cameras: dict[int, ColmapCamera] = {}
-    for number, camera in (_binary_cameras if _is_binary(path) else _text_cameras)(path, models):
+    for number, camera in (_binary_cameras if path.suffix == ".bin" else _text_cameras)(path, models):
         if number in cameras:
             raise InputError(path, "each camera once", f"camera {number} twice")
         cameras[number] = camera
@@ -121,12 +147,12 @@ def read_images(path: Path, cameras: Collection[int]) -> list[ColmapImage]:
 
     Args:
         path: `images.bin` or `images.txt`.
-        cameras: the ids of those that there are.
+        cameras: the ids of the cameras.
 
     Raises:
-        InputError: the file cannot be read or is damaged, an image has no pose or a camera that is not there, or comes twice.
+        InputError: the file cannot be read or is damaged, an image has no pose or an unknown camera, or appears twice.
     """
-    listed = list((_binary_images if _is_binary(path) else _text_images)(path))
+    listed = list((_binary_images if path.suffix == ".bin" else _text_images)(path))
     poses = _world_from_camera(path, [one.pose for one in listed], [one.place for one in listed])
     known: set[int] = set()
     for one in listed:
@@ -146,13 +172,13 @@ def read_points(path: Path, images: Collection[int], most: int) -> ColmapPoints:
 
     Args:
         path: `points3D.bin` or `points3D.txt`.
-        images: the ids of those that there are.
-        most: of how many points at most it is found out which images see them: of every n-th.
+        images: the ids of the images.
+        most: find out which images see a point for at most this many points: every n-th.
 
     Raises:
-        InputError: the file cannot be read or is damaged, or a point is seen by an image that is not there.
+        InputError: the file cannot be read or is damaged, or a point is seen by an unknown image.
     """
-    positions, tracks = (_binary_points if _is_binary(path) else _text_points)(path, most)
+    positions, tracks = (_binary_points if path.suffix == ".bin" else _text_points)(path, most)
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -172,7 +198,7 @@ def read_points(path: Path, images: Collection[int], most: int) -> ColmapPoints:
 
 @dataclass(frozen=True)
 class _Listed:
-    """An image as it stands in a file; its pose is a quaternion (w, x, y, z) and a translation, world to camera."""
+    """An image as listed in a file; its pose is a quaternion (w, x, y, z) and a translation, world to camera."""
 
     number: int
     name: bytes
@@ -209,11 +235,7 @@ def _text_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, Co
 
 
 def _parameters(path: Path, place: str, model: str, models: Collection[str]) -> tuple[str, ...]:
-    """What the parameters of a camera model are.
-
-    Raises:
-        InputError: it is not one of `models`.
-    """
+    """The parameters of a camera model."""
     if model not in models:
         advice = "undistort with `colmap image_undistorter` first"
         raise InputError(path, "a camera model of " + ", ".join(models), model, place, advice)
@@ -221,11 +243,7 @@ def _parameters(path: Path, place: str, model: str, models: Collection[str]) -> 
 
 
 def _camera(path: Path, place: str, model: str, size: tuple[int, int], values: Sequence[float]) -> ColmapCamera:
-    """A camera.
-
-    Raises:
-        InputError: a parameter is not finite.
-    """
+    """A camera from its parameters."""
     if not np.isfinite(values).all():
         raise InputError(path, f"finite parameters of {model}", f"{list(values)}", place)
     return ColmapCamera(model, size, dict(zip(PARAMETERS[model], values, strict=True)))
@@ -239,7 +257,7 @@ def _binary_images(path: Path) -> Iterator[_Listed]:
             number, *pose, camera = _IMAGE.unpack_from(data, at)
             stop = data.find(b"\0", at + _IMAGE.size)
             if stop < 0:
-                raise _cut_short(path)
+                raise _incomplete(path)
             yield _Listed(number, data[at + _IMAGE.size : stop], camera, pose, f"image {number}")
             (points,) = _COUNT.unpack_from(data, stop + 1)
             at = stop + 1 + _COUNT.size + _IMAGE_POINT * points
@@ -247,7 +265,7 @@ def _binary_images(path: Path) -> Iterator[_Listed]:
 
 
 def _text_images(path: Path) -> Iterator[_Listed]:
-    """The images of a text file, two lines each: the second has its points and may be empty."""
+    """The images of a text file. Each has two lines; the second lists its points and may be empty."""
     lines = _lines(path, every=True)
     for line, text in lines:
         if not text or text.startswith(b"#"):
@@ -265,7 +283,7 @@ def _text_images(path: Path) -> Iterator[_Listed]:
 
 
 def _binary_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """The positions [n 3] of a binary file, and the track of every n-th point: which images see it."""
+    """The positions [n 3] of the points in a binary file, and for every n-th point the images that see it."""
     tracks = {}
     with _mapped(path) as data:
         at, count = _COUNT.size, _count(path, data, _POINT.size)
@@ -274,7 +292,7 @@ def _binary_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndar
             _, x, y, z, length = _POINT.unpack_from(data, at)
             start, at = at + _POINT.size, at + _POINT.size + _SIGHTING * length
             if at > len(data):
-                raise _cut_short(path)
+                raise _incomplete(path)
             positions[index] = x, y, z
             if index % step == 0:
                 tracks[index] = np.frombuffer(data[start:at], "<u4")[::2].astype(np.int64)
@@ -283,7 +301,7 @@ def _binary_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndar
 
 
 def _text_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """As `_binary_points`, of a text file."""
+    """As `_binary_points`, for a text file."""
     lines = list(_lines(path))
     tracks = {}
     positions, step = np.empty((len(lines), 3)), 1 + len(lines) // most
@@ -300,11 +318,7 @@ def _text_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndarra
 
 
 def _world_from_camera(path: Path, poses: Sequence[Sequence[float]], places: Sequence[str]) -> np.ndarray:
-    """Camera to world [n 4 4] of quaternions and translations, world to camera.
-
-    Raises:
-        InputError: a number is not finite, or a quaternion is far from unit length.
-    """
+    """Camera to world [n 4 4], from quaternions and translations, world to camera."""
     values = np.array(poses, np.float64).reshape(-1, 7)
     with np.errstate(over="ignore"):
         norms = np.linalg.norm(values[:, :4], axis=1)
@@ -318,74 +332,43 @@ def _world_from_camera(path: Path, poses: Sequence[Sequence[float]], places: Seq
     return matrices
 
 
-def _is_binary(path: Path) -> bool:
-    """Whether a file of a model is binary, by its ending."""
-    return path.suffix == ".bin"
-
-
 @contextmanager
 def _mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The bytes of a binary file; to read beyond their end is an InputError.
-
-    Raises:
-        InputError: it cannot be read, or ends before what the block reads.
-    """
+    """The bytes of a binary file. Reading beyond the end in the block becomes an InputError."""
     try:
-        with path.open("rb") as file:
+        with readable(path), path.open("rb") as file:
             if not path.stat().st_size:
-                raise _cut_short(path)
+                raise _incomplete(path)
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 yield data
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
-    except (struct.error, OverflowError) as error:  # the next entry would begin beyond the end, perhaps far beyond
-        raise _cut_short(path) from error
+    except (struct.error, OverflowError) as error:  # the next entry would start beyond the end
+        raise _incomplete(path) from error
 
 
 def _count(path: Path, data: mmap.mmap, least: int) -> int:
-    """How many entries of at least so many bytes a file has by its own account.
-
-    Raises:
-        InputError: they would not fit into it.
-    """
+    """The number of entries that a file states, each of at least so many bytes; they must fit into the file."""
     (count,) = _COUNT.unpack_from(data)
     if count > (len(data) - _COUNT.size) // least:
-        raise _cut_short(path)
+        raise _incomplete(path)
     return int(count)
 
 
 def _check_end(path: Path, data: mmap.mmap, end: int) -> None:
-    """See that a file ends where its content does.
-
-    Raises:
-        InputError: it does not.
-    """
+    """Check that a file ends where its content does."""
     if end > len(data):
-        raise _cut_short(path)
+        raise _incomplete(path)
     if end < len(data):
-        raise _incomplete(path, f"{len(data) - end} bytes behind their end")
+        raise _incomplete(path, f"{len(data) - end} bytes after its end")
 
 
-def _cut_short(path: Path) -> InputError:
-    """The error for a binary file that ends too early."""
-    return _incomplete(path, "one cut short")
-
-
-def _incomplete(path: Path, found: str) -> InputError:
+def _incomplete(path: Path, found: str = "a truncated one") -> InputError:
     """The error for a binary file of another length than its content."""
     return InputError(path, f"a complete list of COLMAP {path.stem}", found, advice="copy or export the model again")
 
 
 def _lines(path: Path, every: bool = False) -> Iterator[tuple[int, bytes]]:
-    """The stripped lines of a text file with their numbers from 1; comments and empty lines only where `every` line is wanted.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    try:
-        data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    """The stripped lines of a text file with their numbers from 1, without comments and empty lines unless `every` is set."""
+    data = read_bytes(path).removeprefix(b"\xef\xbb\xbf")
     for number, line in enumerate(data.splitlines(), 1):
         stripped = line.strip()
         if every or (stripped and not stripped.startswith(b"#")):
@@ -393,23 +376,13 @@ def _lines(path: Path, every: bool = False) -> Iterator[tuple[int, bytes]]:
 
 
 def _numbers(path: Path, place: str, words: Iterable[bytes]) -> list[float]:
-    """Numbers of a line.
-
-    Raises:
-        InputError: a word is none.
-    """
-    try:
+    """The numbers of a line."""
+    with input_error(path, "numbers", place):
         return [float(word) for word in words]
-    except ValueError as error:
-        raise InputError(path, "numbers", str(error), place) from error
 
 
 def _wholes(path: Path, place: str, words: Sequence[bytes]) -> list[int]:
-    """Whole numbers of a line, of 32 bits as COLMAP's ids are.
-
-    Raises:
-        InputError: a word is none.
-    """
+    """The integers of a line; COLMAP's ids have 32 bits."""
     for word in words:
         if not word.isdigit() or len(word) > 10 or int(word) >> 32:
             raise InputError(path, "a whole number", _shown(word), place)
@@ -417,7 +390,7 @@ def _wholes(path: Path, place: str, words: Sequence[bytes]) -> list[int]:
 
 
 def _decoded(name: bytes) -> str:
-    """A name; COLMAP writes the bytes that the file system has, which may be no UTF-8."""
+    """A name. COLMAP writes the bytes of the file system, which may not be UTF-8."""
     try:
         return name.decode()
     except UnicodeDecodeError:
@@ -425,5 +398,5 @@ def _decoded(name: bytes) -> str:
 
 
 def _shown(text: bytes) -> str:
-    """The beginning of a line, for messages."""
+    """The start of a line, for errors."""
     return _decoded(text[:60]) or "an empty line"

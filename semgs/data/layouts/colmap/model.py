@@ -1,6 +1,6 @@
-"""COLMAP models: `cameras`, `images` and perhaps `points3D`, binary or text, with the pictures beside them.
+"""COLMAP models: `cameras`, `images` and perhaps `points3D`, binary or text, with the images next to them.
 
-Lengths are in a unit of COLMAP's choice. `semgs.data.layouts.colmap.files` has the format and its conventions.
+The unit of length is arbitrary. `semgs.data.layouts.colmap.files` describes the format and its conventions.
 """
 
 from __future__ import annotations
@@ -11,25 +11,24 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap.files import ColmapCamera, ColmapPoints, read_cameras, read_images, read_points
+from semgs.data.layouts.colmap.files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.poses import checked_poses
-from semgs.data.lens import Lens
+from semgs.data.layouts.parts.sentences import lacking, on_white
 from semgs.data.scene import Scene
-from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
 
 PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "")
-"""Where a model is, below the folder of a scene; the last one is the folder itself."""
+"""Places of a model below the folder of a scene; the last one is the folder itself."""
 
 LOOKED_FOR = "a COLMAP model (cameras, images and points3D, .bin or .txt) in " + ", ".join(
     f"{p or '.'}/" for p in PLACES
 )
 
 MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
-"""The camera models that are read."""
+"""The supported camera models."""
 
 POINTS_FOR_DEPTH = 50_000
-"""Of larger models every n-th point tells which frames see it: enough for near and far of any frame."""
+"""In larger models, only every n-th point is matched with the frames that see it: enough for near and far."""
 
 
 def recognises(path: Path) -> bool:
@@ -41,16 +40,17 @@ def open_model(path: Path) -> Scene:
     """The scene of a COLMAP model; frames are in the order of their names.
 
     Args:
-        path: the folder above `sparse`, with `images` beside it; or the model's own folder.
+        path: the folder that contains `sparse` and `images`, or the folder of the model.
 
     Raises:
-        InputError: the model is damaged, a camera is not one of `MODELS`, fewer than two pictures are there, or one has another
+        InputError: the model is damaged, a camera is not one of `MODELS`, fewer than two images are there, or one has another
             size than its camera.
     """
     model = _model(path) or path
     ending = _ending(model) or ".bin"
-    cameras = read_cameras(model / f"cameras{ending}", MODELS)
-    lenses = {number: _lens(model / f"cameras{ending}", number, camera) for number, camera in cameras.items()}
+    file = model / f"cameras{ending}"
+    cameras = read_cameras(file, MODELS)
+    lenses = {number: camera.lens(file, f"camera {number}") for number, camera in cameras.items()}
     listed = model / f"images{ending}"
     images = sorted(read_images(listed, cameras), key=lambda image: image.name)
     poses = checked_poses(listed, [image.world_from_camera for image in images], [image.place for image in images])
@@ -81,46 +81,31 @@ def open_model(path: Path) -> Scene:
 
 
 def _model(path: Path) -> Path | None:
-    """The folder of the model that belongs to a path."""
+    """The folder of the model at a path, None if there is none."""
     return next((path / place for place in PLACES if _ending(path / place)), None)
 
 
 def _ending(folder: Path) -> str | None:
-    """The ending of the files of the model in a folder; None if it holds none."""
+    """The ending of the model's files in a folder, None if there is no model."""
     kinds = (".bin", ".txt")
     return next(
         (kind for kind in kinds if all((folder / f"{one}{kind}").is_file() for one in ("cameras", "images"))), None
     )
 
 
-def _lens(path: Path, number: int, camera: ColmapCamera) -> Lens:
-    """The lens of a COLMAP camera.
-
-    Raises:
-        InputError: its numbers make no camera.
-    """
-    values = camera.values
-    focal = values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
-    k1, k2, p1, p2 = (values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
-    try:
-        return Lens(camera.size, focal, (values["cx"], values["cy"]), (k1, k2, p1, p2, 0.0))
-    except ValueError as error:
-        raise InputError(path, "a camera that can be", str(error), f"camera {number}") from error
-
-
 def _points(path: Path, images: Collection[int]) -> ColmapPoints:
-    """The sparse points of a model, none where it has no file of them."""
+    """The sparse points of a model, empty if it has no such file."""
     return read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else ColmapPoints(np.zeros((0, 3)), {})
 
 
 def _picture(folder: Path, name: str) -> Path | None:
-    """The picture of that name; where the name was Latin-1, perhaps still in these bytes. None if there is no such file."""
+    """The image with a name, None if there is no such file. If the name was Latin-1, the file name may still have these bytes."""
     names = (name, name.encode("latin-1", "ignore").decode("utf-8", "surrogateescape"))
     return next((folder / one for one in names if (folder / one).is_file()), None)
 
 
 def _pictures_folder(model: Path, names: Sequence[str]) -> Path:
-    """The folder that the images' names are relative to: `images` beside the model or above it, or the model's own."""
+    """The folder that image names are relative to: `images` next to the model or above it, or the folder of the model."""
     around = [model, *model.absolute().parents[:3]]
     for folder in [*(one / "images" for one in around), *around]:
         if any(_picture(folder, name) for name in names):
@@ -129,19 +114,13 @@ def _pictures_folder(model: Path, names: Sequence[str]) -> Path:
 
 
 def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, transparent: int) -> list[str]:
-    """What the user should be told about a model."""
-    notes = ["COLMAP's unit of length is arbitrary, so depths are without metres."]
-    if absent:
-        notes.append(
-            f"{len(absent)} of the model's {count} pictures are absent in {pictures}, the first is {absent[0]}."
-        )
-    if transparent:
-        notes.append(f"{transparent} pictures have an alpha channel; where transparent they are laid on white.")
-    others = (
-        [one.name for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
-        if model.name == "0"
-        else []
-    )
-    if others:
-        notes.append(f"COLMAP made several models; 0 is read, not {', '.join(others)}.")
+    """What the user should know about a model."""
+    notes = [
+        "COLMAP's unit of length is arbitrary, so depths are not in metres.",
+        *lacking(absent, count, f"images of the model are missing in {pictures}"),
+        *on_white(transparent),
+    ]
+    others = [one.name for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
+    if others and model.name == "0":
+        notes.append(f"COLMAP made several models; only 0 is read, not {', '.join(others)}.")
     return notes

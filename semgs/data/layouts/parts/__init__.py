@@ -1,1 +1,1 @@
-"""What readers of several layouts share."""
+"""Code that several readers share."""

@@ -1,15 +1,15 @@
-"""Association by time: which of two streams' entries belong together, as TUM RGB-D's own tool has it."""
+"""Association by time: which entries of two streams belong together, as in TUM RGB-D's own tool."""
 
 from __future__ import annotations
 
 import numpy as np
 
 TOLERANCE = 0.02
-"""Entries further apart than this do not belong together [s]: TUM RGB-D's default."""
+"""Largest time difference of associated entries [s]: TUM RGB-D's default."""
 
 
 def associated(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE) -> dict[int, int]:
-    """For entries of the first stream the entry of the second at nearly the same time, each used once, nearest pairs first.
+    """For entries of the first stream, the entry of the second at nearly the same time. Nearest pairs first; each entry is used once.
 
     Args:
         first: times [n] in any order [s].
@@ -17,7 +17,7 @@ def associated(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERAN
         tolerance: pairs are less than this apart [s].
 
     Returns:
-        Positions in the second by positions in the first, in the order of the first; what has no partner is left out.
+        Positions in the second by positions in the first, in the order of the first. Entries without a partner are left out.
     """
     order = np.argsort(second, kind="stable")
     begins = np.searchsorted(second[order], first - tolerance, side="left")

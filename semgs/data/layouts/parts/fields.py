@@ -13,10 +13,10 @@ from semgs.files.strict_json import read_json
 
 
 def parsed(path: Stored) -> Fields:
-    """The object that a JSON file holds.
+    """The object in a JSON file.
 
     Raises:
-        InputError: it cannot be read, is no JSON, or holds something other than an object.
+        InputError: it cannot be read, is not JSON, or contains something other than an object.
     """
     content = read_json(path)
     if not isinstance(content, dict):
@@ -26,13 +26,13 @@ def parsed(path: Stored) -> Fields:
 
 @dataclass(frozen=True)
 class Fields:
-    """An object of a JSON file. What it lacks, and null, is looked up in the object around it.
+    """An object of a JSON file. Missing keys, and null, are looked up in the object around it.
 
     Attributes:
         path: the file.
         values: its keys and values.
         place: where it is in the file ("frames[3]."), as the start of a key.
-        around: the object whose values hold where this one has none, or None.
+        around: the object to look up missing keys in, or None.
     """
 
     path: Stored
@@ -47,12 +47,12 @@ class Fields:
         return self.around.holder(*keys) if self.around else None
 
     def value(self, key: str) -> Any:
-        """The value of a key, None where there is none."""
+        """The value of a key, None if there is none."""
         holder = self.holder(key)
         return holder.values[key] if holder else None
 
     def number(self, key: str) -> float | None:
-        """A finite number, None where there is none.
+        """A finite number, None if missing.
 
         Raises:
             InputError: it is something else.
@@ -69,7 +69,7 @@ class Fields:
         return number
 
     def positive(self, key: str) -> float | None:
-        """A number above 0, None where there is none.
+        """A number above 0, None if missing.
 
         Raises:
             InputError: it is something else.
@@ -80,7 +80,7 @@ class Fields:
         return number
 
     def whole(self, key: str) -> int | None:
-        """A positive whole number, None where there is none.
+        """A positive integer, None if missing.
 
         Raises:
             InputError: it is something else.
@@ -91,7 +91,7 @@ class Fields:
         return None if number is None else int(number)
 
     def text(self, key: str) -> str | None:
-        """A text that is not empty, None where there is none.
+        """A non-empty text, None if missing.
 
         Raises:
             InputError: it is something else.
@@ -102,10 +102,10 @@ class Fields:
         return value
 
     def objects(self, key: str) -> list[Fields]:
-        """A list of objects that is not empty; each looks up in this one what it lacks.
+        """A non-empty list of objects; they look up missing keys in this one.
 
         Raises:
-            InputError: it is absent or something else.
+            InputError: it is missing or something else.
         """
         values = self.value(key)
         if not isinstance(values, list) or not values:
@@ -116,6 +116,9 @@ class Fields:
         return [Fields(self.path, value, f"{self.place}{key}[{index}].", self) for index, value in enumerate(values)]
 
     def refused(self, key: str, expected: str, found: str, advice: str | None = None) -> InputError:
-        """The error for a value, with the place that it is from (this object, where it is nowhere)."""
-        holder = self.holder(key) or self
-        return InputError(self.path, expected, found, f"{holder.place}{key}", advice)
+        """The error for a value, with its place."""
+        return InputError(self.path, expected, found, self.key(key), advice)
+
+    def key(self, key: str) -> str:
+        """The place of a key in the file: in the object that has it, or else in this one."""
+        return f"{(self.holder(key) or self).place}{key}"

@@ -1,4 +1,4 @@
-"""Poses as files give them: checked all at once, the file's place named where one cannot be used."""
+"""Checks of poses from files; errors name the place in the file."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from semgs.geometry.cameras import ROTATION_TOLERANCE
 from semgs.geometry.rotations import nearest_rotation
 
 FURTHEST = 1e12
-"""Positions are no further from the origin than this along any axis [the scene's unit]: beyond it float64 tells no millimetres."""
+"""Largest coordinate of a position [the scene's unit]; beyond, float64 cannot resolve millimetres."""
 
 EXPECTED = "a 4x4 camera-to-world matrix [R t; 0 0 0 1] of finite numbers, R a rotation"
 
 
 def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
-    """The matrices as rigid motions, float64 [n 4 4]; those that are nearly rotations are orthonormalised.
+    """Matrices as rigid motions, float64 [n 4 4]; near-rotations are orthonormalised.
 
     Args:
         path: the file that they are from.
-        matrices: nested lists or arrays, one per frame, whatever the file held.
+        matrices: nested lists or arrays, one per frame, as found in the file.
         keys: the place of each in the file.
 
     Raises:
-        InputError: one is no 4x4 matrix of finite numbers, is far from a rigid motion, or is further away than `FURTHEST`; its key
-            is named.
+        InputError: one is not a 4x4 matrix of finite numbers, is far from a rigid motion, or further away than `FURTHEST`; the error
+            names its key.
     """
     poses = _array(path, matrices, keys)
     finite = np.isfinite(poses).all(axis=(1, 2))
@@ -41,7 +41,9 @@ def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str])
     away = np.abs(poses[:, :3, 3]).max(axis=1)
     if (away > FURTHEST).any():
         index = int(np.argmax(away))
-        raise _refused(path, keys[index], f"a position {away[index]:.3g} from the origin; at most {FURTHEST:g} is read")
+        raise _refused(
+            path, keys[index], f"a position {away[index]:.3g} from the origin; at most {FURTHEST:g} is allowed"
+        )
     rotations = nearest_rotation(torch.from_numpy(poses[:, :3, :3])).numpy()
     off = np.abs(rotations - poses[:, :3, :3]).max(axis=(1, 2))
     if (off > ROTATION_TOLERANCE).any():
@@ -50,17 +52,15 @@ def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str])
         kind = (
             "it mirrors" if determinant < 0 else "it is singular" if abs(determinant) < 1e-6 else "it scales or shears"
         )
-        raise _refused(path, keys[index], f"a 3x3 part with determinant {determinant:.4g} that is no rotation ({kind})")
+        raise _refused(
+            path, keys[index], f"a 3x3 part with determinant {determinant:.4g} that is not a rotation ({kind})"
+        )
     poses[:, :3, :3] = rotations
     return poses
 
 
 def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
-    """The matrices as float64 [n 4 4].
-
-    Raises:
-        InputError: one is not a 4x4 matrix of numbers.
-    """
+    """The matrices as float64 [n 4 4]."""
     poses = np.empty((len(matrices), 4, 4))
     for index, matrix in enumerate(matrices):
         if matrix is None:
@@ -68,7 +68,7 @@ def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.
         try:
             numbers = np.array(matrix, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
-            raise _refused(path, keys[index], "something that is no matrix of numbers") from None
+            raise _refused(path, keys[index], "something that is not a matrix of numbers") from None
         if numbers.shape != (4, 4):
             raise _refused(path, keys[index], f"an array of shape {numbers.shape}")
         poses[index] = numbers

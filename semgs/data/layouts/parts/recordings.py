@@ -1,8 +1,8 @@
-"""Recordings: scenes of many frames of which some lack a pose, a map or their picture. Work goes on without them, and they are counted."""
+"""Recordings: scenes of many frames, some of which lack a pose, a map or an image. These are left out and counted."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,8 @@ import numpy as np
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.parts.trajectories import FoundPose
 from semgs.data.lens import Lens
 from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
@@ -18,29 +20,27 @@ from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
 
 PICTURES = (".png", ".jpg", ".jpeg")
-"""Endings of pictures, in lower case."""
+"""Endings of images, in lower case."""
 
 GENERIC = ("seq", "sequence", "data", "imap", "")
-"""What folders are called in every scene, but for a number."""
+"""Names of folders, without numbers, that are the same in every scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A frame as a recording lists it, before anything of it is opened.
+    """A frame as a recording lists it; nothing has been opened.
 
     Attributes:
-        name: to call it by.
-        picture: where its picture should be.
-        pose: world from camera [4 4], NaN in it where tracking was lost, or None where there is no pose at all.
-        posed_by: the file with the pose, and the place in it.
-        depth: where its z-depths come from, or None.
-        labels: where its labels come from, or None.
+        name: of the frame.
+        picture: the path of its image, which may be missing.
+        pose: NaN if tracking was lost; None if there is no pose.
+        depth: source of its z-depths, or None.
+        labels: source of its labels, or None.
     """
 
     name: str
     picture: Path
-    pose: np.ndarray | None
-    posed_by: tuple[Path, str]
+    pose: FoundPose | None
     depth: MapSource | None = None
     labels: MapSource | None = None
 
@@ -51,13 +51,13 @@ class ShotList:
 
     Attributes:
         path: the recording.
-        layout: what it is.
+        layout: its name.
         name: of the scene.
         unit: "metric" or "unknown".
-        shots: in their order.
-        lens: the lens of a picture (path, size).
-        classes: the table of its labels, where it has any.
-        notes: what else the user should be told.
+        shots: in order.
+        lens: gives the lens of an image (path, size).
+        classes: the class table of its labels, if it has any.
+        notes: what else the user should know.
     """
 
     path: Path
@@ -70,23 +70,25 @@ class ShotList:
     notes: Sequence[str] = ()
 
     def scene(self) -> Scene:
-        """The scene of the shots that have a picture and a pose.
+        """The scene from the shots that have an image and a pose.
 
         Raises:
-            InputError: a pose is no rigid motion, a picture has another size than its camera, or fewer than two frames are left.
+            InputError: a pose is not a rigid motion, an image has another size than its camera, or fewer than two frames are left.
         """
-        posed = [shot for shot in self.shots if shot.pose is not None and np.isfinite(shot.pose).all()]
-        lost = [shot.name for shot in self.shots if shot.pose is not None and not np.isfinite(shot.pose).all()]
+        posed = [(shot, shot.pose) for shot in self.shots if shot.pose is not None and shot.pose.finite]
+        lost = [shot.name for shot in self.shots if shot.pose is not None and not shot.pose.finite]
         unposed = [shot.name for shot in self.shots if shot.pose is None]
-        poses = _poses(posed)
+        poses = _checked([pose for _, pose in posed])
         lenses: dict[tuple[int, int], Lens] = {}
         frames, absent, mapless, unlabelled = [], [], [], []
-        for shot, pose in zip(posed, poses, strict=True):
+        for (shot, _), pose in zip(posed, poses, strict=True):
             if not shot.picture.is_file():
                 absent.append(shot.name)
                 continue
             header = read_header(shot.picture)
-            is_turned(shot.picture, header, header.size)  # refuses an EXIF rotation, which nobody says whether to apply
+            is_turned(
+                shot.picture, header, header.size
+            )  # refuses an EXIF rotation, as no file says whether to apply it
             if header.size not in lenses:
                 lenses[header.size] = self.lens(shot.picture, header.size)
             if shot.depth is None:
@@ -94,25 +96,15 @@ class ShotList:
             if shot.labels is None:
                 unlabelled.append(shot.name)
             frames.append(Frame(shot.name, shot.picture, lenses[header.size], pose, shot.depth, shot.labels))
-        counted = [
-            (lost, "have a pose that is no number and are left out"),
-            (unposed, "have no pose and are left out"),
-            (absent, "have no picture"),
-            (mapless if 0 < len(mapless) < len(frames) else [], "have no depth map"),
-            (unlabelled if 0 < len(unlabelled) < len(frames) else [], "have no class map"),
-        ]
-        told = [
-            f"{len(names)} of {len(self.shots)} frames {what}, the first is {names[0]}."
-            for names, what in counted
-            if names
+        count = len(self.shots)
+        left_out = [
+            *lacking(lost, count, "frames have no finite pose and are left out"),
+            *lacking(unposed, count, "frames have no pose and are left out"),
+            *lacking(absent, count, "frames have no image"),
         ]
         if len(frames) < 2:
             raise InputError(
-                self.path,
-                "at least two usable frames",
-                f"{len(frames)}",
-                self.layout,
-                advice=" ".join(told[:3]) or None,
+                self.path, "at least two usable frames", f"{len(frames)}", self.layout, " ".join(left_out) or None
             )
         return Scene(
             path=self.path,
@@ -122,26 +114,42 @@ class ShotList:
             frames=tuple(frames),
             classes=self.classes if len(unlabelled) < len(frames) else None,
             absent=tuple(absent),
-            notes=(*self.notes, *told),
+            notes=(
+                *self.notes,
+                *left_out,
+                *(lacking(mapless, count, "frames have no depth map") if len(mapless) < len(frames) else []),
+                *(lacking(unlabelled, count, "frames have no class map") if len(unlabelled) < len(frames) else []),
+            ),
         )
 
 
 def numbered(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -> dict[int, Path]:
-    """The files of a folder whose names are `start`, a number and one of the endings, by their number, ascending.
+    """The files of a folder named `start`, a number and one of the endings, sorted by number.
 
-    Where one number comes with several endings the first ending counts.
+    If a number has several endings, the first ending counts.
+
+    Raises:
+        InputError: two files have the same number and ending, such as 1.jpg and 01.jpg.
     """
     found: dict[int, tuple[int, Path]] = {}
-    for path in folder.iterdir() if folder.is_dir() else ():
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         for rank, ending in enumerate(endings):
             digits = path.name.lower().removeprefix(start.lower()).removesuffix(ending)
             if path.name.lower() == f"{start.lower()}{digits}{ending}" and digits.isdecimal():
-                found[int(digits)] = min(found.get(int(digits), (rank, path)), (rank, path))
+                held = found.setdefault(int(digits), (rank, path))
+                if held[0] == rank and held[1] != path:
+                    raise InputError(folder, "one file of each number", f"{held[1].name} and {path.name}")
+                found[int(digits)] = min(held, (rank, path))
     return {number: found[number][1] for number in sorted(found)}
 
 
+def first_file(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
+    """The first existing file with one of these names, looking through the folders in order; None if there is none."""
+    return next((one for folder in folders for name in names if (one := folder / name).is_file()), None)
+
+
 def sequence_name(path: Path) -> str:
-    """The name of a scene whose folder may be called as those of all scenes are (seq-01): with the folders above before it."""
+    """The name of a scene. If its folder has a generic name (seq-01), the names of the folders above are put before it."""
     path = path.absolute()
     parts = [path.name]
     while parts[0].lower().rstrip("0123456789").rstrip("-_") in GENERIC and path.parent.name:
@@ -150,18 +158,13 @@ def sequence_name(path: Path) -> str:
     return "_".join(parts)
 
 
-def _poses(shots: Sequence[Shot]) -> np.ndarray:
-    """The poses of shots, checked, each with its file and place.
-
-    Raises:
-        InputError: one is no rigid motion.
-    """
-    checked = np.zeros((len(shots), 4, 4))
+def _checked(poses: Sequence[FoundPose]) -> np.ndarray:
+    """Poses as rigid motions [n 4 4]."""
+    checked = np.zeros((len(poses), 4, 4))
     by_file: dict[Path, list[int]] = {}
-    for index, shot in enumerate(shots):
-        by_file.setdefault(shot.posed_by[0], []).append(index)
+    for index, pose in enumerate(poses):
+        by_file.setdefault(pose.path, []).append(index)
     for file, indices in by_file.items():
-        checked[indices] = checked_poses(
-            file, [shots[index].pose for index in indices], [shots[index].posed_by[1] for index in indices]
-        )
+        some = [poses[index] for index in indices]
+        checked[indices] = checked_poses(file, [pose.matrix for pose in some], [pose.place for pose in some])
     return checked

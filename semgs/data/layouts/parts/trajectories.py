@@ -1,8 +1,8 @@
-"""Poses in text: of many frames in one file, in the forms that recordings come with, or a file a frame. All are camera to world.
+"""Poses in text files: all in one file, in several forms, or one file per frame. All are camera to world.
 
-8 numbers a line      time, tx ty tz, qx qy qz qw: TUM RGB-D's, and what most SLAM systems write
-7 numbers a line      the same without the time
-16 or 12 a line       a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
+8 numbers per line    time, tx ty tz, qx qy qz qw: TUM RGB-D and most SLAM systems
+7 numbers per line    the same without the time
+16 or 12 per line     a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
 3, then 4 lines of 4  Redwood's .log: three integers and a 4x4 matrix
 lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
 """
@@ -18,10 +18,30 @@ import numpy as np
 from semgs.data.layouts.parts.numbers import rows
 from semgs.files.errors import InputError
 
-FORMS = "poses as 8 numbers a line (time, tx ty tz, qx qy qz qw) or the last 7 of them, as 4x4 or 3x4 matrices, or as Redwood's .log"
+FORMS = "poses as 8 numbers per line (time, tx ty tz, qx qy qz qw) or the last 7 of them, as 4x4 or 3x4 matrices, or as Redwood's .log"
 
 UNIT_TOLERANCE = 0.1
-"""Four numbers whose length is further from 1 than this are no quaternion."""
+"""Quaternions may differ from unit length by this much."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPose:
+    """A pose and where it is from.
+
+    Attributes:
+        matrix: world from camera [4 4], not checked; NaN if tracking was lost.
+        path: the file.
+        place: the place in it ("line 3"), or empty if it contains nothing else.
+    """
+
+    matrix: np.ndarray
+    path: Path
+    place: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """Whether tracking was not lost."""
+        return bool(np.isfinite(self.matrix).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +50,9 @@ class Trajectory:
 
     Attributes:
         path: the file.
-        poses: world from camera [n 4 4], not checked; NaN where the file has no pose.
-        places: where each is in the file ("line 3").
-        times: when each was, or None where the file does not say.
+        poses: world from camera [n 4 4], not checked; NaN if tracking was lost.
+        places: of each in the file ("line 3").
+        times: of each [s]; None if the file has none.
     """
 
     path: Path
@@ -43,12 +63,18 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.poses)
 
+    def at(self, index: int | None) -> FoundPose | None:
+        """A pose by its position; None if there is none."""
+        if index is None or index >= len(self):
+            return None
+        return FoundPose(self.poses[index], self.path, self.places[index])
+
 
 def read_trajectory(path: Path) -> Trajectory:
     """The poses in a text file, in any of the forms above.
 
     Raises:
-        InputError: it cannot be read, is empty, or has another form; the line is named.
+        InputError: it cannot be read, is empty, or has another form; the error names the line.
     """
     held = rows(path)
     if not held:
@@ -75,20 +101,20 @@ def read_trajectory(path: Path) -> Trajectory:
     raise InputError(path, FORMS, f"{lengths[odd]} numbers", places[odd])
 
 
-def read_pose(path: Path) -> np.ndarray:
-    """The pose in the text file of a frame, 4x4: a 4x4 or 3x4 matrix, or tx ty tz, qx qy qz qw; NaN where the file says so.
+def read_pose(path: Path) -> FoundPose:
+    """The pose in the text file of a frame: a 4x4 or 3x4 matrix, or tx ty tz, qx qy qz qw. NaN if tracking was lost.
 
     Raises:
-        InputError: it cannot be read, or holds something else.
+        InputError: it cannot be read, or contains something else.
     """
     held = rows(path)
     flat = [value for _, values in held for value in values]
     if len(held) == 1 and len(flat) == 7:
-        return _from_quaternions(path, np.array([flat]), [f"line {held[0][0]}"])[0]
+        return FoundPose(_from_quaternions(path, np.array([flat]), [f"line {held[0][0]}"])[0], path)
     if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for _, values in held)):
         found = f"{len(held)} lines of {sorted({len(values) for _, values in held})} numbers" if held else "nothing"
         raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers, or tx ty tz, qx qy qz qw", found)
-    return _as_motion(flat)
+    return FoundPose(_as_motion(flat), path)
 
 
 def _as_motion(flat: list[float]) -> np.ndarray:
@@ -97,11 +123,7 @@ def _as_motion(flat: list[float]) -> np.ndarray:
 
 
 def _from_quaternions(path: Path, table: np.ndarray, places: Sequence[str]) -> np.ndarray:
-    """Matrices [n 4 4] of lines tx ty tz, qx qy qz qw [n 7].
-
-    Raises:
-        InputError: the last four numbers of a line are neither of unit length nor zero or NaN, which stand for no pose.
-    """
+    """Matrices [n 4 4] from lines tx ty tz, qx qy qz qw [n 7]; a zero or NaN quaternion means no pose."""
     norms = np.linalg.norm(table[:, 3:], axis=1)
     off = (np.abs(norms - 1) > UNIT_TOLERANCE) & (norms > 1e-6)
     if off.any():
@@ -112,7 +134,7 @@ def _from_quaternions(path: Path, table: np.ndarray, places: Sequence[str]) -> n
 
 
 def poses_from_quaternions(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-    """Matrices [n 4 4] of positions [n 3] and quaternions [n 4] in the order x, y, z, w; NaN where a quaternion has no direction."""
+    """Matrices [n 4 4] from positions [n 3] and quaternions [n 4] (x, y, z, w); NaN for a zero quaternion."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y, z, w = np.where(lengths > 1e-6, quaternions / lengths, np.nan).T
@@ -126,7 +148,7 @@ def poses_from_quaternions(positions: np.ndarray, quaternions: np.ndarray) -> np
 
 
 def _rows_of_a_matrix(held: list[list[float]], lengths: list[int]) -> int:
-    """How many lines of 4 numbers make a matrix: 4 where every fourth is 0 0 0 1, else 3; 0 if they are not lines of 4."""
+    """How many lines of 4 numbers make a matrix: 4 if every fourth is 0 0 0 1, else 3; 0 if lines have another length."""
     if set(lengths) != {4}:
         return 0
     return 4 if all(values == [0, 0, 0, 1] for values in held[3::4]) and len(held) % 4 == 0 else 3

@@ -1,1 +1,1 @@
-"""Replica, as Semantic-NeRF rendered it."""
+"""Replica, as rendered by Semantic-NeRF."""

@@ -1,10 +1,10 @@
 """The 101 classes of Replica, and which of ScanNet's 20 each is.
 
-Each name was looked up among the raw categories of ScanNet's own list (`scannetv2-labels.combined.tsv`), which gives its NYU40 class; 0
-where ScanNet has no such category. Those of the 20 classes count, all others are ignored, as they are in ScanNet: so rugs, blinds, cushions,
-shelves, stools and night stands are no class here, however much they look like one. Names that ScanNet spells in another way are looked up
-as it spells them: `base-cabinet` as kitchen cabinet, `wall-cabinet` as cabinet, `countertop` as kitchen counter, `beanbag` as beanbag chair,
-`plant-stand` as flower stand, `bike` as bicycle, `indoor-plant` as plant, `wall-plug` as power outlet, and so on.
+Each name was looked up in ScanNet's own list of raw categories (`scannetv2-labels.combined.tsv`), which gives its NYU40 class; 0 means that
+ScanNet has no such category. As in ScanNet, all but the 20 classes are ignored, so rugs, blinds, cushions, shelves, stools and night stands
+have no class here. Names that ScanNet spells differently are looked up in its spelling: `base-cabinet` as kitchen cabinet, `wall-cabinet` as
+cabinet, `countertop` as kitchen counter, `beanbag` as beanbag chair, `plant-stand` as flower stand, `bike` as bicycle, `indoor-plant` as
+plant, `wall-plug` as power outlet, and so on.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NYU40 = {
     "utensil-holder": 0, "vase": 40, "vent": 40, "wall": 1, "wall-cabinet": 3, "wall-plug": 40, "wardrobe": 39, "window": 9,
     "rug": 40, "logo": 40, "bag": 37, "set-of-clothing": 21,
 }  # fmt: skip
-"""The NYU40 class of each name, in the order of Replica's ids, from 1; 0 for none."""
+"""The NYU40 class of each name, in the order of Replica's ids from 1; 0 for none."""
 
 IDS = {number: name for number, name in enumerate(NYU40, start=1)}
 """The name of each id."""

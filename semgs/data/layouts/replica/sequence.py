@@ -1,12 +1,12 @@
-"""Replica as Semantic-NeRF rendered it: `rgb/rgb_0.png`, `depth/depth_0.png`, `semantic_class/semantic_class_0.png`, `traj_w_c.txt`.
+"""Replica as rendered by Semantic-NeRF: `rgb/rgb_0.png`, `depth/depth_0.png`, `semantic_class/semantic_class_0.png`, `traj_w_c.txt`.
 
-Line k of `traj_w_c.txt` is the pose of the pictures with number k: a row-major 4x4 matrix, camera to world, OpenCV axes [m]. Depth is 16-bit
-PNG in millimetres. A class map holds Replica's ids (0: none), which become ScanNet's 20 classes by `semgs.data.layouts.replica.classes`; where an
-`info_semantic.json` lies near, its names count.
+Line k of `traj_w_c.txt` is the pose of the images with number k: a row-major 4x4 matrix, camera to world, OpenCV axes [m]. Depth is 16-bit
+PNG in millimetres. Class maps contain Replica's ids (0: none), which are mapped to ScanNet's 20 classes by
+`semgs.data.layouts.replica.classes`. If there is an `info_semantic.json` near, its names are used.
 
-The renderer had 90 degrees across the picture, so fx = fy = W / 2, and its principal point at ((W - 1) / 2, (H - 1) / 2) counts from the
-centre of the first pixel: (W / 2, H / 2) here, 320 and 240 for 640x480. S-Ray's and GSNeRF's code has 229.5 for cy, 10 rows above:
-the reading "row-229.5" of `semgs.data.peers`. https://github.com/Harry-Zhi/semantic_nerf
+The renderer's horizontal field of view was 90 degrees, so fx = fy = W / 2. Its principal point, ((W - 1) / 2, (H - 1) / 2) from the centre of
+the first pixel, is (W / 2, H / 2) here: 320 and 240 for 640x480. The code of S-Ray and GSNeRF has 229.5 for cy, 10 rows above:
+the reading "row-229.5" of `semgs.data.readings`. https://github.com/Harry-Zhi/semantic_nerf
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from semgs.data.asked import Asked
 from semgs.data.classes import SCANNET20
 from semgs.data.layouts.parts.calibrations import asked_calibration
 from semgs.data.layouts.parts.fields import parsed
-from semgs.data.layouts.parts.recordings import Shot, ShotList, numbered, sequence_name
+from semgs.data.layouts.parts.recordings import Shot, ShotList, first_file, numbered, sequence_name
+from semgs.data.layouts.parts.sentences import lacking
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.replica.classes import IDS, NYU40
 from semgs.data.layouts.scannet.labels import labels_of_ids
 from semgs.data.lens import HALF, Lens
 from semgs.data.maps import DepthMap, IdMap
-from semgs.data.peers import READINGS, ROW_229
+from semgs.data.readings import READINGS, ROW_229
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -38,7 +39,7 @@ ASKS = ("intrinsics",)
 POSES, RGB, DEPTH, CLASSES = "traj_w_c.txt", "rgb", "depth", "semantic_class"
 INFO = "info_semantic.json"
 PEERS_ROW = (229.5 + HALF) / 480
-"""Where the peers have the principal point, as a part of the height."""
+"""The principal point in S-Ray's and GSNeRF's code, relative to the height."""
 
 
 def recognises(path: Path) -> bool:
@@ -55,25 +56,24 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         asked: may give intrinsics.
 
     Raises:
-        InputError: the poses are damaged, or fewer than two frames have a picture and a pose.
+        InputError: the poses are damaged, or fewer than two frames have an image and a pose.
     """
     colours, depths, labels = (numbered(path / folder, f"{folder}_", (".png",)) for folder in (RGB, DEPTH, CLASSES))
     trajectory = read_trajectory(path / POSES)
     if trajectory.times is not None:
-        raise InputError(path / POSES, "a 4x4 matrix a line", "lines of 8 numbers", trajectory.places[0])
+        raise InputError(path / POSES, "a 4x4 matrix per line", "lines of 8 numbers", trajectory.places[0])
     unread = None
     try:
-        names, told_by = _names(path)
+        names, names_file = _names(path)
     except InputError as error:
-        names, told_by, unread = {}, None, error
+        names, names_file, unread = {}, None, error
     given = asked_calibration(asked)
     by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     shots = [
         Shot(
             f"{RGB}/rgb_{number}.png",
             colours.get(number, path / RGB / f"rgb_{number}.png"),
-            trajectory.poses[number] if number < len(trajectory) else None,
-            (path / POSES, trajectory.places[number] if number < len(trajectory) else ""),
+            trajectory.at(number),
             DepthMap(depths[number]) if number in depths else None,
             IdMap(labels[number], by_id) if number in labels else None,
         )
@@ -89,32 +89,24 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         unit="metric",
         classes=SCANNET20,
         notes=[
-            *(
-                [f"{len(unknown)} classes of {told_by} are none of Replica's and ignored, the first is {unknown[0]}."]
-                if unknown
-                else []
-            ),
-            *(f"Read as peers do: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
+            *lacking(unknown, len(names), f"classes of {names_file} are not Replica's and are ignored"),
+            *(f"Read as in other papers' code: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
         ],
     ).scene()
     return scene if unread is None else replace(scene, classes=None, unread_labels=unread)
 
 
 def _lens(picture: Path, size: tuple[int, int], row: float) -> Lens:
-    """The renderer's camera for pictures of a size (height, width), the principal point at this part of the height."""
+    """The renderer's camera for images of a size (height, width), with the principal point at `row` relative to the height."""
     height, width = size
     return Lens(size, (width / 2, width / 2), (width / 2, row * height))
 
 
 def _names(path: Path) -> tuple[dict[int, str], Path | None]:
-    """The names of Replica's ids, and the file that says so, where one lies near.
-
-    Raises:
-        InputError: the file is damaged.
-    """
+    """The names of Replica's ids, and the file near the sequence that they are from, if there is one."""
     above = path.absolute().parent
     places = (path, above, above / "habitat", above.parent / "semantic_info" / above.name)
-    file = next((place / INFO for place in places if (place / INFO).is_file()), None)
+    file = first_file(places, (INFO,))
     if file is None:
         return IDS, None
     names = {}

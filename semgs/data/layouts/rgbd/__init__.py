@@ -1,1 +1,1 @@
-"""RGB-D recordings with poses in text."""
+"""RGB-D recordings with poses in text files."""

@@ -1,21 +1,22 @@
-"""RGB-D frames in folders with poses in text, where no data set's name is on them but everything is named for what it is.
+"""RGB-D frames in folders with poses in text files: layouts without a name of their own, in which folders are named for their content.
 
-    pictures   color/ or rgb/ or image/ or images/; frame*.jpg of results/ (NICE-SLAM's); or 000.jpg beside 000.txt (EmbodiedScan's)
+    images     color/ or rgb/ or image/ or images/; frame*.jpg of results/ (NICE-SLAM's); or 000.jpg beside 000.txt (EmbodiedScan's)
     depth      depth/; depth*.png of results/; or 000.png beside 000.txt; or .npy or .pgm of these names. May be missing
-    poses      pose/ or poses/ with a file a frame (a matrix, or tx ty tz qx qy qz qw); or a trajectory: traj.txt, trajectory.txt,
-               poses.txt, trajectory.log (Redwood), extrinsics/ (SUN3D). Camera to world with OpenCV axes, as all of these have them
-    intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above; the centre of the first
-               pixel at (0, 0), so that half a pixel is added
+    poses      pose/ or poses/ with a file per frame (a matrix, or tx ty tz qx qy qz qw); or a trajectory: traj.txt, trajectory.txt,
+               poses.txt, trajectory.log (Redwood), extrinsics/ (SUN3D). All are camera to world with OpenCV axes
+    intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above. The centre of the first
+               pixel is at (0, 0), so half a pixel is added
 
-Files of a frame are paired by their names, by the numbers in them, or, if there are as many of each, by their order. What a count of a depth
-map is worth is taken from the file of intrinsics, from the data set (millimetres in Redwood and SUN3D), or from the user; else depth is left out.
+The files of a frame are paired by name, by the numbers in their names, or, if there are equally many, by order. The depth unit comes from the
+file of intrinsics, from the data set (millimetres in Redwood and SUN3D), or from the user; otherwise depth is left out.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,8 @@ import numpy as np
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, sequence_name
-from semgs.data.layouts.parts.trajectories import Trajectory, read_pose, read_trajectory
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, first_file, sequence_name
+from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
@@ -53,14 +54,14 @@ CALIBRATIONS = (
     "intrinsics.txt", "intrinsic.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "K.txt", "calibration.txt", "info.txt",
     "intrinsics.json", "intrinsic.json", "camera-intrinsics.json", "camera_intrinsics.json", "camera.json", "cam_params.json",
 )  # fmt: skip
-"""Files of intrinsics, in the order in which they are looked for."""
+"""Files of intrinsics, in the order of the search."""
 
 SCANNET = ("intrinsic/intrinsic_color.txt", "intrinsics_color.txt", "intrinsic_color.txt", "_info.txt", "label-filt")
-"""What only ScanNet's exporters leave beside `color/` and `pose/`: their folders are read as ScanNet's."""
+"""Files that only ScanNet's exporters write; folders with one of them are read as ScanNet's."""
 
 MILLIMETRE = 0.001
 PRIMESENSE = Calibration((525.0, 525.0), (319.5 + HALF, 239.5 + HALF), (480, 640), of_a_sensor=True)
-"""The camera of Redwood's recordings, whose folders do not say it. http://redwood-data.org/indoor/dataset.html"""
+"""The camera of Redwood's recordings, which is not in their files. http://redwood-data.org/indoor/dataset.html"""
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,9 @@ class Files:
 
     Attributes:
         pictures: in the order of the numbers in their names.
-        depths: likewise; empty where there are none.
-        poses: one a frame; or the one file with all.
-        source: "SUN3D", "Redwood", or "" where the files do not tell.
+        depths: likewise; empty if there are none.
+        poses: one file per frame, or one file with all.
+        source: "SUN3D", "Redwood", or "" if unknown.
     """
 
     pictures: tuple[Path, ...]
@@ -81,7 +82,7 @@ class Files:
 
 
 def recognises(path: Path) -> bool:
-    """Whether a path is a folder with pictures and poses that are named for it."""
+    """Whether a path is a folder with images and poses in known places."""
     return path.is_dir() and _files(path) is not None and not any((path / name).exists() for name in SCANNET)
 
 
@@ -93,34 +94,29 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
         asked: may give intrinsics and the depth unit.
 
     Raises:
-        InputError: the intrinsics are not known, the files of frames cannot be paired, or fewer than two frames have a picture and a pose.
+        InputError: the intrinsics are unknown, the files cannot be paired, or fewer than two frames have an image and a pose.
     """
     files = _files(path)
     if files is None:
-        raise InputError(path, LOOKED_FOR, "none of it")
-    told_by = _told_by(path)
-    calibration = asked_calibration(asked) or _calibration(path, files, told_by)
+        raise InputError(path, LOOKED_FOR, "nothing like that")
+    calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
+    calibration = asked_calibration(asked) or _calibration(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
-    stated = read_calibration(told_by).depth_unit if told_by and depths else None
+    stated = read_calibration(calibration_file).depth_unit if calibration_file and depths else None
     unit = asked.depth_unit or stated or (MILLIMETRE if files.source else None)
     notes = [] if files.depths else _unread(path)
     if depths and unit is None:
         depths = {}
         notes.append(
-            f"{len(files.depths)} depth maps are left out: nothing says what a count is worth (--depth-unit 0.001 for millimetres)."
+            f"{len(files.depths)} depth maps are left out because their unit is unknown (--depth-unit 0.001 for millimetres)."
         )
-    maps = {
-        picture: DepthMap(path, unit or MILLIMETRE, rotated=files.source == "SUN3D") for picture, path in depths.items()
-    }
+    rotated = files.source == "SUN3D"
+    maps = {picture: DepthMap(file, unit or MILLIMETRE, rotated) for picture, file in depths.items()}
+    poses = _poses(path, files)
     return ShotList(
         path=path,
         layout=LAYOUT,
-        shots=[
-            replace(shot, depth=maps.get(shot.picture))
-            for shot in (
-                _shots(path, files) if isinstance(files.poses, tuple) else _shots_along(path, files, files.poses)
-            )
-        ],
+        shots=[Shot(one.relative_to(path).as_posix(), one, poses.get(one), maps.get(one)) for one in files.pictures],
         lens=calibration.lens,
         name=sequence_name(path),
         unit="metric" if depths else "unknown",
@@ -129,7 +125,7 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
 
 
 def _files(path: Path) -> Files | None:
-    """The files of a scene, None where the folder is no such scene."""
+    """The files of a scene, None if the folder has another layout."""
     pictures = next((found for name in COLOURS if (found := _listed(path / name, PICTURES))), ())
     depths = next((found for name in DEPTHS if (found := _listed(path / name, MAPS))), ())
     if not pictures and (path / RESULTS).is_dir():
@@ -143,7 +139,7 @@ def _files(path: Path) -> Files | None:
             return Files(pictures, depths, poses)
         if poses:
             return Files(pictures, depths, poses[0], "SUN3D" if name == "extrinsics" else "")
-    trajectory = next((path / name for name in TRAJECTORIES if (path / name).is_file()), None)
+    trajectory = first_file((path,), TRAJECTORIES)
     if trajectory is None:
         return None
     return Files(pictures, depths, trajectory, "Redwood" if trajectory.suffix == ".log" else "")
@@ -160,7 +156,7 @@ def _side_by_side(path: Path) -> Files | None:
 
 
 def _unread(path: Path) -> list[str]:
-    """What to tell of depth maps of a kind that is not read."""
+    """A note about depth maps in an unsupported format."""
     for folder in (path / name for name in DEPTHS):
         kinds = sorted({one.suffix.lower() for one in folder.iterdir()} - {""}) if folder.is_dir() else []
         if kinds:
@@ -170,60 +166,35 @@ def _unread(path: Path) -> list[str]:
     return []
 
 
-def _shots(path: Path, files: Files) -> list[Shot]:
-    """The frames where each has its own file with a pose."""
-    assert isinstance(files.poses, tuple)
-    poses = _paired(path, files.pictures, files.poses, "poses")
-    return [
-        Shot(
-            _name(path, one),
-            one,
-            read_pose(poses[one]) if one in poses else None,
-            (poses.get(one, path), ""),
-        )
-        for one in files.pictures
-    ]
+def _poses(path: Path, files: Files) -> dict[Path, FoundPose | None]:
+    """The pose of each image that has one, from a file per frame or one file for all.
 
-
-def _shots_along(path: Path, files: Files, file: Path) -> list[Shot]:
-    """The frames where one file has all poses: by time where pictures are named for theirs, else one after the other.
-
-    Raises:
-        InputError: there are not as many poses as pictures, and no times to go by.
+    In one file, poses are matched by time if images are named by time, else by order.
     """
-    trajectory = read_trajectory(file)
+    if isinstance(files.poses, tuple):
+        texts = _paired(path, files.pictures, files.poses, "poses")
+        return {picture: read_pose(text) for picture, text in texts.items()}
+    trajectory = read_trajectory(files.poses)
     places = _places(files.pictures, trajectory)
     if places is None and len(trajectory) != len(files.pictures):
         raise InputError(
-            file, f"as many poses as pictures: {len(files.pictures)} in {files.pictures[0].parent}", f"{len(trajectory)} poses",
-            advice="nothing else tells which belong together",
+            files.poses, f"as many poses as images: {len(files.pictures)} in {files.pictures[0].parent}", f"{len(trajectory)} poses",
+            advice="there is no other way to match them",
         )  # fmt: skip
-    along = dict(enumerate(range(len(trajectory)))) if places is None else places
-    return [
-        Shot(
-            _name(path, one),
-            one,
-            trajectory.poses[along[index]] if index in along else None,
-            (file, trajectory.places[along[index]] if index in along else ""),
-        )
-        for index, one in enumerate(files.pictures)
-    ]
+    along = range(len(trajectory)) if places is None else map(places.get, range(len(files.pictures)))
+    return {picture: trajectory.at(index) for picture, index in zip(files.pictures, along, strict=True)}
 
 
 def _places(pictures: Sequence[Path], trajectory: Trajectory) -> dict[int, int] | None:
-    """For each picture the pose at its time, where the names of pictures are times; else None."""
+    """For each image the pose at its time, if images are named by time; else None."""
     if trajectory.times is None or not all(re.fullmatch(r"\d+\.\d+", one.stem) for one in pictures):
         return None
     return associated(np.array([float(one.stem) for one in pictures]), trajectory.times)
 
 
 def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: str) -> dict[Path, Path]:
-    """The other file of each picture: that of the same name, else of the same number, else, if there are as many, in the same place.
-
-    Raises:
-        InputError: their numbers differ and their names tell nothing.
-    """
-    keys: tuple[Callable[[Path], Hashable], ...] = (lambda one: one.stem, _first_number, _last_number)
+    """The other file of each image: by name, else by number, else, if there are equally many, by order."""
+    keys: tuple[Callable[[Path], Hashable], ...] = (lambda one: one.stem, partial(_number, 0), partial(_number, -1))
     for key in keys:
         mine, theirs = {key(one): one for one in pictures}, {key(one): one for one in others}
         shared = mine.keys() & theirs.keys() - {None}
@@ -233,25 +204,15 @@ def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: 
     if len(pictures) == len(others):
         return dict(zip(pictures, others, strict=True))
     raise InputError(
-        path, f"{what} that go with the pictures by name, by number or one after the other",
-        f"{len(pictures)} pictures ({pictures[0].name}, ...) and {len(others)} {what} ({others[0].name}, ...)",
+        path, f"{what} that match the images by name, number or order",
+        f"{len(pictures)} images ({pictures[0].name}, ...) and {len(others)} {what} ({others[0].name}, ...)",
     )  # fmt: skip
 
 
-def _told_by(path: Path) -> Path | None:
-    """The file of intrinsics beside the pictures or in the folder above, if there is one."""
-    folders = (path, path.absolute().parent)
-    return next((one for folder in folders for name in CALIBRATIONS if (one := folder / name).is_file()), None)
-
-
-def _calibration(path: Path, files: Files, told_by: Path | None) -> Calibration:
-    """The intrinsics that a file tells, or the data set.
-
-    Raises:
-        InputError: nothing does, or the file cannot be used.
-    """
-    if told_by is not None:
-        return read_calibration(told_by)
+def _calibration(path: Path, files: Files, calibration_file: Path | None) -> Calibration:
+    """The intrinsics from a file, or those of the data set."""
+    if calibration_file is not None:
+        return read_calibration(calibration_file)
     if files.source == "Redwood":
         return PRIMESENSE
     raise InputError(
@@ -261,7 +222,7 @@ def _calibration(path: Path, files: Files, told_by: Path | None) -> Calibration:
 
 
 def _listed(folder: Path, endings: Sequence[str], start: str = "") -> tuple[Path, ...]:
-    """The files of a folder with one of the endings, in the order of the numbers in their names."""
+    """The files of a folder with one of the endings, in natural order."""
     if not folder.is_dir():
         return ()
     found = (one for one in folder.iterdir() if one.suffix.lower() in endings and one.name.lower().startswith(start))
@@ -269,22 +230,11 @@ def _listed(folder: Path, endings: Sequence[str], start: str = "") -> tuple[Path
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """What orders names as people count: 2 before 10."""
+    """The sort key for natural order: 2 before 10."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path.name)]
 
 
-def _first_number(path: Path) -> int | None:
-    """The first number in a name, None where it has none."""
-    found = re.search(r"\d+", path.stem)
-    return int(found[0]) if found else None
-
-
-def _last_number(path: Path) -> int | None:
-    """The last number in a name, None where it has none."""
+def _number(which: int, path: Path) -> int | None:
+    """The first (0) or last (-1) number in a name, None if there is none."""
     found = re.findall(r"\d+", path.stem)
-    return int(found[-1]) if found else None
-
-
-def _name(path: Path, picture: Path) -> str:
-    """The name of a frame: its picture's, below the scene's folder."""
-    return picture.relative_to(path).as_posix()
+    return int(found[which]) if found else None

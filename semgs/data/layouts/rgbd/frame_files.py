@@ -1,14 +1,14 @@
-"""Frames in three files each: `frame-000000.color.png`, `.depth.png`, `.pose.txt`. 7-Scenes, 3DMatch, 12-Scenes, BundleFusion, 3RScan.
+"""Frames of three files each: `frame-000000.color.png`, `.depth.png`, `.pose.txt`. 7-Scenes, 3DMatch, 12-Scenes, BundleFusion, 3RScan.
 
 Poses are camera to world with OpenCV axes [m], depth is 16-bit PNG or PGM in millimetres, 0 or 65535 where unknown. Frames are in the order of
-their numbers. Intrinsics are those of `camera-intrinsics.txt` (3DMatch), `info.txt` or `_info.txt`, in the folder or above it, with the
-centre of the first pixel at (0, 0), so that half a pixel is added. Where an info.txt has a depth camera of its own, each colour pixel gets the
-depth that its ray meets.
+their numbers. Intrinsics come from `camera-intrinsics.txt` (3DMatch), `info.txt` or `_info.txt`, in the folder or above it, with the
+centre of the first pixel at (0, 0), so half a pixel is added. If an info.txt has a separate depth camera, each colour pixel gets the depth
+that its ray hits.
 
 7-Scenes has no such file. Its page gives the depth camera of KinectFusion, 585 px and (320, 240), the middle of 640x480, to which nothing is
-added; its colour camera was never calibrated. As those do who localise in it, colour is taken as 525 px about the same middle, with the pose
-as it stands, and depth is carried over from 585 px along the rays. The 2.5 cm between the two cameras of a Kinect stay: depth is beside its
-colour by some 6 px at 2 m. https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/
+added. Its colour camera was never calibrated. As in papers on localisation, colour is assumed to have 525 px and the same centre and pose,
+and depth is transferred from 585 px along the rays. The 2.5 cm between the two cameras of a Kinect are ignored, so depth is off by about 6 px
+at 2 m. https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from semgs.data.asked import Asked
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, numbered, sequence_name
+from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, first_file, numbered, sequence_name
 from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
@@ -54,20 +54,20 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
         asked: may give intrinsics and the depth unit.
 
     Raises:
-        InputError: a pose is damaged, the intrinsics are unknown, or fewer than two frames have a picture and a pose.
+        InputError: a pose is damaged, the intrinsics are unknown, or fewer than two frames have an image and a pose.
     """
     colours, depths, poses = (numbered(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
     if not colours:
-        raise InputError(path, f"pictures {START}000000{COLOUR[0]}", "none", "frame files")
-    told_by = next((one for place in (path, path.parent) for one in _in(place, CALIBRATIONS)), None)
-    calibration = asked_calibration(asked) or (read_calibration(told_by) if told_by else None)
+        raise InputError(path, f"images {START}000000{COLOUR[0]}", "none", "frame files")
+    calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
+    calibration = asked_calibration(asked) or (read_calibration(calibration_file) if calibration_file else None)
     notes, depth_lens = [], calibration.depth_lens if calibration else None
-    if calibration is None or told_by is None:
+    if calibration is None or calibration_file is None:
         depth_lens = KINECT_DEPTH
         notes.append(
-            "Neither camera of 7-Scenes was calibrated: depth is as of 585 px, "
-            + ("colour as asked" if calibration else "colour of 525 px")
-            + ", and the 2.5 cm between the two are not accounted for."
+            "7-Scenes' cameras were not calibrated: depth is assumed to have 585 px, "
+            + ("colour the given intrinsics" if calibration else "colour 525 px")
+            + ", and the 2.5 cm between the two cameras are ignored."
         )
     unit = asked.depth_unit or (calibration and calibration.depth_unit) or MILLIMETRE
     return ShotList(
@@ -78,7 +78,6 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
                 colour.name,
                 colour,
                 read_pose(poses[number]) if number in poses else None,
-                (poses.get(number, path), ""),
                 _depth(depths.get(number), unit, depth_lens),
             )
             for number, colour in colours.items()
@@ -91,12 +90,7 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
 
 
 def _depth(path: Path | None, unit: float, lens: Lens | None) -> MapSource | None:
-    """Where the depth of a frame comes from, given the depth camera if it has one of its own."""
+    """The source of a frame's depth; `lens` is the depth camera, if there is a separate one."""
     if path is None:
         return None
     return DepthThroughLens(DepthMap(path, unit), lens) if lens else DepthMap(path, unit)
-
-
-def _in(folder: Path, names: tuple[str, ...]) -> list[Path]:
-    """Those of some files that are in a folder."""
-    return [folder / name for name in names if (folder / name).is_file()]

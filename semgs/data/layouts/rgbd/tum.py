@@ -1,12 +1,12 @@
-"""TUM RGB-D: `rgb.txt`, `depth.txt` and `groundtruth.txt`, each line with its own time; also ETH3D SLAM, Bonn and whoever writes it.
+"""TUM RGB-D: `rgb.txt`, `depth.txt` and `groundtruth.txt`, with a time on each line. Also ETH3D SLAM, Bonn and others.
 
 Poses are camera to world with OpenCV axes, as time, tx ty tz, qx qy qz qw [s, m]: the scalar of the quaternion comes last. Depth is 16-bit
-PNG, 5000 counts a metre, registered to the colour pictures. Pictures, depth maps and poses are associated by time, nearest first, less than
-0.02 s apart, as the benchmark's `associate.py` does.
+PNG, 5000 counts per metre, registered to the colour images. Images, depth maps and poses are associated by time, nearest first, less than
+0.02 s apart, like the benchmark's `associate.py`.
 
-Intrinsics have the centre of the first pixel at (0, 0): half a pixel is added. They are those of `calibration.txt` (ETH3D's: fx fy cx cy)
-or else 525, 525, 319.5, 239.5, the drivers' defaults that the benchmark recommends: its depth is registered with them, and undoing a
-lens's distortion would part the two. https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
+Intrinsics have the centre of the first pixel at (0, 0), so half a pixel is added. They come from `calibration.txt` (ETH3D: fx fy cx cy), or
+are 525, 525, 319.5, 239.5: the drivers' defaults, as the benchmark recommends. Depth is registered with these, so undistorting the images
+would misalign it. https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
 from semgs.data.layouts.parts.numbers import lines
 from semgs.data.layouts.parts.recordings import Shot, ShotList, sequence_name
-from semgs.data.layouts.parts.trajectories import Trajectory, read_trajectory
+from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.lens import HALF
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
@@ -34,7 +34,7 @@ ASKS = ("intrinsics", "depth_unit")
 RGB, DEPTH, POSES, CALIBRATION = "rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"
 COUNTS_PER_METRE = 5000
 DEFAULT = Calibration((525.0, 525.0), (319.5 + HALF, 239.5 + HALF), (480, 640), of_a_sensor=True)
-"""What the benchmark recommends for all of its recordings, whose pictures are 640x480."""
+"""What the benchmark recommends for all of its recordings (640x480)."""
 
 
 def recognises(path: Path) -> bool:
@@ -50,17 +50,22 @@ def open_tum(path: Path, asked: Asked) -> Scene:
         asked: may give intrinsics and the depth unit.
 
     Raises:
-        InputError: a list is damaged, there are no poses, nothing is at the same time, or the pictures have another size than the camera.
+        InputError: a list is damaged, there are no poses, no times match, or the images have another size than the camera.
     """
     if not (path / POSES).is_file():
-        raise InputError(path / POSES, "the poses of the camera", "no such file", advice="some are kept back by TUM")
+        raise InputError(
+            path / POSES,
+            "the poses of the camera",
+            "no such file",
+            advice="TUM does not publish the poses of some recordings",
+        )
     times, names = _listed(path / RGB)
     trajectory = read_trajectory(path / POSES)
     if trajectory.times is None:
         raise InputError(path / POSES, "lines of time, tx ty tz, qx qy qz qw", f"{trajectory.poses.shape[0]} matrices")
     posed = associated(times, trajectory.times)
     if not posed:
-        raise InputError(path, "pictures and poses at the same times", _spans(times, trajectory.times), "times")
+        raise InputError(path, "images and poses at the same times", _spans(times, trajectory.times), "times")
     mapped: dict[int, int] = {}
     depths: list[str] = []
     if (path / DEPTH).is_file():
@@ -77,13 +82,7 @@ def open_tum(path: Path, asked: Asked) -> Scene:
         path=path,
         layout=LAYOUT,
         shots=[
-            Shot(
-                name,
-                path / name,
-                _pose(trajectory, posed.get(index)),
-                (path / POSES, trajectory.places[posed[index]] if index in posed else ""),
-                maps.get(index),
-            )
+            Shot(name, path / name, trajectory.at(posed.get(index)), maps.get(index))
             for index, name in enumerate(names)
         ],
         lens=calibration.lens,
@@ -94,23 +93,19 @@ def open_tum(path: Path, asked: Asked) -> Scene:
 
 
 def _calibration(path: Path, asked: Asked) -> tuple[Calibration, list[str]]:
-    """The intrinsics, and what to tell of them."""
+    """The intrinsics, and notes about them."""
     given = asked_calibration(asked)
     if given is not None:
         return given, []
     if (path / CALIBRATION).is_file():
         return read_calibration(path / CALIBRATION), []
     return DEFAULT, [
-        "Intrinsics are the drivers' defaults, which TUM recommends (525 px, the middle of 640x480), lens distortion not undone."
+        "Intrinsics are the drivers' defaults, as TUM recommends (525 px, the centre of 640x480), without undistortion."
     ]
 
 
 def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
-    """Times [n] and files of a list.
-
-    Raises:
-        InputError: it cannot be read, is empty, or a line is no time and a file.
-    """
+    """The times [n] and files in a list."""
     times, names = [], []
     for number, line in lines(path):
         time, *rest = re.split(r"[\s,]+", line, maxsplit=1)
@@ -126,11 +121,6 @@ def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
     return np.array(times), names
 
 
-def _pose(trajectory: Trajectory, index: int | None) -> np.ndarray | None:
-    """The pose at a place in the trajectory, None for none."""
-    return None if index is None else trajectory.poses[index]
-
-
 def _spans(first: np.ndarray, second: np.ndarray) -> str:
-    """From when to when two streams are."""
-    return f"pictures from {first.min():.3f} to {first.max():.3f} s and poses from {np.nanmin(second):.3f} to {np.nanmax(second):.3f} s"
+    """The time spans of two streams."""
+    return f"images from {first.min():.3f} to {first.max():.3f} s and poses from {np.nanmin(second):.3f} to {np.nanmax(second):.3f} s"

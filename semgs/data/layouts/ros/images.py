@@ -1,4 +1,4 @@
-"""Images in ROS messages as the files that they would be: JPEG and PNG as they are, raw pixels as PNG, depth in metres as arrays.
+"""Images in ROS messages as files: JPEG and PNG unchanged, raw pixels as PNG, depth in metres as NumPy arrays.
 
 https://github.com/ros2/common_interfaces (sensor_msgs), REP 118 (depth: 16 bits are millimetres, floats metres),
 https://github.com/ros-perception/image_transport_plugins (compressedDepth: a header of 12 bytes, then a PNG).
@@ -22,19 +22,19 @@ COLOURS = {
     "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY), "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
     "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2), "yuyv": (2, cv2.COLOR_YUV2BGR_YUY2),
 }  # fmt: skip
-"""Encodings of pictures: bytes of a pixel, and how OpenCV makes BGR of them. OpenCV names Bayer patterns by their second row."""
+"""Image encodings: bytes per pixel, and OpenCV's conversion to BGR. OpenCV names Bayer patterns by their second row."""
 
 DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
-"""Encodings of depth maps, and bytes of a pixel."""
+"""Depth encodings: bytes per pixel."""
 
 GREYS = ("mono8", "8UC1")
 COMPRESSED_DEPTH = "compressedDepth"
 _DEPTH_HEADER = struct.Struct("<iff")
-"""Of compressedDepth: the kind of compression, and two parameters of inverse depth."""
+"""Header of compressedDepth: kind of compression, and two parameters of inverse depth."""
 
 
 def encoding_of(message: Any) -> str:
-    """How the pixels of an Image or CompressedImage were encoded before any compression; "" where it does not say."""
+    """The encoding of the pixels of an Image or CompressedImage, before compression; "" if unknown."""
     if hasattr(message, "encoding"):
         return str(message.encoding)
     return str(message.format).partition(";")[0].strip() if ";" in message.format else ""
@@ -46,7 +46,7 @@ def is_depth(message: Any) -> bool:
 
 
 def ending_of(message: Any) -> str:
-    """The ending that the file of a message has: ".jpg", ".png", or ".npy" for depth in metres."""
+    """The ending of a message's file: ".jpg", ".png", or ".npy" for depth in metres."""
     if is_depth(message):
         return ".npy" if encoding_of(message) == "32FC1" else ".png"
     return ".jpg" if bytes(message.data[:2]) == b"\xff\xd8" and not hasattr(message, "encoding") else ".png"
@@ -56,7 +56,7 @@ def as_file(message: Any) -> bytes:
     """The file of a message.
 
     Raises:
-        ValueError: its pixels are encoded in a way that is not read, or are not as many as it says.
+        ValueError: the encoding is not supported, or there are too few pixels.
     """
     if not hasattr(message, "encoding"):
         data = bytes(message.data)
@@ -75,11 +75,7 @@ def as_file(message: Any) -> bytes:
 
 
 def _pixels(message: Any, size: int, channels: int) -> np.ndarray:
-    """The bytes of an Image [h w size] without what pads its rows.
-
-    Raises:
-        ValueError: there are fewer than it says.
-    """
+    """The bytes of an Image [h w size], without row padding."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, dtype=np.uint8)
     if step < width * size or data.size < height * step or min(height, width) < 1:
@@ -91,18 +87,14 @@ def _pixels(message: Any, size: int, channels: int) -> np.ndarray:
 
 
 def _compressed_depth(data: bytes, encoding: str) -> bytes:
-    """The file of a compressedDepth message.
-
-    Raises:
-        ValueError: it is no PNG behind its header.
-    """
+    """The file of a compressedDepth message."""
     if len(data) < _DEPTH_HEADER.size:
         raise ValueError(f"{len(data)} bytes; expected a header of {_DEPTH_HEADER.size} and a PNG")
     _, a, b = _DEPTH_HEADER.unpack_from(data)
     inside = data[_DEPTH_HEADER.size :]
     counts = cv2.imdecode(np.frombuffer(inside, np.uint8), cv2.IMREAD_UNCHANGED) if inside[:4] == b"\x89PNG" else None
     if counts is None or counts.dtype != np.uint16 or counts.ndim != 2:
-        raise ValueError("compressed depth that is no 16-bit PNG")
+        raise ValueError("compressed depth that is not a 16-bit PNG")
     if encoding != "32FC1":
         return inside
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -111,7 +103,7 @@ def _compressed_depth(data: bytes, encoding: str) -> bytes:
 
 
 def _depth_file(depths: np.ndarray) -> bytes:
-    """Counts as PNG, metres as an array."""
+    """Counts as PNG, metres as a NumPy array."""
     if depths.dtype.kind == "u":
         return _png(np.ascontiguousarray(depths.astype(np.uint16)), 1)
     buffer = io.BytesIO()
@@ -120,5 +112,5 @@ def _depth_file(depths: np.ndarray) -> bytes:
 
 
 def _png(pixels: np.ndarray, compression: int) -> bytes:
-    """A PNG of BGR or of one channel; without compression it takes a few milliseconds."""
+    """A PNG of BGR or one channel; without compression, this takes a few milliseconds."""
     return cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, compression])[1].tobytes()

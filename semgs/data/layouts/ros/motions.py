@@ -1,8 +1,8 @@
-"""Frames of ROS and how they move: the pose of one in another at any time, from transforms that were recorded now and then.
+"""Motions of ROS frames: the pose of one frame in another at any time, interpolated between recorded transforms.
 
-A transform from parent to child holds the pose of the child in the parent: a point p of the child is at R p + t in the parent. Frames of
-cameras are optical ones: x right, y down, z forward (REP 103), as ours. Between two recorded poses the rotation is interpolated on the
-sphere and the place on the line, as tf2 does; before the first, after the last and across long gaps there is no pose.
+A transform from parent to child is the pose of the child in the parent: a point p of the child is at R p + t in the parent. Camera frames are
+optical: x right, y down, z forward (REP 103), like ours. Like tf2, rotations are interpolated spherically and positions linearly. There is
+no pose before the first, after the last, and in long gaps.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LONGEST_GAP = 1_000_000_000
-"""Poses further apart than this say nothing of the time between them [ns]."""
+"""No interpolation between poses further apart than this [ns]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +21,12 @@ class Motion:
     """How a frame moves in another.
 
     Attributes:
-        parent: the frame that poses are in.
-        child: the frame that they are of.
-        times: when, ascending, each once [ns]; empty where it never moves.
-        positions: of the child in the parent [n 3] [m]; one where it never moves.
+        parent: the frame in which poses are given.
+        child: the frame that moves.
+        times: ascending, without duplicates [ns]; empty if it never moves.
+        positions: of the child in the parent [n 3] [m]; one if it never moves.
         quaternions: (x, y, z, w) [n 4].
-        source: the topic that says so.
+        source: the topic of the poses.
     """
 
     parent: str
@@ -42,8 +42,8 @@ class Motion:
         return len(self.times) == 0
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """Parent from child at some times [ns], [n 4 4]; NaN where nothing is known."""
-        from scipy.spatial.transform import Rotation, Slerp  # a second that readers of other layouts need not wait for
+        """Parent from child at some times [ns], [n 4 4]; NaN where unknown."""
+        from scipy.spatial.transform import Rotation, Slerp  # takes a second to import, only for bags
 
         poses = np.zeros((len(times), 4, 4))
         poses[:, 3, 3] = 1
@@ -71,14 +71,14 @@ class Motion:
 def motion(
     parent: str, child: str, samples: Mapping[int, tuple[np.ndarray, np.ndarray]], source: str, *, fixed: bool = False
 ) -> Motion | None:
-    """The motion of some samples, position [3] and quaternion [4] by time [ns]; None where no sample is a pose.
+    """The motion from samples, position [3] and quaternion [4] by time [ns]; None if no sample is a pose.
 
     Args:
-        parent: the frame that poses are in; the slash that ROS 1 has before names is left out.
-        child: the frame that they are of.
+        parent: the frame in which poses are given, perhaps with ROS 1's leading slash.
+        child: the frame that moves, likewise.
         samples: by time.
         source: the topic.
-        fixed: whether it never moves; then the last sample counts.
+        fixed: whether it never moves; then the last sample is used.
     """
     times = [time for time, (place, turn) in sorted(samples.items()) if _is_pose(place, turn)]
     if not times:
@@ -99,7 +99,7 @@ def above(motions: Mapping[str, Motion], frame: str) -> list[Motion]:
 
     Args:
         motions: by child.
-        frame: where to begin.
+        frame: where to start.
     """
     found: list[Motion] = []
     seen = {frame}
@@ -111,7 +111,7 @@ def above(motions: Mapping[str, Motion], frame: str) -> list[Motion]:
 
 
 def along(path: list[Motion], times: np.ndarray) -> np.ndarray:
-    """The pose of the frame that a path begins at in the frame that it ends at, at some times [ns], [n 4 4]; NaN where unknown."""
+    """The pose of a path's first frame in its last frame, at some times [ns], [n 4 4]; NaN where unknown."""
     poses = np.broadcast_to(np.eye(4), (len(times), 4, 4))
     for step in path:
         poses = step.at(times) @ poses
@@ -119,5 +119,5 @@ def along(path: list[Motion], times: np.ndarray) -> np.ndarray:
 
 
 def _is_pose(place: np.ndarray, turn: np.ndarray) -> bool:
-    """Whether numbers are finite and a quaternion has a direction."""
+    """Whether all numbers are finite and the quaternion is not zero."""
     return bool(np.isfinite(place).all() and np.isfinite(turn).all() and np.linalg.norm(turn) > 1e-6)

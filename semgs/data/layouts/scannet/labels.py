@@ -1,4 +1,4 @@
-"""`scannetv2-labels.combined.tsv`: from the ids and names of ScanNet's annotations to NYU40 classes."""
+"""`scannetv2-labels.combined.tsv`: maps the ids and names of ScanNet's annotations to NYU40 classes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.data.nyu40 import NAMES, scannet20_labels
+from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 
 FILE_NAME = "scannetv2-labels.combined.tsv"
 LEVELS = 4
-"""It is looked for in the scan's folder and so many above it."""
+"""The file is searched in the scan's folder and this many folders above."""
 
 ID, NAME, NYU40 = "id", "raw_category", "nyu40id"
 
@@ -24,12 +25,12 @@ MOST_IDS = 1 << 16
 
 @dataclass(frozen=True)
 class LabelTable:
-    """What the table says.
+    """The content of the table.
 
     Attributes:
         path: the file.
-        by_id: NYU40 class of each id. Rows share ids, and some of those disagree ("shower door" and "shower doors"): the last one
-            counts, as in ScanNet's own scripts and in S-Ray's.
+        by_id: NYU40 class of each id. Some rows with the same id disagree ("shower door" and "shower doors"); the last one counts, as in
+            ScanNet's and S-Ray's scripts.
         by_name: NYU40 class of each raw category.
     """
 
@@ -38,19 +39,19 @@ class LabelTable:
     by_name: dict[str, int]
 
     def labels(self, as_gsnerf: bool = False) -> UInt8[np.ndarray, 65536]:
-        """The label in `scannet20` of every id that 16 bits hold; ids that the table lacks have that of the NYU40 id 0: none."""
+        """The label in `scannet20` of every 16-bit id; ids that are not in the table have none, like NYU40 id 0."""
         return labels_of_ids(self.by_id, as_gsnerf)
 
 
 def labels_of_ids(nyu40: Mapping[int, int], as_gsnerf: bool = False) -> UInt8[np.ndarray, 65536]:
-    """The label in `scannet20` of every id that 16 bits hold, given their NYU40 classes; where none is given, that of 0."""
+    """The label in `scannet20` of every 16-bit id, given their NYU40 classes; other ids are treated as NYU40 id 0."""
     classes = np.zeros(MOST_IDS, np.uint8)
     classes[list(nyu40)] = list(nyu40.values())
     return scannet20_labels(as_gsnerf)[classes]
 
 
 def find_table(folder: Path) -> Path | None:
-    """The table that belongs to a scan: in its folder, or the nearest above it."""
+    """The table of a scan: in its folder, or the nearest one above."""
     around = [folder, *folder.absolute().parents][: LEVELS + 1]
     return next((one / FILE_NAME for one in around if (one / FILE_NAME).is_file()), None)
 
@@ -59,15 +60,10 @@ def read_table(path: Path) -> LabelTable:
     """Read the table.
 
     Raises:
-        InputError: it cannot be read, lacks a column (as ScanNet's first table does, and tables of other data sets), or has something
-            else than a whole number for an id.
+        InputError: it cannot be read, lacks a column (like ScanNet's first table and those of other data sets), or an id is not an
+            integer.
     """
-    try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "a table in UTF-8", f"byte {error.start} of something else") from error
+    lines = read_text(path, "a table in UTF-8").splitlines()
     header = lines[0].split("\t") if lines else []
     for column in (ID, NAME, NYU40):
         if column not in header:
@@ -87,22 +83,18 @@ def read_table(path: Path) -> LabelTable:
         values = line.split("\t")
         raw_id, name, nyu40 = (values[place].strip() if place < len(values) else "" for place in places)
         identity = _whole(path, number, ID, raw_id, range(1, MOST_IDS))
-        by_id[identity] = _whole(path, number, NYU40, nyu40 or "0", range(len(NAMES) + 1))  # 0: nobody said
+        by_id[identity] = _whole(path, number, NYU40, nyu40 or "0", range(len(NAMES) + 1))  # 0: unknown
         by_name[normal(name)] = by_id[identity]
     return LabelTable(path, by_id, by_name)
 
 
 def normal(name: str) -> str:
-    """A label's name as tables are asked for it: in lower case, with single spaces."""
+    """A label's name as in the tables: lower case, single spaces."""
     return " ".join(name.lower().split())
 
 
 def _whole(path: Path, line: int, column: str, text: str, allowed: range) -> int:
-    """A whole number of the table.
-
-    Raises:
-        InputError: it is something else, or outside the range.
-    """
+    """An integer of the table, in the allowed range."""
     if not text.isdecimal() or int(text) not in allowed:
         raise InputError(path, f"a whole number {allowed[0]}..{allowed[-1]}", repr(text), key=f"line {line}, {column}")
     return int(text)

@@ -1,10 +1,10 @@
-"""`.sens`, ScanNet's recordings: where each frame's colour and depth lie, found by walking the file; each is read when it is asked for.
+"""`.sens`, ScanNet's recordings: the places of each frame's colour and depth in the file. They are read only when needed.
 
     version u32 = 4 | name u64 + bytes | colour K, colour extrinsic, depth K, depth extrinsic: 16 f32 each, row by row
-    colour codec i32 | depth codec i32 | colour width, height, depth width, height: u32 | depth counts a metre f32 | frames u64
+    colour codec i32 | depth codec i32 | colour width, height, depth width, height: u32 | depth counts per metre f32 | frames u64
     each frame: camera to world 16 f32 | two times u64 | colour bytes u64 | depth bytes u64 | colour | depth
 
-and measurements of motion behind, which are not read. https://github.com/ScanNet/ScanNet (SensReader)
+then motion measurements, which are not read. https://github.com/ScanNet/ScanNet (SensReader)
 """
 
 from __future__ import annotations
@@ -14,148 +14,112 @@ import struct
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, final
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, readable
 
 VERSION = 4
 COLOUR_CODECS = {-1: "unknown", 0: "raw", 1: "png", 2: "jpeg"}
 DEPTH_CODECS = {-1: "unknown", 0: "raw_ushort", 1: "zlib_ushort", 2: "occi_ushort"}
 JPEG, ZLIB = 2, 1
-"""The codecs that are read; ScanNet's release has no others."""
+"""The supported codecs; ScanNet's release has no others."""
 
 LONGEST_NAME = 4096
-"""A sensor has no longer name than this; a file that says so is none of ours [bytes]."""
+"""Longest name of a sensor [bytes]; a longer one means that the file is something else."""
 MOST_PIXELS = 1 << 28
-"""Nor a picture more pixels."""
+"""Most pixels of an image, likewise."""
 EXTRINSIC_TOLERANCE = 1e-3
 
 _UNWRITTEN = bytes(4)
-"""How depth ends that was never written: its checksum would be there, which is as good as never 0."""
+"""The end of depth that was never written. Otherwise the checksum is there, which is practically never 0."""
 
 _BEGINNING = struct.Struct("<IQ")
 _HEADER = struct.Struct("<64f2i4IfQ")
 _FRAME = struct.Struct("<16f4Q")
 
 
+@final
 @dataclass(frozen=True, slots=True)
-class SensColour:
-    """The picture of a frame, a JPEG inside the recording.
+class SensFile:
+    """The image or depth of a frame as a file: a JPEG, or a NumPy file of counts [height width] uint16.
 
     Attributes:
         path: the recording.
         frame: its number.
-        start: where the bytes begin.
-        length: how many they are.
+        start: offset of the bytes.
+        length: number of bytes.
+        size: (height, width) of the depth; None for an image.
     """
 
     path: Path
     frame: int
     start: int
     length: int
-
-    @property
-    def name(self) -> str:
-        """As ScanNet's exporter names it."""
-        return f"{self.frame}.jpg"
+    size: tuple[int, int] | None = None
 
     @property
     def suffix(self) -> str:
-        """It is a JPEG."""
-        return ".jpg"
-
-    def is_file(self) -> bool:
-        """Whether the recording is there."""
-        return self.path.is_file()
-
-    def read_bytes(self) -> bytes:
-        """The JPEG.
-
-        Raises:
-            OSError: the recording cannot be read, or became shorter.
-        """
-        return _stretch(self.path, self.start, self.length)
-
-    def __str__(self) -> str:
-        return f"{self.path}, colour of frame {self.frame}"
-
-
-@dataclass(frozen=True, slots=True)
-class SensDepth:
-    """The depth of a frame: counts inside the recording, as an array file [height width] uint16.
-
-    Attributes:
-        path: the recording.
-        frame: its number.
-        start: where the bytes begin.
-        length: how many they are.
-        size: (height, width).
-    """
-
-    path: Path
-    frame: int
-    start: int
-    length: int
-    size: tuple[int, int]
+        """The ending of the file."""
+        return ".jpg" if self.size is None else ".npy"
 
     @property
     def name(self) -> str:
-        """The number, as an array file."""
-        return f"{self.frame}.npy"
-
-    @property
-    def suffix(self) -> str:
-        """What `read_bytes` gives is in NumPy's format."""
-        return ".npy"
+        """The number of the frame, as ScanNet's exporter names files."""
+        return f"{self.frame}{self.suffix}"
 
     def is_file(self) -> bool:
-        """Whether the recording is there."""
+        """Whether the recording exists."""
         return self.path.is_file()
 
     def read_bytes(self) -> bytes:
-        """The counts in NumPy's file format.
+        """The file.
 
         Raises:
-            OSError: the recording cannot be read, or the depth is not what its header says.
+            OSError: the recording cannot be read or is truncated, or the depth does not match its header.
         """
-        data = _stretch(self.path, self.start, self.length)
-        expected = 2 * self.size[0] * self.size[1]
-        try:
-            counts = zlib.decompressobj().decompress(data, expected + 1)
-        except zlib.error as error:
-            raise OSError(f"depth that cannot be inflated: {error}") from error
-        if len(counts) != expected:
-            more = "more than " if len(counts) > expected else ""
-            raise OSError(
-                f"{more}{min(len(counts), expected)} bytes of depth, not the {expected} of {self.size[1]}x{self.size[0]}"
-            )
-        file = io.BytesIO()
-        np.save(file, np.frombuffer(counts, "<u2").reshape(self.size))
-        return file.getvalue()
+        with self.path.open("rb") as file:
+            file.seek(self.start)
+            data = file.read(self.length)
+        if len(data) < self.length:
+            raise OSError("a truncated recording")
+        return data if self.size is None else _array_file(data, self.size)
 
     def __str__(self) -> str:
-        return f"{self.path}, depth of frame {self.frame}"
+        return f"{self.path}, {'colour' if self.size is None else 'depth'} of frame {self.frame}"
+
+
+def _array_file(data: bytes, size: tuple[int, int]) -> bytes:
+    """Compressed depth in NumPy's file format."""
+    expected = 2 * size[0] * size[1]
+    try:
+        counts = zlib.decompressobj().decompress(data, expected + 1)
+    except zlib.error as error:
+        raise OSError(f"depth that cannot be decompressed: {error}") from error
+    if len(counts) != expected:
+        more = "more than " if len(counts) > expected else ""
+        raise OSError(f"{more}{min(len(counts), expected)} bytes of depth, not the {expected} of {size[1]}x{size[0]}")
+    file = io.BytesIO()
+    np.save(file, np.frombuffer(counts, "<u2").reshape(size))
+    return file.getvalue()
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a `.sens` file holds; no picture has been read.
+    """The content of a `.sens` file; images have not been read.
 
     Attributes:
         path: the file.
-        colour_intrinsics: K of the pictures, pixel centres at whole numbers [px].
+        colour_intrinsics: K of the images, the centre of the first pixel at (0, 0) [px].
         depth_intrinsics: K of the depth, likewise.
         colour_size: (height, width) [px].
         depth_size: (height, width) [px].
-        depth_unit: what a count of depth is worth [m].
-        declared: how many frames the header speaks of.
-        poses: camera to world of each complete frame, not finite where tracking was lost [m].
-        starts: where the colour of each begins.
-        colour_bytes: length of its colour; its depth lies right behind.
-        depth_bytes: length of its depth.
+        depth_unit: metres per count of depth [m].
+        declared: number of frames in the header.
+        poses: camera to world of each complete frame, not finite if tracking was lost [m].
+        places: of each, the offset and length of its colour, and the length of its depth, which follows.
     """
 
     path: Path
@@ -166,55 +130,44 @@ class Recording:
     depth_unit: float
     declared: int
     poses: Float32[np.ndarray, "n 4 4"]
-    starts: Int64[np.ndarray, " n"]
-    colour_bytes: Int64[np.ndarray, " n"]
-    depth_bytes: Int64[np.ndarray, " n"]
+    places: Int64[np.ndarray, "n 3"]
 
     def __len__(self) -> int:
         """The number of complete frames."""
-        return len(self.starts)
+        return len(self.places)
 
-    def colour(self, frame: int) -> SensColour:
-        """The picture of a frame."""
-        return SensColour(self.path, frame, int(self.starts[frame]), int(self.colour_bytes[frame]))
+    def colour(self, frame: int) -> SensFile:
+        """The image of a frame."""
+        start, length, _ = self.places[frame].tolist()
+        return SensFile(self.path, frame, start, length)
 
-    def depth(self, frame: int) -> SensDepth | None:
-        """The depth of a frame, None where there is none."""
-        if not self.depth_bytes[frame]:
-            return None
-        start = int(self.starts[frame] + self.colour_bytes[frame])
-        return SensDepth(self.path, frame, start, int(self.depth_bytes[frame]), self.depth_size)
+    def depth(self, frame: int) -> SensFile | None:
+        """The depth of a frame, None if there is none."""
+        start, colour, depth = self.places[frame].tolist()
+        return SensFile(self.path, frame, start + colour, depth, self.depth_size) if depth else None
 
 
 def read_recording(path: Path) -> Recording:
-    """Walk a `.sens` file from frame to frame, without reading the pictures.
+    """Walk through a `.sens` file, without reading the images.
 
-    It ends at the first frame that is not whole: what a download left off (also where zeros stand in its place). Nothing is set aside
-    for frames that the header speaks of.
+    Reading ends at the first incomplete frame, where a download stopped (the rest may be zeros). No memory is allocated for frames that are
+    only declared in the header.
 
     Raises:
-        InputError: it cannot be read, is no such file, is of another version or has other codecs than JPEG and zlib, its depth is not
-            aligned with its colour, or its header is cut short.
+        InputError: it cannot be read, is another kind of file, has another version or other codecs than JPEG and zlib, its depth is not
+            aligned with its colour, or its header is truncated.
     """
-    try:
-        with path.open("rb", buffering=0) as file:
-            return _read(path, file, path.stat().st_size)
-    except OSError as error:
-        raise InputError(path, "a readable file", error.strerror or str(error)) from error
+    with readable(path), path.open("rb", buffering=0) as file:
+        return _read(path, file, path.stat().st_size)
 
 
 def _read(path: Path, file: BinaryIO, length: int) -> Recording:
-    """The recording in an open file.
-
-    Raises:
-        InputError: as `read_recording`.
-        OSError: it cannot be read.
-    """
+    """The recording in an open file."""
     version, name = _BEGINNING.unpack(_header(path, file, _BEGINNING.size))
     if version != VERSION:
         raise InputError(path, f"a .sens file of version {VERSION}", f"{version}", key="version")
     if name > LONGEST_NAME:
-        raise InputError(path, "a .sens file", f"a sensor whose name has {name} bytes", key="name")
+        raise InputError(path, "a .sens file", f"a sensor name of {name} bytes", key="name")
     file.seek(name, 1)
     *matrices, colour, depth, width, height, depth_width, depth_height, shift, declared = _HEADER.unpack(
         _header(path, file, _HEADER.size)
@@ -226,7 +179,7 @@ def _read(path: Path, file: BinaryIO, length: int) -> Recording:
         if codec != read:
             raise InputError(path, codecs[read], codecs.get(codec, f"number {codec}"), key=f"codec of {kind}")
     if not 0 < shift < float("inf"):
-        raise InputError(path, "a positive number of counts a metre", f"{shift:g}", key="depth shift")
+        raise InputError(path, "a positive number of counts per metre", f"{shift:g}", key="depth shift")
     for kind, pixels in (("colour", width * height), ("depth", depth_width * depth_height)):
         if not 0 < pixels <= MOST_PIXELS:
             raise InputError(path, f"1 to {MOST_PIXELS} pixels", f"{pixels}", key=f"size of {kind}")
@@ -254,8 +207,8 @@ def _read(path: Path, file: BinaryIO, length: int) -> Recording:
 
 def _frames(
     file: BinaryIO, length: int, declared: int
-) -> tuple[Float32[np.ndarray, "n 4 4"], Int64[np.ndarray, " n"], Int64[np.ndarray, " n"], Int64[np.ndarray, " n"]]:
-    """Poses, starts, colour bytes and depth bytes of the complete frames from here on, at most as many as declared."""
+) -> tuple[Float32[np.ndarray, "n 4 4"], Int64[np.ndarray, "n 3"]]:
+    """Poses and places of the complete frames, at most as many as declared."""
     poses = bytearray()
     places: list[tuple[int, int, int]] = []
     position = file.tell()
@@ -274,32 +227,12 @@ def _frames(
         poses += header[:64]
         places.append((start, colour, depth))
         position = start + colour + depth
-    table = np.array(places, np.int64).reshape(-1, 3)
-    return np.frombuffer(bytes(poses), "<f4").reshape(-1, 4, 4), table[:, 0], table[:, 1], table[:, 2]
+    return np.frombuffer(bytes(poses), "<f4").reshape(-1, 4, 4), np.array(places, np.int64).reshape(-1, 3)
 
 
 def _header(path: Path, file: BinaryIO, count: int) -> bytes:
-    """The next bytes of the header.
-
-    Raises:
-        InputError: the file ends before.
-        OSError: it cannot be read.
-    """
+    """The next bytes of the header."""
     data = file.read(count)
     if len(data) < count:
         raise InputError(path, "a .sens file", "one that ends in its header", advice="download it again")
-    return data
-
-
-def _stretch(path: Path, start: int, length: int) -> bytes:
-    """Bytes of a file.
-
-    Raises:
-        OSError: it cannot be read, or ends before.
-    """
-    with path.open("rb") as file:
-        file.seek(start)
-        data = file.read(length)
-    if len(data) < length:
-        raise OSError("a recording that ends before")
     return data

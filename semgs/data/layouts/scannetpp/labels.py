@@ -1,11 +1,10 @@
-"""From the names of ScanNet++'s objects to NYU40, and by that to ScanNet's 20 classes.
+"""From the names of ScanNet++'s objects to NYU40, and from there to ScanNet's 20 classes.
 
-ScanNet++ has no official table to NYU40. A name is looked up, as it stands, in ScanNet's `scannetv2-labels.combined.tsv` (its column
-`raw_category`) if that file is with the data, then in the table below; a name that neither has is a miss: it is labelled as nothing
-and told.
+ScanNet++ has no official mapping to NYU40. A name is looked up in ScanNet's `scannetv2-labels.combined.tsv` (column `raw_category`), if that
+file is with the data, then in the table below. Names in neither get no label, and are reported.
 
-The table below holds the 100 classes of ScanNet++'s benchmark and the names of ScanNet's 20. Those of `BY_SCANNET` have the class that
-ScanNet's file gives them. Those of `BY_US` are not in that file, and are given the class of what is nearest there.
+The table below contains the 100 classes of ScanNet++'s benchmark and the names of ScanNet's 20. Those in `BY_SCANNET` have the class that
+ScanNet's file gives them. Those in `BY_US` are not in that file, and have the class of the most similar name there.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ BY_US = {
         "marker",  # whiteboard eraser
     ),
 }
-"""Names that ScanNet's file lacks, by the NYU40 class of what is nearest in it."""
+"""Names that are not in ScanNet's file, by the NYU40 class of the most similar name in it."""
 
 NYU40_OF = {
     name: NAMES.index(nyu40) + 1 for table in (BY_SCANNET, BY_US) for nyu40, names in table.items() for name in names
@@ -87,14 +86,14 @@ NYU40_OF = {
 def labels_of(
     names: Mapping[str, int], table: LabelTable | None
 ) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]:
-    """What a scan's object names mean in `scannet20`.
+    """The labels in `scannet20` of a scan's object names.
 
     Args:
-        names: of the objects, with the number of objects that have each.
-        table: ScanNet's, None where it is not with the data.
+        names: of the objects, with the number of objects for each.
+        table: ScanNet's; None if it is not with the data.
 
     Returns:
-        (name, label) of each name that is known, 255 = a class outside the 20; and (name, number of objects) of each that is not, most
+        (name, label) of each known name, 255 = a class outside the 20; and (name, number of objects) of each unknown name, most
         frequent first.
     """
     of_nyu40 = scannet20_labels()

@@ -1,9 +1,9 @@
-"""ScanNet++'s mesh with its annotations: what class and what depth a pinhole sees, by casting rays, kept on disk once it is known.
+"""ScanNet++'s annotated mesh: labels and depth as a pinhole sees them, by ray casting, cached on disk.
 
 scans/mesh_aligned_0.05.ply           triangles [m]
 scans/segments.json                   segIndices: the segment of each vertex
 scans/segments_anno.json              segGroups[]: label and segments of each object
-scans/mesh_aligned_0.05_mask.txt      vertices that were made unrecognisable, to be ignored
+scans/mesh_aligned_0.05_mask.txt      anonymised vertices, to be ignored
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from semgs.data.maps import Pixels
 from semgs.data.raycast import Raycaster
 from semgs.files.atomic import write_bytes
 from semgs.files.cache import cache_folder
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.geometry.cameras import Cameras
 
 MESH = "mesh_aligned_0.05.ply"
@@ -38,25 +38,25 @@ ANNOTATIONS = "segments_anno.json"
 MASKED = "mesh_aligned_0.05_mask.txt"
 
 KEPT = "casts"
-"""The folder of what was cast, inside the cache; every scan has one of its own in it."""
+"""The folder in the cache; every scan has its own folder in it."""
 FORM = 1
-"""Of what is kept: a number to raise when something else is cast for the same input."""
+"""Version of the cached files; increase it if the same input gives other results."""
 
 MILLIMETRES = 1000
 FARTHEST = 65.535
-"""Depth is kept in 16 bits of millimetres; what is farther is unknown [m]."""
+"""Depth is stored as 16-bit millimetres; beyond this it is unknown [m]."""
 AT_ONCE = 1 << 18
-"""Rays that are cast together: some tens of megabytes."""
+"""Rays that are cast at once: some tens of megabytes."""
 
 
 @dataclass(frozen=True)
 class LabelledMesh:
-    """The mesh of a scan and what its objects' labels mean; nothing of it is read before somebody looks.
+    """The mesh of a scan and the labels of its objects; files are read on first use.
 
     Attributes:
         folder: `scans/` of the scan.
-        scene: the scan's name, for what is kept.
-        labels: the label of each object name, as (name, label); names that are not among them have none.
+        scene: the scan's name, for the cache.
+        labels: (name, label) of each object name; other names have no label.
     """
 
     folder: Path
@@ -70,38 +70,38 @@ class LabelledMesh:
 
     @property
     def annotations(self) -> Path | None:
-        """The file of the objects, None where there is none."""
+        """The file of the objects, None if there is none."""
         return self.folder / ANNOTATIONS if (self.folder / ANNOTATIONS).is_file() else None
 
     def seen(self, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-        """What one pinhole sees at the centres of its pixels: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
+        """What a pinhole sees at its pixel centres: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
 
         Raises:
             InputError: a file of the scan cannot be used.
-            ImportError: embreex or trimesh is not installed; names the extra.
+            ImportError: embreex or trimesh is not installed; the error names the extra to install.
         """
         pose, intrinsics = camera.world_from_camera.numpy().tobytes(), camera.intrinsics.numpy().tobytes()
         labels, counts = _seen(self, self._place(pose, intrinsics, camera.size), pose, intrinsics, camera.size)
         return labels.copy(), counts.astype(np.float32) / np.float32(MILLIMETRES)
 
     def state(self) -> tuple:
-        """What changes when a file of the scan does."""
+        """A key that changes when a file of the scan does."""
         names = (MESH, SEGMENTS, ANNOTATIONS, MASKED)
         held = [(self.folder / name).stat() if (self.folder / name).is_file() else None for name in names]
         return tuple(one and (one.st_size, one.st_mtime_ns) for one in held)
 
     def _place(self, pose: bytes, intrinsics: bytes, size: tuple[int, int]) -> Path:
-        """Where what a camera sees is kept."""
-        told = hashlib.sha256(repr((FORM, str(self.folder.resolve()), self.state(), self.labels, size)).encode())
-        told.update(pose)
-        told.update(intrinsics)
-        return cache_folder() / KEPT / self.scene / f"{told.hexdigest()[:32]}.npz"
+        """The cache file for a camera."""
+        digest = hashlib.sha256(repr((FORM, str(self.folder.resolve()), self.state(), self.labels, size)).encode())
+        digest.update(pose)
+        digest.update(intrinsics)
+        return cache_folder() / KEPT / self.scene / f"{digest.hexdigest()[:32]}.npz"
 
 
 @final
 @dataclass(frozen=True)
 class MeshLabels:
-    """Labels that are cast at a mesh.
+    """Labels from a mesh.
 
     Attributes:
         mesh: of the scan.
@@ -122,7 +122,7 @@ class MeshLabels:
 @final
 @dataclass(frozen=True)
 class MeshDepth:
-    """Z-depths that are cast at a mesh.
+    """Z-depths from a mesh.
 
     Attributes:
         mesh: of the scan.
@@ -144,11 +144,11 @@ class MeshDepth:
 def _seen(
     mesh: LabelledMesh, place: Path, pose: bytes, intrinsics: bytes, size: tuple[int, int]
 ) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]]:
-    """Labels and z-depths [mm] that a camera sees; the last ones stay in memory, for both are read one after the other.
+    """Labels and z-depths [mm] that a camera sees. The last result stays in memory, because both are read one after the other.
 
     Args:
         mesh: of the scan.
-        place: where they are kept.
+        place: the cache file.
         pose: the bytes of the pose.
         intrinsics: the bytes of K.
         size: (height, width) [px].
@@ -162,13 +162,13 @@ def _seen(
 
 
 def object_names(path: Path) -> dict[str, int]:
-    """The names of a scan's objects and how many objects have each.
+    """The names of a scan's objects, with the number of objects for each.
 
     Args:
         path: `segments_anno.json`.
 
     Raises:
-        InputError: it is broken.
+        InputError: it is damaged.
     """
     names: dict[str, int] = {}
     for group in parsed(path).objects("segGroups"):
@@ -179,12 +179,12 @@ def object_names(path: Path) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False)
 class Cast:
-    """A mesh in the form that rays need.
+    """A mesh prepared for ray casting.
 
     Attributes:
         caster: its triangles.
         labels: of each triangle, 255 = none.
-        hidden: whether a triangle is to be ignored, its depth too.
+        hidden: whether to ignore a triangle, including its depth.
     """
 
     caster: Raycaster
@@ -194,14 +194,14 @@ class Cast:
     def cast(
         self, world_from_camera: Num[np.ndarray, "4 4"], intrinsics: Num[np.ndarray, "3 3"], size: tuple[int, int]
     ) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]]:
-        """Labels and z-depths [mm] at the centres of a pinhole's pixels."""
+        """Labels and z-depths [mm] at the pixel centres of a pinhole."""
         height, width = size
         labels, counts = np.empty(height * width, np.uint8), np.empty(height * width, np.uint16)
         turned = (world_from_camera[:3, :3] @ np.linalg.inv(intrinsics)).T
         for start in range(0, height * width, AT_ONCE):
             row, column = np.divmod(np.arange(start, min(start + AT_ONCE, height * width)), width)
             rays = np.stack((column + 0.5, row + 0.5, np.ones(len(row))), axis=-1) @ turned
-            # Along a direction whose z is 1 in the camera, the distance is the z-depth.
+            # For a direction with z = 1 in the camera, the distance is the z-depth.
             triangles, depths = self.caster.cast(np.broadcast_to(world_from_camera[:3, 3], rays.shape), rays)
             seen = (triangles >= 0) & ~self.hidden[triangles]
             labels[start : start + len(row)] = np.where(seen, self.labels[triangles], IGNORE)
@@ -212,12 +212,7 @@ class Cast:
 
 @lru_cache(maxsize=1)
 def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> Cast:
-    """The mesh of a scan; the last one is kept, for frames are mostly read scan by scan.
-
-    Raises:
-        InputError: a file cannot be used.
-        ImportError: embreex or trimesh is not installed.
-    """
+    """The mesh of a scan; the last one stays in memory, because frames are mostly read scan by scan."""
     vertices, faces = read_mesh(folder / MESH)
     of_vertices = np.full(len(vertices), IGNORE, np.uint8)
     if (folder / ANNOTATIONS).is_file():
@@ -226,14 +221,15 @@ def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> Ca
     if (folder / MASKED).is_file():
         hidden[masked_vertices(folder / MASKED, len(vertices))] = True
     first = faces[:, 0]
-    return Cast(_caster(folder / MESH, vertices, faces), of_vertices[first], hidden[first])
+    with input_error(folder / MESH, "a mesh for ray casting"):
+        return Cast(Raycaster(vertices, faces), of_vertices[first], hidden[first])
 
 
 def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
     """Vertices [m] and triangles of a PLY, in the order of the file.
 
     Raises:
-        InputError: it cannot be read, or holds no triangle.
+        InputError: it cannot be read, or has no triangle.
         ImportError: trimesh is not installed.
     """
     try:
@@ -247,7 +243,7 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
     try:
         mesh = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)
-    except Exception as error:  # whatever trimesh raises on a damaged file: ValueError, IndexError, KeyError, ...
+    except Exception as error:  # trimesh raises ValueError, IndexError, KeyError, ...
         raise InputError(path, "a PLY with triangles", f"one that cannot be read: {error}") from error
     if not len(faces):
         raise InputError(path, "a PLY with triangles", "none")
@@ -255,15 +251,15 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
 
 
 def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[np.ndarray, " n"]:
-    """The label of each vertex, 255 = none. Where objects share a vertex, the smallest counts (the benchmark's rule), named in the table or not.
+    """The label of each vertex, 255 = none. If objects share a vertex, the smallest counts (the benchmark's rule), even if it has no label.
 
     Args:
-        folder: with the segments and the objects.
-        count: of the mesh's vertices.
+        folder: of the segments and objects.
+        count: number of vertices of the mesh.
         labels: of object names.
 
     Raises:
-        InputError: a file is broken, or the segments are of another mesh.
+        InputError: a file is damaged, or the segments belong to another mesh.
     """
     fields = parsed(folder / SEGMENTS)
     segments = _whole_numbers(fields, "segIndices")
@@ -288,10 +284,10 @@ def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[
 
 
 def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:
-    """The vertices that are to be ignored.
+    """The vertices to ignore.
 
     Raises:
-        InputError: the file cannot be read, or names others than those of the mesh.
+        InputError: the file cannot be read, or a vertex does not exist.
     """
     try:
         words = path.read_text().split()
@@ -303,36 +299,20 @@ def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:
     return vertices
 
 
-def _caster(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Raycaster:
-    """The triangles for rays.
-
-    Raises:
-        InputError: they are broken.
-    """
-    try:
-        return Raycaster(vertices, faces)
-    except ValueError as error:
-        raise InputError(path, "a mesh that rays can be cast at", str(error)) from error
-
-
 def _whole_numbers(fields: Fields, key: str) -> Int[np.ndarray, " n"]:
-    """A list of numbers from 0 on.
-
-    Raises:
-        InputError: it is something else.
-    """
+    """A list of integers from 0."""
     value = fields.value(key)
     try:
         numbers = np.array(value if isinstance(value, list) else None, np.int64)
     except (TypeError, ValueError, OverflowError):
         numbers = np.array(-1)
     if numbers.ndim != 1 or (len(numbers) and numbers.min() < 0):
-        raise fields.refused(key, "a list of whole numbers from 0 on", f"{value!r:.40}")
+        raise fields.refused(key, "a list of integers from 0", f"{value!r:.40}")
     return numbers
 
 
 def _kept(path: Path, size: tuple[int, int]) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]] | None:
-    """What was cast before, None where nothing was, or what was is damaged."""
+    """The cached result, None if there is none or it is damaged."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
             labels, counts = held["labels"], held["millimetres"]
@@ -343,7 +323,7 @@ def _kept(path: Path, size: tuple[int, int]) -> tuple[UInt8[np.ndarray, "h w"], 
 
 
 def _keep(path: Path, labels: UInt8[np.ndarray, "h w"], counts: UInt16[np.ndarray, "h w"]) -> None:
-    """Keep what was cast; where that cannot be, go on and say so once."""
+    """Cache a result; if that fails, warn once."""
     file = io.BytesIO()
     np.savez_compressed(file, labels=labels, millimetres=counts)
     try:
@@ -355,9 +335,9 @@ def _keep(path: Path, labels: UInt8[np.ndarray, "h w"], counts: UInt16[np.ndarra
 
 @cache
 def _say_once(folder: str, reason: str) -> None:
-    """Warn that nothing is kept."""
+    """Warn that results are not cached."""
     warnings.warn(
-        f"labels and depth that are cast at meshes cannot be kept in {folder} ({reason}) and are cast anew each time; "
-        "SEMGS_CACHE names another folder",
+        f"labels and depth from meshes cannot be cached in {folder} ({reason}) and are computed each time; "
+        "set SEMGS_CACHE to another folder",
         stacklevel=2,
     )

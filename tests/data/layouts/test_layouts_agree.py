@@ -14,7 +14,7 @@ import torch
 pytest.importorskip("embreex")
 pytest.importorskip("trimesh")
 
-from miniature import miniature, poses
+from cast_room import miniature, poses
 from scannet_writer import RAW_OF_LABEL, Scan, jpeg, label_zip, png, sens, tsv, write_extracted
 from scannetpp_writer import PHONE, PHONE_SIZE, phone_rays, transforms, write_dslr, write_phone, write_scans
 

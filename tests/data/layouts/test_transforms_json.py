@@ -151,7 +151,7 @@ def test_the_synthetic_nerf_dialect_is_read(tmp_path):
     (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").images[0, :, 0, 0].tolist() == [1, 1, 1]
-    assert any("3 pictures have an alpha channel" in note for note in scene.notes)
+    assert any("3 images have an alpha channel" in note for note in scene.notes)
 
 
 def test_a_transforms_file_may_be_named_itself(tmp_path):
@@ -166,7 +166,7 @@ def test_absent_pictures_are_counted_and_said_and_positions_count_the_others(tmp
     scene = open_scene(tmp_path)
     assert [frame.name for frame in scene.frames] == ["images/000.png", "images/002.png"]
     assert scene.absent == ("images/001.png",)
-    assert scene.notes == ("1 of the 3 listed pictures are absent, the first is images/001.png.",)
+    assert scene.notes == ("1 of 3 listed images are missing, the first is images/001.png.",)
     torch.testing.assert_close(scene.read([1], "native").cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
 
 
@@ -213,8 +213,8 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (matrix(0, lambda m: m.__setitem__((slice(0, 3), 1), -m[:3, 1])), "frames[0].transform_matrix", "mirrors"),
         (matrix(2, lambda m: m.__setitem__((3, 0), 1)), "frames[2].transform_matrix", "a last row of"),
         (assigned("transform_matrix", [[1, 0, 0, 0]] * 3, 1), "frames[1].transform_matrix", "shape (3, 4)"),
-        (assigned("transform_matrix", [[1, 0], [1]], 1), "frames[1].transform_matrix", "no matrix of numbers"),
-        (assigned("transform_matrix", "identity", 1), "frames[1].transform_matrix", "no matrix of numbers"),
+        (assigned("transform_matrix", [[1, 0], [1]], 1), "frames[1].transform_matrix", "not a matrix of numbers"),
+        (assigned("transform_matrix", "identity", 1), "frames[1].transform_matrix", "not a matrix of numbers"),
         (assigned("transform_matrix", None, 1), "frames[1].transform_matrix", "nothing"),
         (assigned("fl_x", 0), "fl_x", "0"),
         (assigned("fl_y", -3.0, 1), "frames[1].fl_y", "-3"),
@@ -228,7 +228,7 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (assigned("fl_x", 1e9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
         (assigned("fl_x", 1e-9), "fl_x", "0.01 to 100 times the longer side of 170 px"),
         (assigned("cx", 1e300), "fl_x", "principal point (1e+300, 55.2)"),
-        (assigned("transform_matrix", FAR, 1), "frames[1].transform_matrix", "a position 3e+12 from the origin; at most 1e+12 is read"),
+        (assigned("transform_matrix", FAR, 1), "frames[1].transform_matrix", "a position 3e+12 from the origin; at most 1e+12 is allowed"),
         (assigned("k4", 0.1), "k4", "0.1"),
         (assigned("camera_model", "OPENCV_FISHEYE"), "camera_model", "OPENCV_FISHEYE"),
         (assigned("is_fisheye", True), "is_fisheye", "True"),
@@ -240,7 +240,7 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (lambda content: content.pop("frames"), "frames", "nothing"),
         (assigned("file_path", None, 1), "frames[1].file_path", "nothing"),
         (assigned("file_path", 7, 1), "frames[1].file_path", "7"),
-        (assigned("file_path", "./images/000.png", 1), "frames[1].file_path", "frames[0].file_path is too"),
+        (assigned("file_path", "./images/000.png", 1), "frames[1].file_path", "as in frames[0].file_path"),
         (assigned("metric", "yes"), "metric", "'yes'"),
         (assigned("applied_transform", [[1, 2], [3, 4]]), "applied_transform", "[[1, 2], [3, 4]]"),
         (assigned("depth_unit_scale_factor", -1), "depth_unit_scale_factor", "-1"),
@@ -286,7 +286,7 @@ def test_a_rotated_photo_is_read_as_its_camera_was_made(tmp_path):
     edited_size = json.loads((tmp_path / "transforms.json").read_text())
     del edited_size["w"], edited_size["h"]
     (tmp_path / "transforms.json").write_text(json.dumps(edited_size))
-    with pytest.raises(InputError, match="EXIF orientation 6 and no stated size"):
+    with pytest.raises(InputError, match="EXIF orientation 6 and an unknown camera size"):
         open_scene(tmp_path)
 
 
@@ -295,7 +295,7 @@ def test_a_truncated_picture_is_told_when_it_is_read(tmp_path):
     path = tmp_path / "images" / "001.png"
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     scene = open_scene(tmp_path)
-    with pytest.raises(InputError, match=r"001\.png: expected a complete picture"):
+    with pytest.raises(InputError, match=r"001\.png: expected a complete image"):
         scene.read([0, 1], "native")
 
 
@@ -374,7 +374,7 @@ def test_labels_need_a_known_table(tmp_path, shared, key):
 def test_labels_of_an_unknown_table_are_left_out_and_told_where_nobody_needs_them(tmp_path):
     folder = with_maps(tmp_path / "a", {"label_set": "scannet200"}, DEPTHS, LABELS)
     for needed in (open_scene, lambda path: open_scenes(path.parent)):
-        with pytest.raises(InputError, match="label_set: expected the table of classes"):
+        with pytest.raises(InputError, match="label_set: expected the class table"):
             needed(folder)
     scene = open_scene(folder, needs_labels=False)
     assert scene.classes is None
@@ -403,7 +403,7 @@ def test_absent_maps_are_said_and_masks_are_not_used(tmp_path):
     write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").depths is None
-    assert any("3 listed depth or label files are absent" in note for note in scene.notes)
+    assert any("3 of 3 listed depth and label files are missing" in note for note in scene.notes)
     assert any("masks" in note for note in scene.notes)
 
 

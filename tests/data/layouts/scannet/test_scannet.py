@@ -19,7 +19,7 @@ from PIL import Image
 
 pytest.importorskip("embreex")
 
-from miniature import miniature, pinhole_rays, poses
+from cast_room import miniature, pinhole_rays, poses
 from scannet_writer import (
     COLOUR_K,
     COLOUR_SIZE,
@@ -308,7 +308,7 @@ def test_gsnerfs_labels_are_a_named_choice(raw, written):
 def test_readings_that_do_not_exist_or_are_of_another_layout_are_refused(raw, shared):
     with pytest.raises(ValueError, match="unknown reading 'gsnerf'; known: rows-972, gsnerf-labels"):
         open_scene(raw, as_peers=["gsnerf"])
-    with pytest.raises(InputError, match=r"a scene that rows-972 is about .*, found transforms\.json"):
+    with pytest.raises(InputError, match=r"a scene for the reading rows-972 .*, found transforms\.json"):
         open_scene(shared / "data" / "fox", as_peers=["rows-972"])
 
 
@@ -320,10 +320,7 @@ def test_a_truncated_recording_gives_the_frames_before_the_cut(copied, written):
         path.write_bytes(cut)
         scene = open_scene(copied)
         assert len(scene) == 3  # of five complete frames two have no pose
-        assert (
-            scene.notes[0]
-            == "scene0000_00.sens is cut short: 5 of the 6 frames that its header speaks of are complete."
-        )
+        assert scene.notes[0] == "scene0000_00.sens is truncated: 5 of the 6 frames in its header are complete."
         assert scene.read([0, 1, 2], "native").depths is not None
 
 
@@ -393,7 +390,7 @@ def test_a_damaged_frame_is_named_when_it_is_read(copied, written):
     whole[behind : behind + 40] = bytes(40)
     path.write_bytes(whole)
     with pytest.raises(
-        InputError, match=r"depth of frame 1: expected an array of numbers, found depth that cannot be inflated"
+        InputError, match=r"depth of frame 1: expected an array of numbers, found depth that cannot be decompressed"
     ):
         open_scene(copied).read([1], "native")
 
@@ -456,19 +453,23 @@ def spoil(folder: Path, name: str, content: bytes | None) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("pose/1.txt", b"1 0 0\n0 1 0\n", r"pose/1\.txt: expected a camera-to-world matrix of 16 numbers, found 6"),
-        ("pose/1.txt", b"one two", r"pose/1\.txt: expected numbers"),
+        (
+            "pose/1.txt",
+            b"1 0 0\n0 1 0\n",
+            r"pose/1\.txt: expected a camera-to-world matrix .*found 2 lines of \[3\] numbers",
+        ),
+        ("pose/1.txt", b"one two", r"pose/1\.txt: line 1: expected numbers"),
         ("pose/1.txt", matrix_text(2 * np.eye(4)), r"pose of color/1\.jpg: expected a 4x4 camera-to-world"),
         (
             "intrinsic/intrinsic_color.txt",
             b"1 2 3",
-            r"intrinsic_color\.txt: expected a 3x3 or 4x4 matrix K, found 3 numbers",
+            r"intrinsic_color\.txt: expected intrinsics as a 3x3 or 4x4 matrix .*found 3 numbers",
         ),
         ("intrinsic/intrinsic_color.txt", None, r"intrinsics of the colour camera"),
         (
             "intrinsic/intrinsic_color.txt",
             matrix_text(np.diag((140.0, 140, 1, 1))),
-            r"expected intrinsics for pictures of 162x121 .* found a principal point at \(0, 0\)",
+            r"expected intrinsics for images of 162x121 .* found a principal point at \(0, 0\)",
         ),
         ("intrinsic/intrinsic_depth.txt", matrix_text(-DEPTH_K + np.diag((0, 0, 2.0)) + 80), r"intrinsic_depth\.txt"),
         ("color/0.jpg", b"", r"color/0\.jpg"),
@@ -490,7 +491,7 @@ def test_two_files_of_one_number_are_refused(written, tmp_path):
 
 def test_a_scan_that_lost_track_is_refused_with_counts(tmp_path):
     (tmp_path / "scene.sens").write_bytes(sens(scan(lost=(0, 1, 2, 3, 5))))
-    with pytest.raises(InputError, match=r"at least two frames with a picture and a finite pose, found 1 of 6"):
+    with pytest.raises(InputError, match=r"at least two frames with an image and a finite pose, found 1 of 6"):
         open_scene(tmp_path / "scene.sens")
 
 

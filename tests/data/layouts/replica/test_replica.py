@@ -49,7 +49,7 @@ def test_the_principal_point_is_320_240_and_the_peers_a_choice(tmp_path: Path):
     assert theirs.frames[0].lens.centre == (320, 230)
     assert "row 229.5" in theirs.notes[0]
     assert open_scene(folder, intrinsics=(300.0, 301.0, 310.0, 250.0)).frames[0].lens.focal == (300, 301)
-    with pytest.raises(InputError, match=r"a scene that rows-972 is about .* found Replica"):
+    with pytest.raises(InputError, match=r"a scene for the reading rows-972 .* found Replica"):
         open_scene(folder, ["rows-972"])
 
 
@@ -87,7 +87,7 @@ def test_names_count_where_they_are_told(tmp_path: Path):
     swapped = known(room).labels.copy()
     swapped[known(room).labels == 0], swapped[known(room).labels == 1] = 1, 0
     np.testing.assert_array_equal(scene.read([0, 1]).labels, swapped)
-    assert "1 classes of" in scene.notes[0]
+    assert "1 of 102 classes of" in scene.notes[0]
     assert "flying-saucer" in scene.notes[0]
     info.write_text(json.dumps({"classes": [{"id": "x", "name": "wall"}]}))
     with pytest.raises(InputError, match=r"info_semantic\.json: classes\[0\]\.id"):
@@ -105,9 +105,9 @@ def test_missing_labels_poses_and_pictures_are_counted(tmp_path: Path):
     (folder / "traj_w_c.txt").write_bytes("\r\n".join(lines[:7]).encode())
     scene = open_scene(folder)
     assert [note.split(",")[0] for note in scene.notes] == [
-        "1 of 8 frames have a pose that is no number and are left out",
+        "1 of 8 frames have no finite pose and are left out",
         "1 of 8 frames have no pose and are left out",
-        "1 of 8 frames have no picture",
+        "1 of 8 frames have no image",
         "1 of 8 frames have no class map",
     ]
     check_read(scene, room, [0, 2, 3, 5, 6])

@@ -18,7 +18,7 @@ from PIL import Image
 pytest.importorskip("embreex")
 pytest.importorskip("trimesh")
 
-from miniature import miniature, pinhole_rays, poses
+from cast_room import miniature, pinhole_rays, poses
 from scannetpp_writer import (
     DSLR,
     DSLR_SIZE,
@@ -42,9 +42,9 @@ from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
 from semgs.data.layouts.scannetpp import mesh as scannetpp_mesh
 from semgs.data.layouts.scannetpp import scan as scannetpp
+from semgs.data.layouts.scannetpp.devices import in_mesh_world
 from semgs.data.layouts.scannetpp.labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
 from semgs.data.layouts.scannetpp.mesh import Cast, object_names, vertex_labels
-from semgs.data.layouts.scannetpp.scan import in_mesh_world
 from semgs.data.nyu40 import NAMES as NYU40_NAMES
 from semgs.data.raycast import Raycaster
 from semgs.data.scenes import open_scene, open_scenes
@@ -243,7 +243,7 @@ def test_what_the_toolbox_undistorted_is_read_as_it_is(tmp_path):
     shutil.rmtree(dslr / "undistorted_images")
     scene = open_scene(folder)
     assert not scene.frames[0].lens.is_pinhole
-    assert "the fisheye pictures are read" in scene.notes[0]
+    assert "the fisheye images are read" in scene.notes[0]
 
 
 def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(tmp_path):
@@ -253,7 +253,7 @@ def test_without_a_mesh_there_are_no_labels_and_the_phones_depth_is_its_sensors(
     assert views.labels is None
     assert scene.notes == (
         "There is no scans/mesh_aligned_0.05.ply, so there are no labels.",
-        "Depth is that of the iphone's sensor.",
+        "Depth is from the iphone's sensor.",
     )
     truth = miniature().photograph(poses()[0], phone_rays()).depth / 1000
     depths = views.depths[0].numpy()
@@ -409,7 +409,7 @@ def test_where_nothing_can_be_kept_it_is_cast_and_said_once(scan, tmp_path, monk
     monkeypatch.setenv("SEMGS_CACHE", str(tmp_path / "a file"))
     scannetpp_mesh._say_once.cache_clear()
     scene = open_scene(scan)
-    with pytest.warns(UserWarning, match="cannot be kept in .*a file/casts .* SEMGS_CACHE names another"):
+    with pytest.warns(UserWarning, match="cannot be cached in .*a file/casts .* set SEMGS_CACHE to another"):
         views = scene.read([0], size=(20, 30))
     assert views.labels is not None
     with warnings.catch_warnings():
@@ -426,9 +426,9 @@ def test_bad_and_absent_pictures_are_counted(scan, tmp_path):
     assert [frame.name for frame in scene.frames] == ["DSC00002.JPG", "DSC00008.JPG", "DSC00009.JPG", "DSC00010.JPG"]
     assert scene.absent == ("DSC00003.JPG",)
     assert scene.notes[:3] == (
-        f"1 of the listed pictures are absent in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
-        "1 pictures are marked as bad and left out.",
-        "1 of 4 pictures have no mask in resized_anon_masks, the first is DSC00009.JPG.",
+        f"1 of 6 listed images are missing in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
+        "1 images are marked as bad and left out.",
+        "1 of 4 images have no mask in resized_anon_masks, the first is DSC00009.JPG.",
     )
     assert scene.splits == {"train": (0, 1, 3), "test": (2,)}
 
@@ -436,8 +436,8 @@ def test_bad_and_absent_pictures_are_counted(scan, tmp_path):
 def test_scans_of_a_folder_are_found_and_the_other_device_is_told_of(scan):
     (scene,) = open_scenes(scan.parent)
     assert (scene.name, scene.layout) == (scan.name, "ScanNet++ dslr")
-    assert f"iphone/ is there too; name {scan / 'iphone'} to read it." in scene.notes
-    assert not any("is there too" in note for note in open_scene(scan / "dslr").notes)
+    assert f"There is also iphone/; to read it, open {scan / 'iphone'}." in scene.notes
+    assert not any("There is also" in note for note in open_scene(scan / "dslr").notes)
 
 
 def replaced(path: Path, old: str, new: str) -> None:
@@ -454,12 +454,12 @@ def replaced(path: Path, old: str, new: str) -> None:
         ("dslr/colmap/cameras.txt", " -0.0003", "", r"line 3: expected 8 parameters of OPENCV_FISHEYE, found 7"),
         ("dslr/colmap/cameras.txt", "78.3", "wide", r"line 3: expected numbers"),
         ("dslr/colmap/cameras.txt", "1 OPENCV_FISHEYE 174", "1 OPENCV_FISHEYE 175", r"DSC00002\.JPG: expected 175x116 pixels .*, found 174x116"),
-        ("dslr/colmap/cameras.txt", "-0.0304", "-9.5", r"camera 1: expected a camera that can be"),
+        ("dslr/colmap/cameras.txt", "-0.0304", "-9.5", r"camera 1: expected a possible camera"),
         ("dslr/colmap/images.txt", " 1 DSC00002.JPG", " 2 DSC00002.JPG", r"images\.txt: line 5: expected a camera that cameras\.txt has, found 2"),
         ("dslr/colmap/images.txt", "1 DSC00010.JPG", "", r"line 3: expected IMAGE_ID QW"),
         ("dslr/train_test_lists.json", '"DSC00003.JPG"', "3", r"train_test_lists\.json: test: expected a list of names"),
         ("scans/segments.json", '"segIndices": [', '"segIndices": [5, ', r"segIndices: expected a segment for each of the \d+ vertices"),
-        ("scans/segments.json", '"segIndices": [', '"segIndices": ["a", ', r"segIndices: expected a list of whole numbers"),
+        ("scans/segments.json", '"segIndices": [', '"segIndices": ["a", ', r"segIndices: expected a list of integers"),
         ("scans/segments_anno.json", '"segGroups"', '"groups"', r"segments_anno\.json: segGroups: expected a list of objects"),
         ("scans/segments_anno.json", "[", "", r"segments_anno\.json: expected JSON"),
     ],
@@ -486,7 +486,7 @@ def test_frames_that_were_not_extracted_are_asked_for(tmp_path):
     shutil.rmtree(tmp_path / "scan" / "iphone" / "rgb")
     (tmp_path / "scan" / "iphone" / "rgb.mkv").touch()
     with pytest.raises(
-        InputError, match=r"iphone: expected pictures in rgb/, found none; extract the frames first: ffmpeg"
+        InputError, match=r"iphone: expected images in rgb/, found none; extract the frames first: ffmpeg"
     ):
         open_scene(tmp_path / "scan")
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from miniature import miniature, poses
+from cast_room import miniature, poses
 from scannet_writer import RAW_OF_LABEL, TSV_ROWS, jpeg, png, tsv
 
 DSLR_SIZE, PHONE_SIZE, PHONE_DEPTH = (116, 174), (96, 128), (24, 32)

@@ -33,7 +33,7 @@ from bags import (
 )
 from miniatures import back_projected, check_projection, check_read, miniature
 
-from semgs.data.layouts.ros.bag import lens_of
+from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.images import as_file, ending_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
@@ -66,8 +66,8 @@ def test_what_is_read_equals_what_was_written(tmp_path: Path, storage: str):
     assert (scene.name, scene.layout, scene.unit) == ("my bag", "ROS bag", "metric")
     assert [frame.name for frame in scene.frames[:2]] == ["1700000000.123456789.png", "1700000000.223456789.png"]
     assert scene.notes == (
-        f"Pictures are those of {COLOUR}.",
-        f"Poses are by TF: map > odom > base_link > camera_link > {OPTICAL}, interpolated in time.",
+        f"Images are from {COLOUR}.",
+        f"Poses are from TF: map > odom > base_link > camera_link > {OPTICAL}, interpolated in time.",
     )
 
 
@@ -124,7 +124,7 @@ def test_odometry_moves_the_base_that_the_camera_stands_on(tmp_path: Path):
     for world in (None, "odom", "/odom", "/wheel/odometry"):
         scene = open_scene(path, world=world)
     check_read(scene, FEW, depths=False)
-    assert f"Poses are by /wheel/odometry: odom > base_link > {OPTICAL}, interpolated in time." in scene.notes
+    assert f"Poses are from /wheel/odometry: odom > base_link > {OPTICAL}, interpolated in time." in scene.notes
 
 
 @pytest.mark.parametrize("body", [None, "camera_link"])
@@ -135,7 +135,7 @@ def test_posestamped_is_of_the_camera_or_of_the_body_that_is_named(tmp_path: Pat
         bag.stamped(time, "/mocap/pose", "world", pose if body is None else pose @ np.linalg.inv(LINK_FROM_OPTICAL))
     scene = open_scene(bag.write(tmp_path / "bag"), body=body)
     check_read(scene, FEW, depths=False)
-    assert any("taken as those of the camera's frame" in note for note in scene.notes) == (body is None)
+    assert any("assumed to be those of the camera's frame" in note for note in scene.notes) == (body is None)
 
 
 def test_the_world_may_be_any_frame_above_the_camera(tmp_path: Path):
@@ -171,7 +171,7 @@ def test_pictures_before_after_and_in_long_gaps_are_left_out_and_counted(tmp_pat
     scene = open_scene(bag.write(tmp_path / "bag"))
     assert [frame.name[9:12] for frame in scene.frames] == ["0.2", "0.3", "0.4", "0.5", "0.6", "0.7"]
     assert (
-        "2 of 8 pictures are at times of no known pose and are left out, the first of them at 1700000000.123 s."
+        "2 of 8 images are at times without a known pose and are left out, the first is at 1700000000.123 s."
         in scene.notes
     )
     bag.messages = [one for one in bag.messages if one[0] != START + 6 * STEP + 1_000_000]
@@ -185,7 +185,7 @@ def test_a_bag_of_too_few_poses_says_when_they_are(tmp_path: Path):
     bag.transform(START + 10**10, "odom", "base_link", np.eye(4))
     bag.transform(START + 2 * 10**10, "odom", "base_link", np.eye(4))
     line = refused(bag, tmp_path)
-    assert "expected at least two pictures at times of known poses, found 0 of 3" in line
+    assert "expected at least two images at times with known poses, found 0 of 3" in line
     assert "/tf has odom > base_link from 1700000010.123 to 1700000020.123 s" in line
 
 
@@ -221,9 +221,9 @@ def test_several_cameras_are_listed_and_one_is_named(tmp_path: Path):
         check_read(scene, FEW, depths=False)
         assert (
             scene.notes[-1]
-            == f"Depth of {DEPTH} is of the frame {OPTICAL}, not registered to the pictures, and left out."
+            == f"Depth in {DEPTH} is left out: it is in the frame {OPTICAL}, not registered to the images."
         )
-    with pytest.raises(InputError, match=r"camera: expected pictures in a topic that begins with /lef, found /camera"):
+    with pytest.raises(InputError, match=r"camera: expected images in a topic that begins with /lef, found /camera"):
         open_scene(path, camera="/lef")
 
 
@@ -238,11 +238,11 @@ def test_of_one_camera_plain_pictures_come_before_compressed_and_rectified_befor
     bag = robot(FEW)
     for time, image in zip(times(FEW), FEW.images, strict=True):
         bag.compressed(time, COLOUR + "/compressed", jpeg(image), "rgb8; jpeg compressed bgr8")
-    assert open_scene(bag.write(tmp_path / "a")).notes[0] == f"Pictures are those of {COLOUR}."
+    assert open_scene(bag.write(tmp_path / "a")).notes[0] == f"Images are from {COLOUR}."
     for time, image in zip(times(FEW), FEW.images, strict=True):
         bag.image(time, "/camera/color/image_rect_color", image, "rgb8")
     scene = open_scene(bag.write(tmp_path / "b"))
-    assert scene.notes[0] == "Pictures are those of /camera/color/image_rect_color."
+    assert scene.notes[0] == "Images are from /camera/color/image_rect_color."
     assert scene.frames[0].lens.focal == (57.5 * 0.9, 56.25 * 0.9)  # of P, not of K
 
 
@@ -278,10 +278,10 @@ def test_binning_and_regions_of_interest_move_the_camera(settings: dict, focal: 
     ("settings", "message"),
     [
         ({"size": (480, 640)}, "a CameraInfo for 64x48 pixels .* found 640x480"),
-        ({"k": np.zeros((3, 3))}, "a calibrated camera, found zeros"),
+        ({"k": np.zeros((3, 3))}, "a calibrated camera, found a focal length of zero"),
         ({"d": (0.1, 0.2, 0.3, 0.4), "model": "equidistant"}, "a lens of plumb_bob .* found equidistant"),
         ({"d": (0.1, 0, 0, 0, 0, 0.2, 0, 0), "model": "rational_polynomial"}, "a lens of plumb_bob"),
-        ({"d": (-9.0, 0.0, 0.0, 0.0, 0.0)}, "a camera that can be"),
+        ({"d": (-9.0, 0.0, 0.0, 0.0, 0.0)}, "a possible camera"),
     ],
 )
 def test_intrinsics_that_cannot_be_used_are_refused_with_their_topic(settings: dict, message: str):
@@ -384,7 +384,7 @@ def test_a_depth_map_that_is_missing_is_counted(tmp_path: Path):
     bag = robot(FEW)
     bag.messages.remove(next(one for one in bag.messages if one[1] == DEPTH))
     scene = open_scene(bag.write(tmp_path / "bag"))
-    assert scene.notes[-1] == f"1 of 3 pictures have no depth map of {DEPTH} at their time."
+    assert scene.notes[-1] == f"1 of 3 images have no depth map in {DEPTH} at their time."
     assert [frame.depth is None for frame in scene.frames] == [True, False, False]
 
 
@@ -409,7 +409,7 @@ def test_a_bag_without_the_topics_lists_what_there_is(tmp_path: Path):
     line = refused(bag, tmp_path / "c")
     assert f"{COLOUR}: expected a CameraInfo in {INFO}, or one of the frame {OPTICAL}, found none" in line
     assert "--intrinsics fx fy cx cy" in line
-    assert "body: expected a topic of poses that do not say of what they are" in refused(
+    assert "body: expected a topic whose poses do not name their frame" in refused(
         robot(FEW), tmp_path / "d", body="base_link"
     )
 
@@ -422,13 +422,13 @@ def test_several_topics_of_poses_are_listed(tmp_path: Path):
         for topic, frame in (("/wheels", "odom"), ("/visual", "vio")):
             bag.odometry(time, topic, frame, "base_link", pose @ np.linalg.inv(BASE_FROM_OPTICAL))
     assert (
-        "world: expected one topic of poses, found /visual (vio); /wheels (odom); name one: --world TOPIC"
+        "world: expected one topic of poses, found /visual (vio); /wheels (odom); choose one: --world TOPIC"
         in refused(bag, tmp_path)
     )
     for world in ("vio", "/visual"):
         scene: Scene = open_scene(tmp_path / "bag", world=world)
         check_read(scene, FEW, depths=False)
-        assert "Poses are by /visual: vio" in scene.notes[1]
+        assert "Poses are from /visual: vio" in scene.notes[1]
 
 
 @pytest.mark.parametrize("topics", [[COLOUR], [COLOUR, "/camera/color/camera_info"]], ids=["one", "all"])
@@ -439,7 +439,7 @@ def test_a_topic_whose_name_is_a_number_is_refused(tmp_path: Path, topics: list[
         described = described.replace(f"name: {topic}\n", f"name: {number}\n")
     (path / "metadata.yaml").write_text(described)
     with pytest.raises(
-        InputError, match=r"bag: metadata\.yaml: expected names of topics, found [56], which is no text"
+        InputError, match=r"bag: metadata\.yaml: expected names of topics, found [56], which is not text"
     ):
         open_scene(path)
 
@@ -463,6 +463,6 @@ def test_damage_is_told_with_the_bag(tmp_path: Path):
     bag.messages = [one for one in bag.messages if one[1] != COLOUR]
     for time in times(FEW):
         bag.image(time, COLOUR, FEW.images[0], "rgb16")
-    assert f"{COLOUR} at 1700000000.123456789: expected a picture, found pixels encoded as 'rgb16'" in refused(
+    assert f"{COLOUR} at 1700000000.123456789: expected an image, found pixels encoded as 'rgb16'" in refused(
         bag, tmp_path / "b"
     )

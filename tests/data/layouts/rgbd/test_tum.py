@@ -95,7 +95,7 @@ def test_frames_without_depth_or_pose_are_counted_and_work_goes_on(tmp_path: Pat
     scene = open_scene(folder)
     assert [frame.depth is None for frame in scene.frames] == [False, True, False, False, False, False]
     assert [note.split(",")[0] for note in scene.notes] == [
-        "1 of 9 frames have a pose that is no number and are left out",
+        "1 of 9 frames have no finite pose and are left out",
         "2 of 9 frames have no pose and are left out",
         "1 of 9 frames have no depth map",
     ]
@@ -113,7 +113,7 @@ def test_what_cannot_be_read_is_refused_with_file_and_line(tmp_path: Path):
         open_scene(folder)
     (folder / "groundtruth.txt").write_text("12.5 0 0 0 0 0 0 1\n")
     with pytest.raises(
-        InputError, match=r"times: expected pictures and poses at the same times, found pictures from 13118"
+        InputError, match=r"times: expected images and poses at the same times, found images from 13118"
     ):
         open_scene(folder)
     (folder / "groundtruth.txt").unlink()

@@ -109,7 +109,7 @@ def test_camera_models_that_are_not_read_are_refused_by_name(tmp_path: Path, num
 def test_counts_beyond_the_file_are_refused_before_anything_is_allocated(tmp_path: Path, name: str, count: int):
     write(tmp_path, **{f"{name}_bin": struct.pack("<Q", count) + BINARIES[name][8:]})
     with pytest.raises(
-        InputError, match=rf"{name}\.bin: expected a complete list of COLMAP {name}, found one cut short"
+        InputError, match=rf"{name}\.bin: expected a complete list of COLMAP {name}, found a truncated one"
     ):
         read(tmp_path, ".bin")
 
@@ -117,11 +117,11 @@ def test_counts_beyond_the_file_are_refused_before_anything_is_allocated(tmp_pat
 @pytest.mark.parametrize("length", [3, 10**12, 2**64 - 1])
 def test_lists_in_an_entry_that_reach_beyond_the_file_are_refused(tmp_path: Path, length: int):
     write(tmp_path, points3D_bin=POINT[:-16] + struct.pack("<Q", length) + POINT[-8:])
-    with pytest.raises(InputError, match=r"points3D\.bin: .* found one cut short"):
+    with pytest.raises(InputError, match=r"points3D\.bin: .* found a truncated one"):
         read(tmp_path, ".bin")
     two = struct.pack("<Q", 2) + IMAGE[8:-32] + struct.pack("<Q", length) + IMAGE[-24:] + bytes(99)
     write(tmp_path, images_bin=two)
-    with pytest.raises(InputError, match=r"images\.bin: .* found one cut short"):
+    with pytest.raises(InputError, match=r"images\.bin: .* found a truncated one"):
         read(tmp_path, ".bin")
 
 
@@ -133,13 +133,13 @@ def test_lists_in_an_entry_that_reach_beyond_the_file_are_refused(tmp_path: Path
         ("cameras_txt", "7 PINHOLE 64 99999999999 60 59 31 25", "line 1: expected a whole number, found 99999999999"),
         ("cameras_txt", TEXTS["cameras"] + "\n" + TEXTS["cameras"], "each camera once, found camera 7 twice"),
         ("cameras_bin", CAMERA[:40] + struct.pack("<d", np.nan) + CAMERA[48:], "camera 7: expected finite parameters"),
-        ("cameras_bin", CAMERA + b"\0", "found 1 bytes behind their end"),
+        ("cameras_bin", CAMERA + b"\0", "found 1 bytes after its end"),
         ("images_txt", "3 1 0 0 0 1 2 3 8 a.png\n", r"line 1: expected a camera that cameras\.txt has, found 8"),
         ("images_txt", "3 1 0 0 0 1 2 nan 7 a.png\n", "line 1: expected a unit quaternion and a translation"),
         ("images_txt", "3 9 0 0 0 1 2 3 7 a.png\n", "line 1: expected a unit quaternion and a translation"),
         ("images_txt", TEXTS["images"] + "\n" + TEXTS["images"], "line 3: expected each image once, found image 3 again"),
         ("images_txt", "3 1 0 0 0 1 2 3 7 a.png\n4 1 0 0 0 1 2 3 7 b.png", "line 2: expected the points of an image"),
-        ("images_bin", struct.pack("<Q", 1) + IMAGE[8:72] + b"7" * 30, "found one cut short"),
+        ("images_bin", struct.pack("<Q", 1) + IMAGE[8:72] + b"7" * 30, "found a truncated one"),
         ("points3D_txt", "0 1 2 3 9 8 7 0.5 4 0", "points that images of this model see, found some seen by image 4"),
         ("points3D_txt", f"0 1 2 3 9 8 7 0.5 {2**64:030} 0", "line 1: expected a whole number, found 0000000000184467440737095516"),
         ("points3D_txt", "0 1 2 inf 9 8 7 0.5 3 0", r"expected finite positions, found \[1.0, 2.0, inf\]"),

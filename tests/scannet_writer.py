@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from miniature import Photo, miniature, pinhole_rays, poses
+from cast_room import Photo, miniature, pinhole_rays, poses
 from PIL import Image
 
 COLOUR_SIZE, DEPTH_SIZE = (121, 162), (60, 80)

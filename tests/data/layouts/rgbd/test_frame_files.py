@@ -54,7 +54,7 @@ def test_7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle(tmp_p
     scene = open_scene(write_frames(tmp_path / "seq-01", room))
     assert scene.frames[0].lens.focal == (525, 525)
     assert scene.frames[0].lens.centre == (320, 240)
-    assert "depth is as of 585 px, colour of 525 px" in scene.notes[0]
+    assert "depth is assumed to have 585 px, colour 525 px" in scene.notes[0]
     views = scene.read([0, 1], "native")
     np.testing.assert_allclose(views.cameras.world_from_camera.numpy(), room.poses, atol=1e-6)
     # A pixel of the depth map is met by the ray of colour that is 525/585 as far from the middle.
@@ -81,9 +81,7 @@ def test_pictures_of_no_known_camera_need_intrinsics(tmp_path: Path):
 def test_intrinsics_for_other_pictures_are_refused(tmp_path: Path):
     folder = write_frames(tmp_path / "seq-01", miniature(frames=2))
     (tmp_path / "camera-intrinsics.txt").write_text(K)
-    with pytest.raises(
-        InputError, match=r"camera-intrinsics\.txt: expected a principal point inside pictures of 64x48"
-    ):
+    with pytest.raises(InputError, match=r"camera-intrinsics\.txt: expected a principal point inside images of 64x48"):
         open_scene(folder)
 
 
@@ -117,7 +115,7 @@ def test_lost_poses_and_missing_files_are_counted(tmp_path: Path):
     (folder / "frame-000004.depth.png").unlink()
     scene = open_scene(folder)
     assert [note.split(",")[0] for note in scene.notes] == [
-        "1 of 8 frames have a pose that is no number and are left out",
+        "1 of 8 frames have no finite pose and are left out",
         "1 of 8 frames have no pose and are left out",
         "1 of 8 frames have no depth map",
     ]

@@ -157,7 +157,7 @@ def test_absent_pictures_are_counted(tmp_path):
     (tmp_path / "images" / "b.png").unlink()
     scene = open_scene(tmp_path)
     assert scene.absent == ("b.png",)
-    assert any("1 of the model's 3 pictures are absent" in note for note in scene.notes)
+    assert any("1 of 3 images of the model are missing" in note for note in scene.notes)
 
 
 @pytest.mark.parametrize(("form", "place"), [("text", r"cameras\.txt: line 2"), ("binary", r"cameras\.bin: camera 7")])

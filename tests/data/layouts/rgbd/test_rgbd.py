@@ -154,9 +154,7 @@ def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: st
     scene = open_scene(MANNERS[manner](tmp_path, miniature(frames=3)))
     assert scene.unit == "unknown"
     assert all(frame.depth is None for frame in scene.frames)
-    assert scene.notes[0].startswith(
-        "3 depth maps are left out: nothing says what a count is worth (--depth-unit 0.001"
-    )
+    assert scene.notes[0].startswith("3 depth maps are left out because their unit is unknown (--depth-unit 0.001")
 
 
 def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
@@ -207,7 +205,7 @@ def test_colours_and_depths_that_nothing_pairs_are_refused(tmp_path: Path):
         (folder / f"depth/{index}.png").rename(folder / f"depth/{'abcd'[index]}.png")
     assert len(open_scene(folder, depth_unit=0.001).read([0, 3]).depths) == 2
     (folder / "depth/b.png").unlink()
-    with pytest.raises(InputError, match=r"expected depth maps that go with .* found 4 pictures .* and 3 depth maps"):
+    with pytest.raises(InputError, match=r"expected depth maps that match .* found 4 images .* and 3 depth maps"):
         open_scene(folder)
 
 
@@ -215,9 +213,7 @@ def test_as_many_poses_as_pictures_or_none(tmp_path: Path):
     folder = nice_slam(tmp_path / "office0", miniature(frames=4))
     lines = (folder / "traj.txt").read_text().splitlines()
     (folder / "traj.txt").write_text("\n".join(lines[:3]))
-    with pytest.raises(
-        InputError, match=r"traj\.txt: expected as many poses as pictures: 4 in .*results, found 3 poses"
-    ):
+    with pytest.raises(InputError, match=r"traj\.txt: expected as many poses as images: 4 in .*results, found 3 poses"):
         open_scene(folder)
     (folder / "traj.txt").write_text("\n".join([*lines[:3], "1 2 3"]))
     with pytest.raises(InputError, match=r"traj\.txt: line 4: expected poses as 8 numbers .* found 3 numbers"):
@@ -248,7 +244,7 @@ def test_redwood_without_a_file_has_the_primesense(tmp_path: Path):
         (
             "intrinsics.txt",
             "57 0 310\n0 57 24\n0 0 1",
-            r"principal point inside pictures of 64x48 .* \(310\.5, 24\.5\)",
+            r"principal point inside images of 64x48 .* \(310\.5, 24\.5\)",
         ),
         ("intrinsics.txt", "1 2 3 4 5 6 7 8 9", "a camera matrix"),
         ("intrinsics.txt", "fx = 57", "line 1: expected numbers"),

@@ -40,13 +40,13 @@ def test_numbers_are_read_however_they_are_set(tmp_path: Path):
     )
     for content, message in (
         (b"1 two 3", "line 1: expected numbers"),
-        (b"\xff\xfe1", "text, found bytes"),
+        (b"\xff\xfe1", "byte 0, which is not UTF-8"),
         (b"1\0", "zero bytes"),
     ):
         path.write_bytes(content)
         with pytest.raises(InputError, match=message):
             rows(path)
-    with pytest.raises(InputError, match="a readable file"):
+    with pytest.raises(InputError, match="a text file in UTF-8, found No such file"):
         rows(tmp_path / "nowhere.txt")
 
 
@@ -59,7 +59,9 @@ def test_a_pose_may_be_3x4_or_4x4_in_one_line_or_more(tmp_path: Path, rows_of: t
         with pytest.raises(InputError, match=r"4x4 or 3x4 numbers, .* found 2 lines of \[8\] numbers"):
             read_pose(path)
     else:
-        np.testing.assert_array_equal(read_pose(path), [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [0, 0, 0, 1]])
+        np.testing.assert_array_equal(
+            read_pose(path).matrix, [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [0, 0, 0, 1]]
+        )
 
 
 def test_a_quarter_turn_about_each_axis_is_what_the_formula_says():

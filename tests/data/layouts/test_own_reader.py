@@ -17,7 +17,7 @@ from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_ten_lines_of_the_docs_read_a_folder(tmp_path: Path):

@@ -1,0 +1,120 @@
+"""The poses of a bag: the motions from the camera's frame up to the world.
+
+Poses come from TF, `nav_msgs/Odometry` or `geometry_msgs/PoseStamped`, along the tree of frames from the image's, which should be optical
+(REP 103: x right, y down, z forward), up to the world. If there are several topics of poses, the error lists them, and the user chooses one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from semgs.data.asked import Asked
+from semgs.data.layouts.ros.bag import Bag, stamp_of
+from semgs.data.layouts.ros.motions import Motion, above, motion
+from semgs.files.errors import InputError
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+
+
+def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], list[str]]:
+    """The motions from the camera's frame up to the world, and notes about them.
+
+    Raises:
+        InputError: there are no such poses, or several and no choice; the error lists what there is.
+    """
+    tree = _tree(bag)
+    moving = [
+        one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, asked.body))
+    ]
+    if asked.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
+        raise InputError(bag.path, "a topic whose poses do not name their frame", str(bag), "body")
+    routes = {"TF": above(tree, frame_id)}
+    for step in moving:
+        routes[step.source] = above({**tree, step.child: step}, frame_id)
+    routes = {source: route for source, route in routes.items() if _leads(source, route)}
+    if asked.world in routes:
+        routes = {asked.world: routes[asked.world]}
+    elif asked.world is not None:
+        cut = {source: _cut(route, asked.world.lstrip("/")) for source, route in routes.items()}
+        routes = {source: route for source, route in cut.items() if _leads(source, route)}
+    if not routes:
+        wanted = frame_id if asked.world is None else f"{frame_id} in {asked.world},"
+        raise InputError(
+            bag.path, f"poses of {wanted} by TF, Odometry or PoseStamped", _ways(tree, moving, frame_id), "world",
+            advice=None if asked.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static",
+        )  # fmt: skip
+    if "TF" in routes:
+        routes = {"TF": routes["TF"]}
+    if len(routes) > 1:
+        found = "; ".join(f"{source} ({route[-1].parent})" for source, route in routes.items())
+        raise InputError(bag.path, "one topic of poses", found, "world", advice="choose one: --world TOPIC")
+    source, route = next(iter(routes.items()))
+    chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
+    notes = [f"Poses are from {source}: {chain}, interpolated in time."]
+    if source in bag.topics and asked.body is None and not _says_of_what(bag.first(source)):
+        notes.append(
+            f"The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame_id} (--body)."
+        )
+    return route, notes
+
+
+def _says_of_what(message: Any) -> bool:
+    """Whether a message with a pose names the frame that it describes, as Odometry does."""
+    return bool(getattr(message, "child_frame_id", ""))
+
+
+def _leads(source: str, route: list[Motion]) -> bool:
+    """Whether a route moves and uses its source (TF always counts as used)."""
+    return any(not step.fixed for step in route) and (source == "TF" or any(step.source == source for step in route))
+
+
+def _cut(route: list[Motion], world: str) -> list[Motion]:
+    """The part of a route that ends in a frame; empty if the frame is not on it."""
+    return next((route[: index + 1] for index, step in enumerate(route) if step.parent == world), [])
+
+
+def _tree(bag: Bag) -> dict[str, Motion]:
+    """The motions of TF by child; if one is both static and moving, the moving one."""
+    samples: dict[tuple[str, str, bool], dict[int, tuple[np.ndarray, np.ndarray]]] = {}
+    for (topic, logged), message in bag.messages(bag.of(*TF)):
+        fixed = topic.endswith("tf_static")
+        for one in message.transforms:
+            key = (one.header.frame_id, one.child_frame_id, fixed)
+            time = logged if fixed else stamp_of(one)
+            samples.setdefault(key, {})[time] = _sample(one.transform.translation, one.transform.rotation)
+    found: dict[str, Motion] = {}
+    for (parent, child, fixed), held in sorted(samples.items(), key=lambda item: (not item[0][2], len(item[1]))):
+        step = motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
+        if step is not None:
+            found[step.child] = step
+    return found
+
+
+def _moving(bag: Bag, topic: str, frame_id: str, body: str | None) -> Motion | None:
+    """The motion of an Odometry or PoseStamped topic; None if it has no pose."""
+    samples: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    parent = child = ""
+    for _, message in bag.messages([topic]):
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        parent, child = message.header.frame_id, getattr(message, "child_frame_id", "") or body or frame_id
+        samples[stamp_of(message)] = _sample(pose.position, pose.orientation)
+    return motion(parent or topic, child, samples, topic)
+
+
+def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Position [3] and quaternion [4] (x, y, z, w) of a message."""
+    return np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+
+
+def _ways(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -> str:
+    """The poses that there are, for errors."""
+    route = above(tree, frame_id)
+    chain = " < ".join([frame_id, *(step.parent for step in route)])
+    still = "" if any(not step.fixed for step in route) else ", which never moves"
+    ways = [f"TF from the camera up: {chain}{still}", *(f"{one.source}: {one.parent} > {one.child}" for one in moving)]
+    return "; ".join(ways)
