@@ -51,6 +51,9 @@ class Task:
         """The names of the contexts' frames."""
         return tuple(self.scene.frames[index].name for index in self.sample.contexts)
 
+    def __str__(self) -> str:
+        return self.stem
+
     @property
     def stem(self) -> str:
         """Where the files of this target are below a folder of predictions: "N2/living/0001"."""

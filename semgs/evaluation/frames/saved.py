@@ -17,6 +17,7 @@ from semgs.data.classes import ClassTable
 from semgs.data.maps import read_labels
 from semgs.evaluation.frames.plan import Plan, Task
 from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header, read_rgb, read_uint16
 from semgs.files.strict_json import read_json
@@ -151,12 +152,9 @@ def _depths(path: Path, task: Task) -> Float[Tensor, "h w"]:
     if path.suffix == ".png":
         depths = read_uint16(path).astype(np.float32) / MILLIMETRES
     else:
-        try:
-            loaded = np.load(path, allow_pickle=False)
-        except (OSError, ValueError, EOFError) as error:
-            raise InputError(path, "an array of depths", str(error)) from error
-        if not isinstance(loaded, np.ndarray) or loaded.dtype.kind != "f":
-            raise InputError(path, "a floating-point array [height width]", f"{getattr(loaded, 'dtype', loaded)}")
+        loaded = read_array(path)
+        if loaded.dtype.kind != "f":
+            raise InputError(path, "a floating-point array [height width]", f"{loaded.dtype}")
         depths = loaded.astype(np.float32)
     depths = _of_size(path, depths, task)
     return torch.from_numpy(np.where(np.isfinite(depths) & (depths > 0), depths, np.float32(0)))

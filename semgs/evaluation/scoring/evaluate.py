@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Views
-from semgs.data.workers import settle_worker
+from semgs.data.workers import outcomes
 from semgs.evaluation.frames.plan import Plan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.evaluation.scoring.baselines import copied, majority, warped
 from semgs.evaluation.scoring.scores import FrameScores, score
-from semgs.evaluation.scoring.similarity import perceptual_distance
+from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import extremes
-from semgs.files.errors import InputError
-from semgs.model.plan import NotEnoughMemoryError
 
 PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""
@@ -76,25 +74,19 @@ def evaluate(
         NotEnoughMemoryError: the network needs more memory than there is.
         OSError: the disk is full.
     """
-    targets = DataLoader(
-        _Targets(plan, method, folder, save),
-        batch_size=None,
-        num_workers=workers,
-        # A forked process in which numba has run its threads dies at its next kernel.
-        multiprocessing_context="forkserver" if workers else None,
-        worker_init_fn=settle_worker,
-    )
+    judge = _Judge(method, plan.depth_range, folder, save, perceptual_distance())
     judged: dict[int, list[_Judged]] = {views: [] for views in plan.views}
     shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
-    for count, one in enumerate(targets, 1):
-        if isinstance(one, Exception):
-            raise one
-        found, prediction = one
-        views = len(found.method.contexts)
-        judged[views].append(found)
-        # A copy: what another process sent stays a file of shared memory, which would be kept open.
-        shown[views] = _kept([*shown[views], (found.method, prediction.copy())])
-        done(count)
+    with closing(outcomes(judge, plan.tasks, workers)) as found:
+        for count, outcome in enumerate(found, 1):
+            if isinstance(outcome, Exception):
+                raise outcome
+            one, prediction = outcome
+            views = len(one.method.contexts)
+            judged[views].append(one)
+            # A copy: what another process sent stays a file of shared memory, which would be kept open.
+            shown[views] = _kept([*shown[views], (one.method, prediction.copy())])
+            done(count)
     return [_rows(views, judged[views], shown[views]) for views in plan.views]
 
 
@@ -108,41 +100,31 @@ class _Judged:
     truth: str
 
 
-class _Targets(Dataset):
-    """The targets of a plan, judged when they are asked for.
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """Judges targets: reads the frames, asks the method, writes the maps and scores them."""
 
-    A file that cannot be used, a full disk, or too little memory is returned and not raised: a loader hands on no more than an error's text.
-    """
+    method: Method
+    depth_range: tuple[float, float] | None
+    folder: Path
+    save: bool
+    perceptual: PerceptualDistance | None
 
-    def __init__(self, plan: Plan, method: Method, folder: Path, save: bool) -> None:
-        self._plan, self._method, self._folder, self._save = plan, method, folder, save
-        self._perceptual = perceptual_distance()
-
-    def __len__(self) -> int:
-        return len(self._plan.tasks)
-
-    def __getitem__(self, index: int) -> tuple[_Judged, Prediction] | InputError | OSError | NotEnoughMemoryError:
-        """Judge a target: its scores, and what the method said."""
-        try:
-            return self._judge(self._plan.tasks[index])
-        except (InputError, OSError, NotEnoughMemoryError) as error:
-            return error
-
-    def _judge(self, task: Task) -> tuple[_Judged, Prediction]:
-        """Read, predict, write, score."""
-        views = read_views(task, self._plan.depth_range)
+    def __call__(self, task: Task) -> tuple[_Judged, Prediction]:
+        """The scores of a target, and what the method said."""
+        views = read_views(task, self.depth_range)
         target = views[task.sample.target]
-        prediction = self._method.predict(inputs_of(task, views))
-        if self._save:
-            write_prediction(self._folder / PREDICTIONS, task, prediction)
+        prediction = self.method.predict(inputs_of(task, views))
+        if self.save:
+            write_prediction(self.folder / PREDICTIONS, task, prediction)
         if target.labels is not None:
-            write_maps(self._folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
+            write_maps(self.folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
         ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
         moved = warped(ordered, target)
         judged = _Judged(
-            method=score(task, prediction, target, self._perceptual),
-            copy=score(task, copied(ordered[0]), target, self._perceptual),
-            warp=None if moved is None else score(task, moved, target, self._perceptual),
+            method=score(task, prediction, target, self.perceptual),
+            copy=score(task, copied(ordered[0]), target, self.perceptual),
+            warp=None if moved is None else score(task, moved, target, self.perceptual),
             truth=_digest(target),
         )
         return judged, prediction

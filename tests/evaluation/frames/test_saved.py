@@ -115,6 +115,18 @@ def test_pictures_of_another_size_are_told_by_their_frames(plan: Plan, folder: P
         SavedPredictions(folder, "theirs").read(plan.tasks[0])
 
 
+def test_an_array_whose_header_lies_or_that_would_be_unpickled_is_refused(plan: Plan, folder: Path):
+    depth = folder / "N2/living/001.depth.npy"
+    with depth.open("wb") as file:
+        header = {"descr": "<f4", "fortran_order": False, "shape": (10**6, 10**6)}
+        np.lib.format.write_array_header_1_0(file, header)
+    with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers as long as its header says"):
+        SavedPredictions(folder, "theirs").read(plan.tasks[0])
+    np.save(depth, np.array([{"a": 1}]), allow_pickle=True)
+    with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers"):
+        SavedPredictions(folder, "theirs").read(plan.tasks[0])
+
+
 def test_a_label_outside_the_table_is_refused_naming_the_frame(plan: Plan, folder: Path):
     labels = np.full((36, 48), 255, np.uint8)
     labels[4, 7:9] = 20
