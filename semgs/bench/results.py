@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -89,17 +89,11 @@ def read_bench(path: Path) -> Bench:
 
 
 def _entry(result: Result) -> dict[str, Any]:
-    """A result as JSON; the reason stands only where there is no time."""
-    fields: dict[str, Any] = {
-        "name": result.name,
-        "seconds": _rounded(result.seconds),
-        "seconds_median": _rounded(result.seconds_median),
-        "repeats": result.repeats,
-        "peak_memory_mb": _rounded(result.peak_memory_mb),
+    """A result as JSON, numbers to six significant digits; without the reason if there is none."""
+    fields = {
+        name: float(f"{value:.6g}") if isinstance(value, float) else value for name, value in asdict(result).items()
     }
-    if result.reason is not None:
-        fields["reason"] = result.reason
-    return fields
+    return fields if result.reason is not None else {name: fields[name] for name in fields if name != "reason"}
 
 
 def _result(entry: dict[str, Any]) -> Result:
@@ -116,8 +110,3 @@ def _result(entry: dict[str, Any]) -> Result:
         reason=None if reason is None else str(reason),
         **{name: None if entry[name] is None else float(entry[name]) for name in names},
     )
-
-
-def _rounded(value: float | None) -> float | None:
-    """A number to six significant digits."""
-    return None if value is None else float(f"{value:.6g}")

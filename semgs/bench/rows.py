@@ -113,16 +113,11 @@ def _others() -> Iterator[Row]:
 def _on_cuda() -> Iterator[Row]:
     """What a CUDA device adds: gsplat, and batches."""
     for row in _frames():
-        yield replace(row, name=row.name + _on("cuda"), device="cuda", quick=False)
+        yield replace(row, name=f"{row.name}_cuda", device="cuda", quick=False)
     for network in NETWORKS:
         for precision in PRECISIONS:
-            name = f"total_{network}_n2_{precision}_b{BATCH}{_on('cuda')}"
+            name = f"total_{network}_n2_{precision}_b{BATCH}_cuda"
             yield Row(name, "network", "total", network, precision=precision, device="cuda", batch=BATCH)
     for row in _others():
         if row.kind in ("render", "train"):
-            yield replace(row, name=row.name + _on("cuda"), device="cuda", quick=False)
-
-
-def _on(device: str) -> str:
-    """The end of a name on a device."""
-    return "" if device == "cpu" else f"_{device}"
+            yield replace(row, name=f"{row.name}_cuda", device="cuda", quick=False)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from time import perf_counter
-
-import torch
 
 from semgs.bench.measure import WHOLE
+from semgs.reconstruction.encode import now
 
 
 class Stopwatch:
@@ -33,12 +31,6 @@ class Stopwatch:
         if self._device == "cuda" and part != WHOLE:
             yield
             return
-        start = self._now()
+        start = now()
         yield
-        self.seconds[part] = self._now() - start
-
-    def _now(self) -> float:
-        """The time at which all that was asked of the device is done."""
-        if self._device == "cuda":
-            torch.cuda.synchronize()
-        return perf_counter()
+        self.seconds[part] = now() - start

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -83,8 +82,7 @@ def _check(row: Row) -> None:
         return
     import numba
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    found = min(cores, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    found = min(numba.config.NUMBA_DEFAULT_NUM_THREADS, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     if found < row.threads:
         raise CannotMeasureError(f"{row.threads} threads needed, {found} here")
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.train_apart import train_apart
 from semgs.cli.training_options import PresetSettings
+from semgs.cli.types import Count, Device, Minutes, Views, Workers
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
@@ -56,23 +57,23 @@ class Ablate:
     """Only evaluate on the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line."""
     protocol: Literal["neighbours", "peers"] = "neighbours"
     """Which frames to evaluate, as for semgs evaluate."""
-    views: int = 4
+    views: Views = 4
     """Input views in the evaluation; the paper's table uses 4."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
     """Train all five variants once per seed; by default, once with the seed of the settings."""
-    minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint="")] = None
+    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
     """Stop after this time, with a checkpoint; repeat the command to resume. By default it runs to the end."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
-    devices: int = 1
+    devices: Count = 1
     """GPUs, or CPU processes. They share the scenes of each step, as for semgs train."""
     precision: Literal["auto", "32", "bf16"] = "32"
     """Precision of the layers, as for semgs train."""
-    accumulate: int = 1
+    accumulate: Count = 1
     """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
-    workers: int = 1
+    workers: Workers = 1
     """Processes that load scenes ahead."""
     dry_run: bool = False
     """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
@@ -108,17 +109,10 @@ class Ablate:
 
     def _check(self) -> None:
         """Refuse what can be refused before torch is imported."""
-        check_device(self.device)
         if self.test is not None:
             existing_folder(self.test)
         elif self.test_scenes:
             raise UsageError("--test-scenes is for --test DIR")
-        if self.views < 2:
-            raise UsageError(f"--views is {self.views}; expected 2 or more")
-        if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
-            raise UsageError("--workers must not be negative, and --minutes must be positive")
-        if min(self.devices, self.accumulate) < 1:
-            raise UsageError("--devices and --accumulate must be positive")
         if self.full is not None and len(self.seeds) > 1:
             raise UsageError("--full is one run, so --seeds can name only one seed")
         if len(set(self.seeds)) != len(self.seeds):

@@ -22,10 +22,6 @@ Options = TypeVar("Options")
 REFUSED = 2
 """The exit code with which tyro refuses arguments."""
 
-SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
-"""Sides of the pictures that can be asked for [px]."""
-
-
 _TYPES = ConstructorRegistry()
 """How what was typed becomes what options hold, where that is not tyro's own way."""
 
@@ -73,23 +69,6 @@ def nearest(typed: str, known: Iterable[str]) -> str:
     return f"; did you mean {found[0]}?" if found else ""
 
 
-def parse_size(text: str) -> tuple[int, int] | None:
-    """(height, width) [px] of "240x320", None of "auto".
-
-    Raises:
-        UsageError: it is neither, or a side is outside 32 to 4096.
-    """
-    if text == "auto":
-        return None
-    match = re.fullmatch(r"(\d{1,6})[x×X](\d{1,6})", text)
-    if not match:
-        raise UsageError(f"--size is {text!r}; expected height x width in pixels, such as 240x320")
-    height, width = int(match[1]), int(match[2])
-    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in (height, width)):
-        raise UsageError(f"--size is {text}; expected sides from {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
-    return height, width
-
-
 def _parsed(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """What tyro makes of the arguments; where they are wrong it explains itself on stderr and leaves."""
     config = (tyro.conf.FlagCreatePairsOff,)
@@ -133,4 +112,5 @@ def _one_line(box: str) -> str:
     presets = [
         f"; {' '.join(part)}" for part in parts[first + 1 :] if part and part[0].startswith("Available subcommands")
     ]
-    return "".join([" ".join(parts[first]).rstrip("."), *presets]) or "the arguments cannot be understood"
+    message = " ".join(parts[first]).rstrip(".").removeprefix("Error parsing ")
+    return "".join([message, *presets]) or "the arguments cannot be understood"

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from semgs.cli.reconstruct import Reconstruct
+from semgs.cli.types import Device, Views
 from semgs.files.strict_json import parse_json
 
 
@@ -21,9 +22,9 @@ class Demo:
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
     """Output folder: new, empty, or from an earlier demo, which is replaced."""
-    views: int = 2
+    views: Views = 2
     """Number of input views."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace DIR even if it contains another scene from semgs."""

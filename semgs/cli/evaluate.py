@@ -8,27 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.arguments import parse_size
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import AutoSize, Device, Protocol, SeveralViews, Weights, Workers
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
-from semgs.files.paths import existing_folder, typed_path
-from semgs.weights.hub import is_hub_id
+from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
     from semgs.evaluation.frames.plan import Plan
     from semgs.evaluation.run import Candidate
-
-KNOWN = ("neighbours", "peers", "pinned FILE")
-"""The protocols, as they are typed."""
-
-NETWORKS = ("small", "base", "base_text", "mvsplat")
-"""Names that weights may ship under."""
 
 
 @dataclass(frozen=True)
@@ -61,17 +54,17 @@ class Evaluate:
     """A scene or a folder of scenes."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
+    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
     predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
-    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
-    views: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N ...]", help_behavior_hint="")] = ()
+    views: Annotated[SeveralViews, tyro.conf.arg(help_behavior_hint="")] = ()
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    size: AutoSize = None
     """Height x width for the comparison. By default 240x320, 320x240 for portrait scenes, or that of the pinned file."""
     depth_range: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="NEAR FAR", help_behavior_hint="")] = None
     """Depth bounds for the network, in the scenes' unit. By default they come from the scene; 0.5 10 if it is metric. Other papers use
@@ -82,9 +75,9 @@ class Evaluate:
     """Also score rooms that the weights were trained in, and say so; by default they are refused."""
     name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
     """Name in the tables; by default that of the network or of the predictions folder."""
-    workers: int = 0
+    workers: Workers = 0
     """Worker processes, one thread each; 0 for none, using all threads."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
@@ -116,31 +109,16 @@ class Evaluate:
         if bool(self.weights) == (self.predictions is not None):
             raise UsageError("expected WEIGHTS or --predictions DIR, and not both; see semgs evaluate --help")
         existing_folder(self.data)
-        if (
-            self.weights
-            and self.weights not in NETWORKS
-            and not is_hub_id(self.weights)
-            and not typed_path(self.weights).is_file()
-        ):
-            found = "a folder" if typed_path(self.weights).is_dir() else "nothing there"
-            raise InputError(self.weights, "a file of weights, or small for those inside the package", found)
         if self.predictions is not None and not self.predictions.is_dir():
             found = "a file" if self.predictions.exists() else "nothing there"
             raise InputError(self.predictions, "a folder of predictions", found)
         check_folder(self.out, self.overwrite)
-        parse_size(self.size)
-        check_device(self.device)
-        check_protocol(self.protocol)
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance is for --protocol peers alone")
         self.reading.check()
         if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
             near, far = self.depth_range
             raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
-        if any(views < 2 for views in self.views):
-            raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
-        if self.workers < 0:
-            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
 
     def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
         """What is compared."""
@@ -149,7 +127,7 @@ class Evaluate:
         from semgs.evaluation.run import plan_of
 
         held = views_in(self.predictions) if self.predictions is not None else ()
-        plan = plan_of(self.protocol, scenes, self.views or held, parse_size(self.size), self.gsnerf_distance)
+        plan = plan_of(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
         return with_depth_range(plan, self.depth_range)
 
     def _candidate(self, plan: Plan, classes: ClassTable | None, device: str) -> Candidate:
@@ -178,19 +156,3 @@ class Evaluate:
             return (f"The weights were trained in rooms that are scored here: {', '.join(seen)}.",) if seen else ()
         check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or say --allow-seen")
         return ()
-
-
-def check_protocol(protocol: tuple[str, ...]) -> None:
-    """Refuse a protocol that is none, before torch is imported.
-
-    Raises:
-        UsageError: it has no such name, or a file too many or too few.
-        InputError: its file is not there.
-    """
-    name, *file = protocol or ("",)
-    if name not in [known.split()[0] for known in KNOWN]:
-        raise UsageError(f"--protocol is {name!r}; expected one of {', '.join(KNOWN)}")
-    if len(file) != (name == "pinned"):
-        raise UsageError(f"--protocol is {' '.join(protocol)!r}; expected one of {', '.join(KNOWN)}")
-    if file and not typed_path(file[0]).is_file():
-        raise InputError(file[0], "a frames.json or report.json", "no such file")

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.arguments import parse_size
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
-from semgs.cli.evaluate import NETWORKS, check_protocol
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder, typed_path
 from semgs.files.strict_json import parse_json
-from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.predictions import Method
@@ -52,7 +49,7 @@ class Figure:
 
     kind: Annotated[Literal["qualitative", "generalisation", "smoothness"], tyro.conf.Positional]
     """Which figure."""
-    weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="W [W ...]")]
+    weights: SeveralWeights
     """"small" for the included weights, or a file: one for all data, or one for each. For smoothness: without, then with."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")]
     """A scene or a folder of scenes. Each DIR becomes one part of the figure."""
@@ -62,19 +59,19 @@ class Figure:
     """Label maps of other methods, in the format of semgs evaluate; one column each."""
     scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LIST ...", help_behavior_hint="")] = ()
     """For each DIR, only the scenes of a list; see docs/data.md."""
-    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
-    views: int = 2
+    views: Views = 2
     """Number of input views."""
-    rows: int = 4
+    rows: Count = 4
     """Frames from each DIR."""
     targets: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SCENE/FRAME ...", help_behavior_hint="")] = ()
     """Show these frames instead, named like prediction files: scene0160_00/22."""
     names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="")] = ()
     """Titles of the parts; by default the folder names."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    size: AutoSize = None
     """Height x width for the comparison; by default 240x320, or 320x240 for portrait scenes."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
@@ -101,7 +98,10 @@ class Figure:
         shown: list[Compared] = []
         with what_fits(), show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
             for part in parts:
-                frames = part.compare(partial(_after, len(shown), done))
+                frames = []
+                for one in part.compare():
+                    frames.append(one)
+                    done(len(shown) + len(frames))
                 titled = len(parts) > 1 or bool(self.names)
                 blocks.append(comparison_block(part.title if titled else "", frames, part.columns))
                 numbers.append(
@@ -127,10 +127,6 @@ class Figure:
             existing_folder(folder)
         if not self.data or not self.weights:
             raise UsageError("expected --data DIR and --weights W; see semgs figure --help")
-        for one in self.weights:
-            if one not in NETWORKS and not is_hub_id(one) and not typed_path(one).is_file():
-                found = "a folder" if typed_path(one).is_dir() else "nothing there"
-                raise InputError(one, "a file of weights, or small for those inside the package", found)
         if self.kind == "smoothness" and (len(self.weights) != 2 or self.predictions):
             raise UsageError("smoothness compares two weights, trained without and with it, and no --predictions")
         if self.kind != "smoothness" and len(self.weights) not in (1, len(self.data)):
@@ -146,11 +142,6 @@ class Figure:
                 raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
             if not typed_path(theirs).is_dir():
                 raise InputError(theirs, "a folder of predictions", "nothing there")
-        check_protocol(self.protocol)
-        if self.views < 2 or self.rows < 1:
-            raise UsageError(f"--views is {self.views} and --rows {self.rows}; expected 2 or more and 1 or more")
-        parse_size(self.size)
-        check_device(self.device)
         self.reading.check()
         check_folder(self.out, self.overwrite)
 
@@ -182,7 +173,7 @@ class Figure:
         wanted_scenes = self.scenes[index] if self.scenes else ""
         data = labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
         scenes, classes = data.scenes, data.classes
-        plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
+        plan = plan_of(self.protocol, scenes, (self.views,), self.size)
         wanted = [
             name
             for name in self.targets
@@ -206,11 +197,6 @@ class Figure:
         assert classes is not None
         title = self.names[index] if self.names else data_name(str(self.data[index]), [scene.name for scene in scenes])
         return FigurePart(title, plan, tuple(methods), classes)
-
-
-def _after(before: int, done: Callable[[int], object], count: int) -> None:
-    """Tell a count that goes on from an earlier one."""
-    done(before + count)
 
 
 def _check_smoothness(weights: Sequence[str]) -> None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import Count, Size, WorkersOrCores, cores
 from semgs.files.paths import existing_folder
 
 
@@ -39,13 +38,13 @@ class Prepare:
     """A scene, or a folder of scenes."""
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Output folder: new, empty, or one with the same settings to resume."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
+    size: Size = (240, 320)
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
-    every: int = 1
+    every: Count = 1
     """Keep each n-th frame."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", aliases=["--list"], help_behavior_hint="")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
-    workers: Annotated[int | None, tyro.conf.arg(help_behavior_hint="")] = None
+    workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
     """Worker processes; by default one per core, 0 for none."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
@@ -57,13 +56,6 @@ class Prepare:
             UsageError: an option asks for what cannot be, OUT has other settings, or there is not enough space.
             OSError: the disk is full.
         """
-        size = parse_size(self.size)
-        if size is None:
-            raise UsageError("--size is auto; expected height x width in pixels, such as 240x320")
-        if self.every < 1:
-            raise UsageError(f"--every is {self.every}; expected 1 or more")
-        if self.workers is not None and self.workers < 0:
-            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
         self.reading.check()
         existing_folder(self.src)
         with show_stage("Looking for scenes"):
@@ -80,7 +72,7 @@ class Prepare:
             )
 
             found = sources(self.src, read_list(self.scenes) if self.scenes else None)
-        settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked)
+        settings, reading = Preparation(self.size, self.every), Reading(self.reading.as_peers, self.reading.asked)
         with what_the_user_gave():
             check(self.out, settings, reading)
         with show_stage("Estimating the space"):
@@ -95,7 +87,7 @@ class Prepare:
             with show_progress("Preparing frames", frames) as done:
                 index = prepare_set(self.out, found, settings, reading, frame_done=done)
         else:
-            workers = _cores() if self.workers is None else self.workers
+            workers = cores() if self.workers is None else self.workers
             with show_progress("Preparing scenes", len(found)) as done:
                 index = prepare_set(self.out, found, settings, reading, workers=workers, done=done)
         print(f"{self.out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
@@ -111,8 +103,3 @@ def _size(count: int) -> str:
     """A number of bytes as people say it."""
     power = max(0, min(4, (len(str(count)) - 1) // 3))
     return f"{count / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB')[power]}"
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

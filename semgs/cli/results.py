@@ -62,7 +62,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
     height, width = result.size
     rows = [
         ("scene", f"{result.scene.name}: {result.scene.layout}, {len(result.scene)} usable frames"),
-        ("input", ", ".join(_frames(result.context))),
+        ("input", ", ".join(result.context.titles)),
         ("held out", _held_out(result.target)),
         ("why", result.choice.reason),
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
@@ -90,10 +90,5 @@ def _held_out(shown: Shown | None) -> str:
     if shown is None:
         return "none"
     return ", ".join(
-        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(_frames(shown), shown.scores, strict=True)
+        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(shown.titles, shown.scores, strict=True)
     )
-
-
-def _frames(shown: Shown) -> list[str]:
-    """Frames as text: position and name."""
-    return [f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True)]

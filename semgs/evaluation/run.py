@@ -23,14 +23,7 @@ from semgs.evaluation.tables.compare import BRIEF, overview_grid
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.grid import printed
 from semgs.evaluation.tables.notes import notes
-from semgs.evaluation.tables.report import (
-    Evaluation,
-    SavedReport,
-    Subject,
-    report_numbers,
-    saved_report,
-    timing,
-)
+from semgs.evaluation.tables.report import Evaluation, SavedReport, Subject, report_numbers, saved_report, timing
 from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
@@ -205,12 +198,7 @@ def evaluate_into(
     subject = job.candidate.subject
     with own_folder(out, overwrite) as folder:
         rows = evaluate(
-            job.plan,
-            job.candidate.method,
-            folder,
-            save=subject.kind == "weights",
-            workers=job.workers,
-            done=done,
+            job.plan, job.candidate.method, folder, save=subject.kind == "weights", workers=job.workers, done=done
         )
         evaluation = Evaluation(
             subject=subject,

@@ -75,10 +75,6 @@ def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTabl
     _write(path, gaussians, Appearance(gaussians.semantic.quaternions, gaussians.semantic.scales, harmonics))
 
 
-write_ply, write_semantic_ply = save_ply, save_semantic_ply
-"""Their names before they were called as `save_scene` is."""
-
-
 _NAMES = (
     *("x", "y", "z", "nx", "ny", "nz"),
     *(f"f_dc_{i}" for i in range(3)),

@@ -9,12 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.data.classes import ClassTable
-from semgs.files.colours import HATCH, class_colours, hatching
-from semgs.rendering.rendering import SEEN_ALPHA, label_maps
-
-__all__ = [
-    "HATCH", "SEEN_ALPHA", "LegendEntry", "class_picture", "hatching", "label_maps", "legend", "overlay", "true_class_picture",
-]  # fmt: skip
+from semgs.files.colours import class_colours, hatching
 
 
 @dataclass(frozen=True)

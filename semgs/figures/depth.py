@@ -6,11 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from semgs.files.colours import NOTHING, depth_limits, depth_palette, depth_picture, opencv_palette
-
-__all__ = [
-    "NOTHING", "WORST_ERROR", "depth_bar", "depth_error_bar", "depth_error_picture", "depth_limits", "depth_picture", "depth_ticks",
-]  # fmt: skip
+from semgs.files.colours import NOTHING, depth_palette, opencv_palette
 
 WORST_ERROR = 0.25
 """The relative error from which pictures of errors have one colour."""
@@ -36,10 +32,9 @@ def depth_ticks(limits: tuple[float, float], count: int) -> tuple[float, ...]:
     return tuple(float(depth) for depth in np.geomspace(*limits, count))
 
 
-def depth_bar(width: int = 256, height: int = 1) -> UInt8[np.ndarray, "h w 3"]:
+def depth_bar() -> UInt8[np.ndarray, "1 256 3"]:
     """The colours of `depth_picture` from the near limit at the left to the far one at the right."""
-    row = depth_palette()[np.rint(np.linspace(0, 255, width)).astype(np.uint8)]
-    return np.repeat(row[None], height, axis=0)
+    return depth_palette()[None]
 
 
 def _error_palette() -> UInt8[np.ndarray, "256 3"]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.classes import HATCH, LegendEntry
+from semgs.figures.classes import LegendEntry
 from semgs.figures.numbers import percent
+from semgs.files.colours import HATCH
 from semgs.files.pictures import jpeg_bytes, png_bytes
 from semgs.files.text import printable
 
@@ -36,7 +37,6 @@ class Facts:
     """Pairs of a name and what is to say of it."""
 
     rows: tuple[tuple[str, str], ...]
-    kind: str = "facts"
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,6 @@ class Table:
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    kind: str = "table"
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,6 @@ class Gallery:
     detail: str
     pictures: tuple[Picture, ...]
     more: tuple[Picture, ...] = ()
-    kind: str = "gallery"
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,6 @@ class Legend:
 
     entries: tuple[LegendEntry, ...]
     unseen: float = 0.0
-    kind: str = "legend"
 
     @property
     def common(self) -> tuple[LegendEntry, ...]:
@@ -113,7 +110,6 @@ class Scale:
     bar: Picture
     ticks: tuple[str, ...]
     label: str
-    kind: str = "scale"
 
 
 @dataclass(frozen=True)
@@ -141,7 +137,6 @@ class Bars:
 
     bars: tuple[Bar, ...]
     rare: tuple[Bar, ...] = ()
-    kind: str = "bars"
 
 
 @dataclass(frozen=True)
@@ -158,7 +153,6 @@ class Matrix:
     columns: tuple[str, ...]
     shares: tuple[tuple[float, ...], ...]
     corner: str
-    kind: str = "matrix"
 
 
 @dataclass(frozen=True)
@@ -166,7 +160,6 @@ class Notes:
     """Sentences that the reader must not miss."""
 
     sentences: tuple[str, ...]
-    kind: str = "notes"
 
 
 @dataclass(frozen=True)
@@ -187,7 +180,6 @@ class Links:
     """Files beside the page."""
 
     files: tuple[Link, ...]
-    kind: str = "links"
 
 
 Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes | Links
@@ -227,8 +219,9 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     )
     template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(
-        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent
-    )
+        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent,
+        kind=lambda block: type(block).__name__.lower(),
+    )  # fmt: skip
 
 
 def _shown(value: Any) -> Any:

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.figures.classes import class_picture, true_class_picture
-from semgs.figures.depth import depth_picture
 from semgs.figures.page import Notes, Picture, Section
+from semgs.files.colours import depth_picture
 
 
 def as_bytes(image: Float[Tensor, "3 h w"]) -> UInt8[np.ndarray, "h w 3"]:

@@ -47,6 +47,11 @@ class Shown:
     rendering: Rendering
     scores: tuple[ViewScores, ...]
 
+    @property
+    def titles(self) -> list[str]:
+        """Position and name of each frame, as text."""
+        return [f"{position} ({name})" for position, name in zip(self.positions, self.names, strict=True)]
+
 
 @dataclass(frozen=True)
 class Reconstruction:
@@ -85,6 +90,11 @@ class Reconstruction:
     def size(self) -> tuple[int, int]:
         """(height, width) that the frames were read at [px]."""
         return self.context.views.size
+
+    @property
+    def shown(self) -> list[Shown]:
+        """The context views and, if there are any, the target views."""
+        return [self.context] if self.target is None else [self.context, self.target]
 
     @property
     def metric(self) -> bool:

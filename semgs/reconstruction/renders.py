@@ -23,11 +23,12 @@ from PIL import Image
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
-from semgs.figures.classes import class_picture, label_maps
+from semgs.figures.classes import class_picture
 from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.pictures import write_png
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.rendering.rendering import label_maps
 
 MILLIMETRES = 1000
 """What a metre is worth in a 16-bit depth picture."""
@@ -39,9 +40,8 @@ def write_renders(folder: Path, result: Reconstruction) -> None:
     Raises:
         OSError: a file cannot be written.
     """
-    _write(folder, "context", "input", result.context, result.classes, result.metric)
-    if result.target is not None:
-        _write(folder, "target", "truth", result.target, result.classes, result.metric)
+    for role, photo, shown in zip(("context", "target"), ("input", "truth"), result.shown, strict=False):
+        _write(folder, role, photo, shown, result.classes, result.metric)
 
 
 def millimetres(depths: Float[Tensor, "h w"]) -> np.ndarray:

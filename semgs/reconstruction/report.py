@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from semgs.data.classes import IGNORE
-from semgs.figures.classes import label_maps, legend
-from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.figures.classes import legend
+from semgs.reconstruction.reconstruct import Reconstruction
 from semgs.reconstruction.scores import ViewScores, mean_scores
+from semgs.rendering.rendering import label_maps
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
     files and `scene.safetensors` for those in the scene's coordinates. `psnr` is in dB, None for equal pictures.
     """
     scene = result.scene
-    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in _all_shown(result)]
+    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in result.shown]
     pixels = np.concatenate([one.ravel() for one in maps]) if maps else np.zeros(0, np.uint8)
     return {
         "format": "semgs.report.reconstruct",
@@ -99,8 +100,7 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
         "gaussians": len(result.encoding.gaussians),
         "views": [
             {"role": role, "position": position, "name": name, **_rounded(score)}
-            for role, shown in (("context", result.context), ("target", result.target))
-            if shown is not None
+            for role, shown in zip(("context", "target"), result.shown, strict=False)
             for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True)
         ],
         "means": {
@@ -122,11 +122,6 @@ def rounded(value: float | None) -> float | None:
     if value is None or not math.isfinite(value):
         return None
     return float(f"{value:.5g}")
-
-
-def _all_shown(result: Reconstruction) -> list[Shown]:
-    """The context views and, if there are any, the target views."""
-    return [result.context] if result.target is None else [result.context, result.target]
 
 
 def _rounded(score: ViewScores) -> dict[str, float | None]:

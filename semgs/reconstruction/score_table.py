@@ -52,8 +52,7 @@ def score_lines(result: Reconstruction) -> list[str]:
 
 def _parts(result: Reconstruction) -> list[tuple[str, Shown]]:
     """The views by their role, those that tell most first."""
-    held_out = [] if result.target is None else [("held-out", result.target)]
-    return [*held_out, ("input", result.context)]
+    return list(zip(("input", "held-out"), result.shown, strict=False))[::-1]
 
 
 def _measures(result: Reconstruction) -> list[str]:

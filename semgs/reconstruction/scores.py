@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from semgs.data.views import Views
-from semgs.figures.classes import SEEN_ALPHA
 from semgs.objectives.maps import Maps, map_scores
-from semgs.rendering.rendering import Rendering, likeliest
+from semgs.rendering.rendering import SEEN_ALPHA, Rendering, likeliest
 
 
 @dataclass(frozen=True)
@@ -55,20 +54,15 @@ def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
 
 def mean_scores(views: Sequence[ViewScores]) -> ViewScores:
     """The mean of each score over the views that have it; errors of depth over all their pixels. There must be a view."""
-    pixels, pixels_seen = [view.depth_pixels for view in views], [view.depth_pixels_seen for view in views]
-    return ViewScores(
-        psnr=sum(view.psnr for view in views) / len(views),
-        coverage=sum(view.coverage for view in views) / len(views),
-        psnr_seen=_mean([view.psnr_seen for view in views]),
-        depth_error=_mean([view.depth_error for view in views], pixels_seen),
-        accuracy=_mean([view.accuracy for view in views]),
-        miou=_mean([view.miou for view in views]),
-        accuracy_seen=_mean([view.accuracy_seen for view in views]),
-        miou_seen=_mean([view.miou_seen for view in views]),
-        depth_abs_rel=_mean([view.depth_abs_rel for view in views], pixels),
-        depth_pixels=sum(pixels),
-        depth_pixels_seen=sum(pixels_seen),
-    )
+    weights = {"depth_error": "depth_pixels_seen", "depth_abs_rel": "depth_pixels"}
+
+    def mean(name: str) -> float | None:
+        found = [(getattr(view, name), getattr(view, weights[name]) if name in weights else 1) for view in views]
+        known = [(value, weight) for value, weight in found if value is not None]
+        return sum(value * weight for value, weight in known) / sum(weight for _, weight in known) if known else None
+
+    means = {one.name: mean(one.name) for one in fields(ViewScores)}
+    return ViewScores(**means | {name: sum(getattr(view, name) for view in views) for name in weights.values()})
 
 
 def by_measure(score: ViewScores) -> dict[str, float]:
@@ -116,11 +110,3 @@ def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
         depth_pixels=0 if whole.depth is None else whole.depth.pixels,
         depth_pixels_seen=0 if part.depth is None else part.depth.pixels,
     )
-
-
-def _mean(values: Sequence[float | None], weights: Sequence[int] | None = None) -> float | None:
-    """The mean of what is known, None if nothing is."""
-    known = [
-        (value, weight) for value, weight in zip(values, weights or [1] * len(values), strict=True) if value is not None
-    ]
-    return sum(value * weight for value, weight in known) / sum(weight for _, weight in known) if known else None

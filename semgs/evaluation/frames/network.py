@@ -7,9 +7,8 @@ import pickle
 import torch
 
 from semgs.evaluation.frames.predictions import Inputs, Prediction
-from semgs.figures.classes import SEEN_ALPHA
 from semgs.reconstruction.encode import Network, encode, now
-from semgs.rendering.rendering import likeliest
+from semgs.rendering.rendering import SEEN_ALPHA, likeliest
 
 
 class NetworkMethod:

@@ -95,11 +95,7 @@ class Plan:
 
 
 def make_plan(
-    name: str,
-    protocol: Protocol,
-    scenes: Sequence[Scene],
-    views: Sequence[int],
-    size: tuple[int, int] | None = None,
+    name: str, protocol: Protocol, scenes: Sequence[Scene], views: Sequence[int], size: tuple[int, int] | None = None
 ) -> Plan:
     """The plan of a protocol over scenes.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -114,17 +114,14 @@ class FigurePart:
         """The headings of the methods."""
         return tuple(method.name for method in self.methods)
 
-    def compare(self, done: Callable[[int], object] = lambda count: None) -> list[Compared]:
-        """What every method says of the targets; `done` is told after each how many there have been.
+    def compare(self) -> Iterator[Compared]:
+        """What every method says of the targets, one after the other.
 
         Raises:
             InputError: as `compared`.
         """
-        frames: list[Compared] = []
         for task in self.plan.tasks:
-            frames.append(compared(task, self.methods, self.classes, self.plan.depth_range))
-            done(len(frames))
-        return frames
+            yield compared(task, self.methods, self.classes, self.plan.depth_range)
 
 
 def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str]) -> Block:

@@ -14,13 +14,7 @@ from semgs.evaluation.frames.plan import Plan
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
-from semgs.objectives.calibration import (
-    Bin,
-    expected_calibration_error,
-    fitted_temperature,
-    reliability,
-    tempered,
-)
+from semgs.objectives.calibration import Bin, expected_calibration_error, fitted_temperature, reliability, tempered
 from semgs.reconstruction.encode import encode
 from semgs.weights.temperatures import DIGITS, KINDS
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -41,6 +42,10 @@ METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given")
 
 
+Values = Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
+"""From how often each target and each scene counts to some metrics."""
+
+
 @dataclass(frozen=True, eq=False)
 class MetricGroup:
     """Metrics that are of the same targets, as a function of how often each target counts.
@@ -54,7 +59,7 @@ class MetricGroup:
 
     names: tuple[str, ...]
     scene_of: Int64[np.ndarray, " n"]
-    values: Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
+    values: Values
 
     def once(self) -> dict[str, float]:
         """The metrics with every target and scene counted once."""
@@ -65,18 +70,19 @@ class MetricGroup:
 
 def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     """The metrics of some targets; each group is of those targets that have what it needs, none where no target has."""
-    found = []
-    for names, has, values in (
-        (CLASS_METRICS, lambda frame: frame.confusion is not None, _class_values),
-        *(((name,), _has(name), _means_of(name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
+    groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
+        (CLASS_METRICS, "confusion", _class_values),
+        *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
         *(
-            ((f"{name}_per_image_seen",), _has(f"{name}_seen"), _means_over_scenes_of(f"{name}_seen"))
+            ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
             for name in ("miou", "accuracy")
         ),
-        (DEPTH_METRICS, _has("depth"), _depth_values),
-        (("depth_abs_rel_seen",), _has("depth_seen"), _depth_values_seen),
-    ):
-        those = [frame for frame in frames if has(frame)]
+        (DEPTH_METRICS, "depth", partial(_depth_values, "depth", ("abs_rel", "delta"))),
+        (("depth_abs_rel_seen",), "depth_seen", partial(_depth_values, "depth_seen", ("abs_rel",))),
+    )
+    found = []
+    for names, needed, values in groups:
+        those = [frame for frame in frames if getattr(frame, needed) is not None]
         if those:
             order = {scene: number for number, scene in enumerate(dict.fromkeys(frame.scene for frame in those))}
             scene_of = np.array([order[frame.scene] for frame in those], np.int64)
@@ -146,12 +152,7 @@ def total_confusion(
     return np.sum([confusion for confusion, _ in pairs], axis=0), np.sum([truth for _, truth in pairs], axis=0)
 
 
-def _has(name: str) -> Callable[[FrameScores], bool]:
-    """Whether a target has a score of that name."""
-    return lambda frame: getattr(frame, name) is not None
-
-
-def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
+def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
     """The function for `CLASS_METRICS`."""
     confusions = np.stack([frame.confusion for frame in frames if frame.confusion is not None])
     truths = np.stack([frame.truth for frame in frames if frame.truth is not None])
@@ -172,41 +173,23 @@ def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callab
     return values
 
 
-def _means_of(name: str) -> Callable[[Sequence[FrameScores], np.ndarray], Callable[..., np.ndarray]]:
+def _means(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
     """The function for the mean over targets of one of their scores."""
-
-    def of(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-        scores = np.array([getattr(frame, name) for frame in frames], np.float64)
-        return lambda times, scene_times: _weighted(scores, times)[None]
-
-    return of
+    scores = np.array([getattr(frame, name) for frame in frames], np.float64)
+    return lambda times, scene_times: _weighted(scores, times)[None]
 
 
-def _means_over_scenes_of(name: str) -> Callable[[Sequence[FrameScores], np.ndarray], Callable[..., np.ndarray]]:
+def _means_over_scenes(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
     """The function for the mean over the targets of each scene, then over scenes, of one of their scores."""
-
-    def of(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-        scores = np.array([getattr(frame, name) for frame in frames], np.float64)
-        return lambda times, scene_times: _scene_means(scores, scene_of, times, scene_times)[None]
-
-    return of
+    scores = np.array([getattr(frame, name) for frame in frames], np.float64)
+    return lambda times, scene_times: _scene_means(scores, scene_of, times, scene_times)[None]
 
 
-def _depth_values_seen(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-    """The function for `depth_abs_rel_seen`."""
-    depths = [frame.depth_seen for frame in frames if frame.depth_seen is not None]
-    pixels, errors = (
-        np.array([depth.pixels for depth in depths], np.int64),
-        np.array([depth.abs_rel for depth in depths]),
-    )
-    return lambda times, scene_times: _weighted(errors, times * pixels)[None]
-
-
-def _depth_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-    """The function for `DEPTH_METRICS`."""
-    depths = [frame.depth for frame in frames if frame.depth is not None]
+def _depth_values(name: str, measures: Sequence[str], frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """The function for the means over all pixels of some measures of one of the targets' depth scores."""
+    depths = [getattr(frame, name) for frame in frames]
     pixels = np.array([depth.pixels for depth in depths], np.int64)
-    columns = [np.array([depth.abs_rel for depth in depths]), np.array([depth.delta for depth in depths])]
+    columns = [np.array([getattr(depth, measure) for depth in depths]) for measure in measures]
     return lambda times, scene_times: np.stack([_weighted(column, times * pixels) for column in columns])
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 from semgs.evaluation.scoring.intervals import paired_differences
@@ -20,18 +21,9 @@ PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fp
 """The columns of the paper's tables: by the code of the peers, whom it follows, all but the last are means over images."""
 
 BRIEF = (
-    "miou",
-    "miou_per_image",
-    "accuracy",
-    "class_accuracy",
-    "psnr",
-    "psnr_seen",
-    "ssim",
-    "depth_abs_rel",
-    "depth_abs_rel_seen",
-    "unseen",
+    "miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "psnr_seen", "ssim", "depth_abs_rel", "depth_abs_rel_seen", "unseen",
     "fps_encoding_each",
-)
+)  # fmt: skip
 """Those that a terminal is wide enough for."""
 
 FULL = tuple(metric for metric in TITLES if metric != "not_given")
@@ -60,12 +52,8 @@ def check_comparable(reports: Sequence[SavedReport]) -> None:
     for report in reports:
         for views, result in report.results.items():
             if not result.frames:
-                raise InputError(
-                    report.path,
-                    "a whole report",
-                    "one reduced to its totals",
-                    advice="--layout data and card can show it",
-                )
+                advice = "--layout data and card can show it"
+                raise InputError(report.path, "a whole report", "one reduced to its totals", advice=advice)
             other = first.setdefault(views, report)
             difference = _difference(other, report, other.results[views], result)
             if difference:
@@ -281,13 +269,16 @@ def _best(rows: Sequence[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
     """The rows with the highest number of each column as best, where there are several rows."""
     if len(rows) < 2:
         return list(rows)
-    number: Callable[[Cell], float] = lambda cell: float("-inf") if cell.text == "–" else float(cell.text)  # noqa: E731
+
+    def number(cell: Cell) -> float:
+        return float("-inf") if cell.text == "–" else float(cell.text)
+
     highest = [max(map(number, column)) for column in list(zip(*rows, strict=True))[1:]]
     return [
         (
             row[0],
             *[
-                Cell(cell.text, number(cell) == top > float("-inf"), cell.marked)
+                replace(cell, best=number(cell) == top > float("-inf"))
                 for cell, top in zip(row[1:], highest, strict=True)
             ],
         )

@@ -12,7 +12,7 @@ from semgs.data.classes import ClassTable
 from semgs.evaluation.frames.plan import Plan, frame_list
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.evaluate import Rows
-from semgs.evaluation.scoring.intervals import Interval, intervals, units
+from semgs.evaluation.scoring.intervals import intervals, units
 from semgs.evaluation.scoring.records import finite, frame_of, number, record, seconds
 from semgs.evaluation.scoring.scores import FrameScores
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, METRICS, SEEN_METRICS, class_scores, summary
@@ -167,14 +167,9 @@ def _numbers(frames: Sequence[FrameScores]) -> dict[str, Any]:
     found = intervals(frames)
     return {
         **_metrics(frames),
-        "intervals": {name: _ends(found[name]) for name in METRICS if name in found},
+        "intervals": {name: [finite(found[name].low), finite(found[name].high)] for name in METRICS if name in found},
         "intervals_over": units(frames),
     }
-
-
-def _ends(interval: Interval) -> list[float | None]:
-    """The ends of an interval."""
-    return [finite(interval.low), finite(interval.high)]
 
 
 def _metrics(frames: Sequence[FrameScores]) -> dict[str, float | None]:
@@ -263,9 +258,8 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
     for entry in content["results"]:
         for row in (entry, *entry["trivial"].values()):
             for name in METRICS:
-                number(
-                    row.get(name) if name in SEEN_METRICS else row[name]
-                )  # reports of older versions have none of these
+                # Reports of older versions have no metrics of the seen pixels.
+                number(row.get(name) if name in SEEN_METRICS else row[name])
         number(entry["fps_encoding_each"])
         if entry["intervals_over"] not in ("scenes", "frames"):
             raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
