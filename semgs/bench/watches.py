@@ -1,4 +1,4 @@
-"""Watches: what stands around the parts of a run to time them."""
+"""Times the parts of a run."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from semgs.reconstruction.encode import now
 class Stopwatch:
     """Seconds by part.
 
-    On CUDA only the whole is looked at: to wait for the device between parts would change what is measured.
+    On CUDA only `WHOLE` is timed: waiting for the device between parts would change the result.
 
     Args:
-        device: that computes.
+        device: "cpu" or "cuda".
 
     Attributes:
         seconds: by part.
@@ -27,7 +27,7 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, part: str) -> Iterator[None]:
-        """Around a part."""
+        """Time a part."""
         if self._device == "cuda" and part != WHOLE:
             yield
             return

@@ -1,4 +1,4 @@
-"""`semgs weights calibrate`: weights and labelled scenes in, the same weights with temperatures in their header out."""
+"""`semgs weights calibrate`: fits temperatures on labelled scenes and writes them into the header of the weights."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Calibrate:
 
         Raises:
             InputError: weights, scenes or files cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option is invalid.
         """
         self._check()
         with show_stage("Starting"):
@@ -81,11 +81,11 @@ class Calibrate:
             with what_the_user_gave():
                 network, path = find(self.weights)
             if not is_ours(path) or read_header(path).classes is None:
-                other = "a network of colour alone" if is_ours(path) else "another file"
-                raise InputError(path, "weights of semgs that know classes", other)
+                other = "colour-only weights" if is_ours(path) else "another file"
+                raise InputError(path, "weights of semgs with classes", other)
             plan = plan_of(self.protocol, data.scenes, (self.views,), self.size)
             tested = [scene.name for scene in plan.scenes]
-            check_unseen(self.weights, trained_scenes(path), tested, "take other scenes (--data)")
+            check_unseen(self.weights, trained_scenes(path), tested, "use other scenes (--data)")
             held = read_temperatures(path)
             if self.out is None and held is None:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
@@ -101,18 +101,18 @@ class Calibrate:
         print(printed(_grid(found, f"{len(plan.tasks)} targets of {self.data}"), "text"))
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         existing_folder(self.data)
         self.reading.check()
         for file in (self.out, self.plot):
             if file is not None and file.exists():
-                raise InputError(file, "a file that is not there yet", "one that is", advice="choose another name")
+                raise InputError(file, "a new file", "one that exists", advice="choose another name")
             if file is not None:
                 check_file(file)
 
 
 def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
-    """Temperature and errors of each kind."""
+    """The table of temperatures and calibration errors."""
     from semgs.evaluation.tables.grid import Cell, Grid
 
     rows = tuple(
@@ -131,7 +131,7 @@ def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
             ReliabilityPlot(
                 kind,
                 (
-                    ("as it is", tuple(map(astuple, one.bins_before))),
+                    ("before", tuple(map(astuple, one.bins_before))),
                     (f"temperature {one.temperature:.2f}", tuple(map(astuple, one.bins_after))),
                 ),
             )

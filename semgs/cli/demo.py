@@ -1,4 +1,4 @@
-"""`semgs demo`: the embedded room, the shipped weights, a report to look at."""
+"""`semgs demo`: reconstructs the included room with the included weights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Demo:
     """Replace DIR even if it contains another scene from semgs."""
 
     def run(self) -> None:
-        """Reconstruct the embedded room.
+        """Reconstruct the included room.
 
         Raises:
             InputError: the output folder cannot be used.
@@ -43,7 +43,7 @@ class Demo:
 
 
 def _scene_in(folder: Path) -> str | None:
-    """The name of the scene that a folder of results is of, None if it is no such folder."""
+    """The name of the scene in an output folder of `semgs reconstruct`; None if the folder is none."""
     try:
         return parse_json((folder / "report.json").read_bytes())["scene"]["name"]
     except (OSError, ValueError, TypeError, KeyError):

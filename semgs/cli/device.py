@@ -6,10 +6,10 @@ from semgs.cli.errors import UsageError
 
 
 def chosen_device(name: str) -> str:
-    """The device to compute on: "cpu" or "cuda"; "auto" takes CUDA where there is one.
+    """The device to compute on, "cpu" or "cuda"; "auto" uses CUDA if it is available.
 
     Raises:
-        UsageError: CUDA is asked for and there is none.
+        UsageError: CUDA is requested but not available.
     """
     import torch
 

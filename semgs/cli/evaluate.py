@@ -1,4 +1,4 @@
-"""`semgs evaluate`: weights or predictions and scenes in, a folder with scores, maps and a report out."""
+"""`semgs evaluate`: scores weights or predictions on scenes, and writes a folder with scores, maps and a report."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from semgs.files.paths import existing_folder
 if TYPE_CHECKING:
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
-    from semgs.evaluation.frames.plan import Plan
+    from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import Candidate
 
 
@@ -88,11 +88,11 @@ class Evaluate:
 
         Raises:
             InputError: data, weights, predictions or the output folder cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option is invalid.
         """
         self._check()
         with show_stage("Starting"):
-            # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
+            # Importing torch takes seconds; typing errors are reported before.
             from semgs.evaluation.run import Job, evaluate_into, labelled_scenes
 
             data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
@@ -101,28 +101,28 @@ class Evaluate:
             candidate = self._candidate(plan, data.classes, chosen_device(self.device))
             job = Job(data, plan, candidate, self._remarks(plan), self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
-            told = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
-        print(told)
+            summary = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
+        print(summary)
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         if bool(self.weights) == (self.predictions is not None):
-            raise UsageError("expected WEIGHTS or --predictions DIR, and not both; see semgs evaluate --help")
+            raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
             found = "a file" if self.predictions.exists() else "nothing there"
             raise InputError(self.predictions, "a folder of predictions", found)
         check_folder(self.out, self.overwrite)
         if self.gsnerf_distance and self.protocol[0] != "peers":
-            raise UsageError("--gsnerf-distance is for --protocol peers alone")
+            raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
         if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
             near, far = self.depth_range
             raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
 
-    def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
-        """What is compared."""
-        from semgs.evaluation.frames.plan import with_depth_range
+    def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
+        """The targets and their input views."""
+        from semgs.evaluation.frames.frame_plan import with_depth_range
         from semgs.evaluation.frames.saved import views_in
         from semgs.evaluation.run import plan_of
 
@@ -130,8 +130,8 @@ class Evaluate:
         plan = plan_of(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
         return with_depth_range(plan, self.depth_range)
 
-    def _candidate(self, plan: Plan, classes: ClassTable | None, device: str) -> Candidate:
-        """What is evaluated, and what the report says of it."""
+    def _candidate(self, plan: FramePlan, classes: ClassTable | None, device: str) -> Candidate:
+        """The method to evaluate, and its description for the report."""
         from semgs.evaluation.run import network_candidate, saved_candidate
 
         if self.predictions is not None:
@@ -139,12 +139,8 @@ class Evaluate:
         with what_the_user_gave():
             return network_candidate(self.weights, classes, device, self.name)
 
-    def _remarks(self, plan: Plan) -> tuple[str, ...]:
-        """What to say of rooms that the weights were trained on: nothing, where there are none.
-
-        Raises:
-            InputError: there are some, and they are not allowed; or the header of the weights is broken.
-        """
+    def _remarks(self, plan: FramePlan) -> tuple[str, ...]:
+        """A remark for the report if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""
         from semgs.data.scene_lists import check_unseen, seen_before
         from semgs.weights.load import trained_scenes
 
@@ -153,6 +149,6 @@ class Evaluate:
         trained, tested = trained_scenes(self.weights), [scene.name for scene in plan.scenes]
         if self.allow_seen:
             seen = sorted(seen_before(trained, tested))
-            return (f"The weights were trained in rooms that are scored here: {', '.join(seen)}.",) if seen else ()
-        check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or say --allow-seen")
+            return (f"The weights were trained on rooms that are scored here: {', '.join(seen)}.",) if seen else ()
+        check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or use --allow-seen")
         return ()

@@ -1,4 +1,4 @@
-"""`semgs figure`: weights, predictions of others and scenes in, one of the paper's comparison figures out."""
+"""`semgs figure`: plots one of the paper's comparison figures from weights, saved predictions and scenes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from semgs.evaluation.page.figure import Compared, FigurePart
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
-"""The columns of the figure about the smoothness of regions."""
+"""The columns of the smoothness figure."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,11 @@ class Figure:
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
-        """Draw the figure and write the folder.
+        """Plot the figure and write the folder.
 
         Raises:
             InputError: data, weights, predictions or the output folder cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option is invalid.
         """
         self._check()
         with show_stage("Starting"):
@@ -96,7 +96,7 @@ class Figure:
             raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)
         blocks, numbers = [], []
         shown: list[Compared] = []
-        with what_fits(), show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
+        with what_fits(), show_progress("Rendering", sum(len(part.plan.tasks) for part in parts)) as done:
             for part in parts:
                 frames = []
                 for one in part.compare():
@@ -122,20 +122,24 @@ class Figure:
         print(f"{self.out / 'figure.png'}: {len(shown)} frames; {self.out / 'figure.json'} has their scores")
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         for folder in self.data:
             existing_folder(folder)
         if not self.data or not self.weights:
             raise UsageError("expected --data DIR and --weights W; see semgs figure --help")
         if self.kind == "smoothness" and (len(self.weights) != 2 or self.predictions):
-            raise UsageError("smoothness compares two weights, trained without and with it, and no --predictions")
+            raise UsageError(
+                "smoothness compares two weights, the first trained without it, the second with it; --predictions do not apply"
+            )
         if self.kind != "smoothness" and len(self.weights) not in (1, len(self.data)):
             raise UsageError(
-                f"{len(self.weights)} weights for {len(self.data)} data; expected one for all or one for each"
+                f"{len(self.weights)} weights for {len(self.data)} --data folders; expected one for all, or one for each"
             )
         for option, given in (("--scenes", self.scenes), ("--names", self.names)):
             if given and len(given) != len(self.data):
-                raise UsageError(f"{option} names {len(given)}; expected one for each of the {len(self.data)} data")
+                raise UsageError(
+                    f"{option} has {len(given)} names; expected one for each of the {len(self.data)} --data folders"
+                )
         for text in self.predictions:
             name, _, theirs = text.partition("=")
             if not name or not theirs:
@@ -146,28 +150,19 @@ class Figure:
         check_folder(self.out, self.overwrite)
 
     def _weights(self, index: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The weights that are shown of one of the data, and what their columns are called.
-
-        Raises:
-            InputError: weights say that they were trained in the other way.
-        """
+        """The weights to show for one --data folder, and the headings of their columns."""
         if self.kind == "smoothness":
             _check_smoothness(self.weights)
             return self.weights, (WITHOUT, WITH)
         return (self.weights[index if len(self.weights) > 1 else 0],), ("ours",)
 
     def _part(self, index: int) -> FigurePart:
-        """What is drawn of one of the data.
-
-        Raises:
-            InputError: scenes, weights or predictions cannot be used, or the weights were trained in these rooms.
-            UsageError: a target is none.
-        """
+        """What the figure shows of one --data folder."""
         from semgs.data.scene_lists import check_unseen
         from semgs.evaluation.frames.saved import SavedPredictions
         from semgs.evaluation.page.figure import FigurePart, chosen_tasks
         from semgs.evaluation.run import labelled_scenes, network_candidate, plan_of
-        from semgs.evaluation.tables.report import data_name
+        from semgs.evaluation.tables.evaluation_report import data_name
         from semgs.weights.load import find, table_of, trained_scenes
 
         wanted_scenes = self.scenes[index] if self.scenes else ""
@@ -200,11 +195,7 @@ class Figure:
 
 
 def _check_smoothness(weights: Sequence[str]) -> None:
-    """Refuse weights that say that they were trained the other way.
-
-    Raises:
-        InputError: the first say that they were trained with the smoothness of regions, or the second without.
-    """
+    """Refuse weights whose header says that the first were trained with the smoothness loss, or the second without."""
     from semgs.weights.file import is_ours, read_header
     from semgs.weights.load import find
 
@@ -216,9 +207,9 @@ def _check_smoothness(weights: Sequence[str]) -> None:
             weight = training.get("losses", {}).get("smoothness")
             smooth = None if weight is None else weight > 0
         except (ValueError, TypeError, AttributeError) as error:
-            raise InputError(path, "settings of a training as JSON", str(error), key="training") from error
+            raise InputError(path, "training settings as JSON", str(error), key="training") from error
         if smooth not in (None, wanted):
             raise InputError(
-                path, f"weights trained {'with' if wanted else 'without'} the smoothness of regions", f"a weight of {weight:g} of it",
-                key="training.losses.smoothness", advice="name those without first, then those with",
+                path, f"weights trained {'with' if wanted else 'without'} the smoothness loss", f"a smoothness weight of {weight:g}",
+                key="training.losses.smoothness", advice="give the weights without it first",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""`semgs reconstruct`: posed photos in, a folder with the scene, its renders and a report out."""
+"""`semgs reconstruct`: turns posed photos into a folder with the scene, its renders and a report."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 MOST_VIEWS = 4
-"""More context views than this are more than the models are trained with."""
+"""The models were trained with at most this many input views."""
 
 
 @dataclass(frozen=True)
@@ -81,15 +81,15 @@ class Reconstruct:
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
-        """Reconstruct, write the folder, and say what is in it.
+        """Reconstruct, write the folder, and print a summary.
 
         Raises:
             InputError: the scene, the weights or the output folder cannot be used.
-            UsageError: an option asks for what cannot be, or there is too little memory.
+            UsageError: an option is invalid, or there is too little memory.
         """
         self._check()
         with show_stage("Starting"):
-            # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
+            # Importing torch takes seconds; typing errors are reported before.
             from semgs.data.scenes import open_asked
 
         device = chosen_device(self.device)
@@ -100,7 +100,7 @@ class Reconstruct:
         with stages("load", "Loading the network"):
             model, origin = self._model(device)
 
-        from semgs.cli.results import summary, write_results
+        from semgs.cli.reconstruction_files import summary, write_results
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
@@ -110,15 +110,15 @@ class Reconstruct:
         print(summary(result, stages.seconds, self.out))
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         existing_folder(self.scene)
         check_folder(self.out, self.overwrite)
         self.reading.check()
         if len(self.context) == 1:
-            raise UsageError("--context names one frame; expected two or more that overlap")
+            raise UsageError("--context has one frame; expected two or more that overlap")
 
     def _notes(self) -> list[str]:
-        """What the user should know of the result because of the options."""
+        """Notes for the report that follow from the options."""
         notes = []
         if self.weights == "random":
             notes.append("The weights are random: the network is untrained, so its output is noise.")
@@ -127,7 +127,7 @@ class Reconstruct:
         return notes
 
     def _choice(self, scene: Scene) -> Choice:
-        """The frames that go in and those that are held out."""
+        """Input frames and held-out frames."""
         from semgs.data.choice import choose, given
 
         if self.context:
@@ -138,7 +138,7 @@ class Reconstruct:
         return choose(scene, self.views)
 
     def _model(self, device: str) -> tuple[SemGS, Origin]:
-        """The network on its device, and where it is from."""
+        """The network on its device, and its origin for the report."""
         from semgs import __version__
         from semgs.reconstruction.report import Origin
         from semgs.weights.load import load

@@ -1,4 +1,4 @@
-"""`semgs rooms`: a labelled data set of synthetic rooms from a seed, or a contact sheet of them."""
+"""`semgs rooms`: generates a labelled data set of synthetic rooms from a seed, or a contact sheet of them."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class Rooms:
     """Write a contact sheet of 48 random frames and their labels. Needs no OUT."""
 
     def run(self) -> None:
-        """Draw the data set, the sheet, or both, and say what there is.
+        """Generate the data set, the sheet, or both, and print what was done.
 
         Raises:
-            InputError: OUT is a folder of something else, or the assets are missing or altered.
-            UsageError: an option asks for what cannot be, or an extra that rooms need is not installed.
+            InputError: OUT contains something else, or the assets are missing or altered.
+            UsageError: an option is invalid, or an extra that rooms need is not installed.
             OSError: the disk is full.
         """
         self._check()
@@ -86,7 +86,7 @@ class Rooms:
             raise UsageError(str(error)) from error
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         if self.out is None and self.sheet is None:
             raise UsageError(
                 "expected a folder to write, as in semgs rooms OUT, or --sheet FILE.png; see semgs rooms --help"
@@ -110,28 +110,28 @@ class Rooms:
         with what_the_user_gave():
             claim(out, recipe, self.scenes)
         workers = cores() if self.workers is None else self.workers
-        with show_progress("Drawing rooms", self.scenes) as done:
+        with show_progress("Generating rooms", self.scenes) as done:
             index = write_dataset(out, recipe, self.scenes, workers=workers, done=done)
         labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
         frames = self.scenes * self.frames
         print(
-            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} pictures of {shown_size(self.size)}), style {self.style}, seed {self.seed}"
+            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} images of {shown_size(self.size)}), style {self.style}, seed {self.seed}"
         )
         shares = sorted(
             ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True
         )
         print("classes, % of labelled pixels: " + ", ".join(f"{name} {100 * share:.1f}" for share, name in shares))
         if self.assets:
-            print(f"{out / ATTRIBUTION} says whose work is in the pictures; keep it beside them")
+            print(f"{out / ATTRIBUTION} lists the works that appear in the images; keep it with them")
         print(
-            f"{out / INDEX} counts them for every scene. Look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"
+            f"{out / INDEX} has these counts for every scene. To look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"
         )
 
     def _draw_sheet(self, path: Path, library: Library | None) -> None:
         from semgs.files.pictures import write_png
         from semgs.rooms.sets.sheet import FRAMES, contact_sheet
 
-        with show_progress("Drawing frames", FRAMES) as done:
+        with show_progress("Rendering frames", FRAMES) as done:
             picture = contact_sheet(self.seed, self.style, library, done=done)
         write_png(path, picture)
-        print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each with its labels beside it")
+        print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each next to its labels")

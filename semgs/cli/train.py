@@ -1,4 +1,4 @@
-"""`semgs train`: a preset and what to change of it in, a run folder with checkpoints and weights out."""
+"""`semgs train`: trains with a preset and changes to it, and writes a run folder with checkpoints and weights."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Train:
     """Minutes between checkpoints."""
 
     def run(self) -> None:
-        """Train, and leave the averaged weights in the run folder.
+        """Train, and write the averaged weights into the run folder.
 
         Raises:
-            InputError: the folder, the data or the weights to start from cannot be used.
-            UsageError: the settings cannot be, training broke down, or an extra that rooms need is not installed.
+            InputError: the folder, the data or the initial weights cannot be used.
+            UsageError: the settings are invalid, training failed, or an extra that rooms need is not installed.
         """
         with what_the_user_gave():
             self.settings.check_whole()

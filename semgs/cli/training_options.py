@@ -19,17 +19,17 @@ CLASS_FILE = one_word(
     lambda text: None if text == "None" else read_class_file(text).table,
     lambda table: "None" if table is None else table.name,
 )
-"""A class table is named by its file; from there on the table itself travels."""
+"""A class table, given by its file."""
 
 
 def default_shown(default: str) -> str:
-    """What a help says of a default: nothing where it is empty."""
+    """The default as the help shows it; nothing if it is empty."""
     return "" if default in ("", "None") else f"(default: {default})"
 
 
 @dataclass(frozen=True)
 class TypedSwitches(Switches):
-    """The fields of `Switches` that the help shows in its own way. Only its annotations are used."""
+    """The field of `Switches` that the help shows in its own way; used like `TypedSettings`."""
 
     semantic_pyramid: Annotated[tuple[int, ...], tyro.conf.arg(help_behavior_hint=default_shown)] = ()
 
@@ -40,9 +40,9 @@ class TypedSwitches(Switches):
 
 @dataclass(frozen=True)
 class TypedSettings(TrainingSettings):
-    """The fields of `TrainingSettings` that the command line writes in its own way; all others it reads as they are.
+    """The fields of `TrainingSettings` that the command line parses or shows in its own way.
 
-    Only its annotations are used. A call makes plain `TrainingSettings`, which compare equal to those of a preset.
+    Only the annotations are used. A call returns plain `TrainingSettings`, which compare equal to those of a preset.
     """
 
     model: Annotated[str, tyro.conf.Suppress]
@@ -63,7 +63,7 @@ class TypedSettings(TrainingSettings):
 
 
 def _preset(name: str) -> object:
-    """A preset as a subcommand, with its other name."""
+    """A preset as a subcommand, with its alias."""
     preset = presets.PRESETS[name]
     other = presets.OTHER_NAMES.get(name)
     return tyro.conf.subcommand(
@@ -81,4 +81,4 @@ PresetSettings = (
     | Annotated[TrainingSettings, _preset("paper")]
     | Annotated[TrainingSettings, _preset("base_text")]
 )
-"""A preset's name, then what shall differ from it."""
+"""The name of a preset, then the settings to change."""

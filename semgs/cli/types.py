@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from tyro.constructors import PrimitiveConstructorSpec
 
-from semgs.files.errors import InputError
+from semgs.cli.errors import UsageError
 from semgs.files.paths import found_at, typed_path
 from semgs.weights.hub import is_hub_id
 
@@ -109,7 +109,7 @@ def _device(text: str) -> str:
 
 def _weights(text: str) -> str:
     if text not in NETWORKS and not is_hub_id(text) and (found := found_at(typed_path(text))) != "a file":
-        raise InputError(text, "a file of weights, or small for the included weights", found)
+        raise UsageError(f"{text}: expected a file of weights, or small for the included weights, found {found}")
     return text
 
 
@@ -118,7 +118,7 @@ def _protocol(typed: list[str]) -> tuple[str, ...]:
     if name not in [known.split()[0] for known in PROTOCOLS] or len(file) != (name == "pinned"):
         raise ValueError(f"expected one of {', '.join(PROTOCOLS)}, found {' '.join(typed)!r}")
     if file and not typed_path(file[0]).is_file():
-        raise InputError(file[0], "a frames.json or report.json", "no such file")
+        raise UsageError(f"{file[0]}: expected a frames.json or report.json, found no such file")
     return tuple(typed)
 
 

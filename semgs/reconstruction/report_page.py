@@ -1,4 +1,4 @@
-"""The page that a user looks at after a reconstruction."""
+"""The HTML report of a reconstruction."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from semgs.rendering.rendering import label_maps
 
 _TICKS = 5
 
-HELD_OUT = "Frames that the model was not given: the test of the reconstruction. What no input view sees stays empty."
+HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
 
 def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> str:
@@ -38,8 +38,8 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
         ),
         *([page.Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
         page.Section("Scores", scores_lead(result), (score_table(result),)),
-        page.Section("Files", "", (_files(result),)),
-        page.Section("What was read and chosen", "", (_facts(result, origin),), folded=True),
+        page.Section("Files", "", (page.Links(tuple(one for one in outputs(result) if one.name != "report.html")),)),
+        page.Section("Details", "", (_facts(result, origin),), folded=True),
         page.Section("Time", "", (_timings(seconds),), folded=True),
     ]
     return page.html_page(
@@ -53,14 +53,14 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
 
 
 def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
-    """All depth maps that the page shows, which share one scale."""
+    """All depth maps of the page; they share one scale."""
     shown = [part.rendering.depths for part in result.shown]
     shown += [part.views.depths for part in result.shown if part.views.depths is not None]
     return [depths.numpy() for depths in shown]
 
 
 def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict[str, float]) -> list[page.Headline]:
-    """The few numbers that tell how it went."""
+    """The most important numbers."""
     found = []
     if result.target is not None:
         held_out = mean_scores(result.target.scores)
@@ -80,8 +80,8 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
 
 
 def _own_lead(result: Reconstruction) -> str:
-    """What the pictures of the input views are."""
-    return "What went in, and the scene from the same cameras." + (
+    """The text above the input views."""
+    return "The input photos, and the scene from the same cameras." + (
         "" if result.classes is None else " Hatched: unseen (alpha below 0.5)."
     )
 
@@ -89,7 +89,7 @@ def _own_lead(result: Reconstruction) -> str:
 def _keys(
     result: Reconstruction, maps: Sequence[np.ndarray], limits: tuple[float, float]
 ) -> tuple[page.Legend | page.Scale, ...]:
-    """The legend of the classes and the scale of the depths."""
+    """The legend of classes and the scale of depth."""
     scale = page.Scale(
         page.Picture(depth_bar(), "colours of depth, near to far"),
         tuple(length(tick, result.metric) for tick in depth_ticks(limits, _TICKS)),
@@ -102,7 +102,7 @@ def _keys(
 
 
 def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -> tuple[page.Block, ...]:
-    """Photo, render, classes and depth of each view, with what they are compared with folded below."""
+    """Photo, render, classes and depth of each view, with the truth folded below."""
     shown = result.context if own else result.target
     if shown is None:
         return ()
@@ -131,7 +131,7 @@ def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -
 
 
 def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
-    """What was understood of the scene and what was decided."""
+    """The scene, the choices, and the model."""
     scene = result.scene
     native, used = (f"{height}x{width}" for height, width in (result.native_size, result.size))
     absent = f", {len(scene.absent)} more are listed but missing" if scene.absent else ""
@@ -140,7 +140,7 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
         ("Layout", scene.layout),
         ("Frames", f"{len(scene)} usable{absent}"),
         ("Unit", "metres" if result.metric else "unknown: lengths are in the scene's own unit"),
-        ("Picture size", f"{used} (height x width)" + ("" if native == used else f", read from {native}")),
+        ("Image size", f"{used} (height x width)" + ("" if native == used else f", read from {native}")),
         ("Input frames", ", ".join(result.context.titles)),
         ("Held-out frames", ", ".join(result.target.titles) if result.target else "none"),
         ("Why these", result.choice.reason),
@@ -160,11 +160,4 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
 def _timings(seconds: dict[str, float]) -> page.Table:
     """The stages and their sum."""
     rows = [(name, duration(value)) for name, value in seconds.items()]
-    return page.Table(("stage", "time"), (*rows, ("together", duration(sum(seconds.values())))))
-
-
-def _files(result: Reconstruction) -> page.Links:
-    """What lies beside the page."""
-    return page.Links(
-        tuple(page.Link(output.name, output.text) for output in outputs(result) if output.name != "report.html")
-    )
+    return page.Table(("stage", "time"), (*rows, ("total", duration(sum(seconds.values())))))

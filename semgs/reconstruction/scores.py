@@ -1,4 +1,4 @@
-"""Scores of one rendered view against what its camera saw, as far as the truth is known."""
+"""Scores of rendered views against the true views."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from semgs.rendering.rendering import SEEN_ALPHA, Rendering, likeliest
 
 @dataclass(frozen=True)
 class ViewScores:
-    """How one view turned out. A pixel was seen if its alpha is at least 0.5.
+    """The scores of one view. A pixel is seen if its alpha is at least 0.5.
 
     Attributes:
-        psnr: of the picture against the photo, all pixels [dB]; infinite if they are equal.
-        coverage: share of the pixels that were seen, 0..1.
-        psnr_seen: as `psnr`, over the pixels that were seen; None if there are none.
-        depth_error: as `depth_abs_rel`, over the pixels that were seen; None without one that has a true depth.
-        accuracy: share of the labelled pixels whose likeliest class is the true one; None without labels.
-        miou: mean IoU over the classes that the true labels of this view show; None without labels.
-        accuracy_seen, miou_seen: the same over the pixels that were seen; None without a labelled one.
-        depth_abs_rel: mean of |z - truth| / truth over all pixels with a true depth; None without one.
-        depth_pixels, depth_pixels_seen: how many have a true depth, altogether and of those that were seen.
+        psnr: over all pixels [dB]; infinite if the images are equal.
+        coverage: share of seen pixels, 0..1.
+        psnr_seen: like `psnr`, over the seen pixels; None if there are none.
+        depth_error: like `depth_abs_rel`, over the seen pixels; None if none of them has a true depth.
+        accuracy: share of the labelled pixels whose likeliest class is correct; None without labels.
+        miou: mean IoU over the true classes of this view; None without labels.
+        accuracy_seen, miou_seen: the same over the seen pixels; None if none of them is labelled.
+        depth_abs_rel: mean of |z - truth| / truth over all pixels with a true depth; None if there are none.
+        depth_pixels, depth_pixels_seen: number of pixels with a true depth: all, and those seen.
     """
 
     psnr: float
@@ -42,18 +42,17 @@ class ViewScores:
 def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
     """The scores of each view of a scene.
 
-    Classes are compared as arg max of the distribution at every labelled pixel, whether it was seen or not, and once more at
-    those that were seen.
+    The class of a pixel is the arg max of its distribution. Classes are compared at every labelled pixel, and again at the seen ones.
 
     Args:
-        rendering: of `truth.cameras`, without a batch axis.
-        truth: what the cameras saw; its labels refer to the table of the rendering's classes.
+        rendering: from `truth.cameras`, without a batch axis.
+        truth: the true views; their labels have the class table of the rendering.
     """
     return tuple(_scores_of(rendering, truth, index) for index in range(len(truth)))
 
 
 def mean_scores(views: Sequence[ViewScores]) -> ViewScores:
-    """The mean of each score over the views that have it; errors of depth over all their pixels. There must be a view."""
+    """The mean of each score over the views that have it, of depth errors over all their pixels. Needs at least one view."""
     weights = {"depth_error": "depth_pixels_seen", "depth_abs_rel": "depth_pixels"}
 
     def mean(name: str) -> float | None:
@@ -66,7 +65,7 @@ def mean_scores(views: Sequence[ViewScores]) -> ViewScores:
 
 
 def by_measure(score: ViewScores) -> dict[str, float]:
-    """The scores that are known, by the names and in the order of `semgs.objectives.measures.TITLES`."""
+    """The known scores, with the names and in the order of `semgs.objectives.measures.TITLES`."""
     found = {
         "miou_per_image": score.miou,
         "miou_per_image_seen": score.miou_seen,

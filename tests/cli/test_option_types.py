@@ -67,13 +67,9 @@ def test_what_is_typed_becomes_what_a_command_uses(tmp_path: Path):
         ("--auto 64", "--auto: expected height x width in pixels, such as 240x320, found '64'"),
         ("--device mps", "--device: mps is not supported yet: it has no float64, which cameras need; use cpu"),
         ("--device tpu", "--device: expected one of auto, cpu, cuda, found 'tpu'"),
-        ("--weights nowhere", "--weights: nowhere: expected a file of weights, or small .*, found nothing there"),
-        ("--weights random", "--weights: random: expected a file of weights, or small .*, found nothing there"),
-        ("--weights .", r"--weights: \.: expected a file of weights, or small .*, found a folder"),
         ("--protocol neighbors", "--protocol: expected one of neighbours, peers, pinned FILE, found 'neighbors'"),
         ("--protocol pinned", "--protocol: expected one of .*, found 'pinned'"),
         ("--protocol peers 7", "--protocol: expected one of .*, found 'peers 7'"),
-        ("--protocol pinned nowhere.json", "--protocol: nowhere.json: expected a frames.json .*, found no such file"),
         ("--views 2 1", "--views: expected a whole number, 2 or more, found '1'"),
         ("--views 2.5", "--views: expected a whole number, 2 or more, found '2.5'"),
         ("--count 0", "--count: expected a whole number, 1 or more, found '0'"),
@@ -86,6 +82,21 @@ def test_what_cannot_be_used_is_refused_on_one_line(typed: str, told: str):
     with pytest.raises(UsageError, match=f"^{told}; see program --help$") as caught:
         parsed(*typed.split())
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("typed", "told"),
+    [
+        ("--weights nowhere", "nowhere: expected a file of weights, or small .*, found nothing there"),
+        ("--weights random", "random: expected a file of weights, or small .*, found nothing there"),
+        ("--weights .", r"\.: expected a file of weights, or small .*, found a folder"),
+        ("--protocol pinned nowhere.json", "nowhere.json: expected a frames.json or report.json, found no such file"),
+        (f"--weights {'n' * 400}", f"{'n' * 400}: expected a file of weights, or small .*, found nothing there"),
+    ],
+)
+def test_files_that_are_not_there_are_named_in_full(typed: str, told: str):
+    with pytest.raises(UsageError, match=f"^{told}$"):
+        parsed(*typed.split())
 
 
 @pytest.mark.parametrize(

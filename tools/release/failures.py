@@ -17,11 +17,11 @@ from PIL import Image
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.scenes import open_scenes
-from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.page.figure import Compared, FigurePart, comparison_legend
 from semgs.evaluation.run import network_candidate
-from semgs.evaluation.scoring.scores import FrameScores, score
+from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.summary import summary, total_confusion
 from semgs.figures.classes import class_picture, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, comparison

@@ -1,4 +1,4 @@
-"""Evaluate: a plan and a method in; scores of every target, its own and those of the trivial rows, out."""
+"""Scores a method and the simple baselines on every target of a plan."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ import numpy as np
 
 from semgs.data.views import Views
 from semgs.data.workers import outcomes
-from semgs.evaluation.frames.plan import Plan, Task
+from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.evaluation.scoring.baselines import copied, majority, warped
-from semgs.evaluation.scoring.scores import FrameScores, score
+from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import extremes
 
 PREDICTIONS = "predictions"
-"""Folder of what a method said, in the form that `--predictions` reads."""
+"""Folder of the method's predictions, in the format of `--predictions`."""
 TRUTH = "truth"
 """Folder of the true labels at the size of the evaluation."""
 SHOWN = 10
-"""So many of the best targets and of the worst are shown in the report, for each number of views."""
+"""The report shows this many of the best and of the worst targets, for each number of views."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The scores of all targets of one number of views, in the order of the plan.
+    """The scores of all targets for one number of views, in the order of the plan.
 
     Attributes:
         views: the number of contexts.
-        method: the scores of what is evaluated.
-        trivial: those of the trivial rows, by the names of `semgs.evaluation.scoring.baselines.NAMES`; a row that some scene
-            lacks the truth for has fewer targets, or is absent.
-        truth: a hash of the true labels and depths that the targets were compared with; not of the pictures, whose
-            resizing may differ in the last bit between machines.
-        shown: what the method said of the `SHOWN` best and worst targets, by scene and target.
+        method: the scores of the method.
+        trivial: the scores of the baselines, by their names in `semgs.evaluation.scoring.baselines.NAMES`. A baseline that
+            needs truth that some scenes lack has fewer targets, or is absent.
+        truth: a hash of the true labels and depths. Images are left out, because their resizing may differ in the last bit
+            between machines.
+        shown: the predictions for the `SHOWN` best and worst targets, by scene and target.
     """
 
     views: int
@@ -51,7 +51,7 @@ class Rows:
 
 
 def evaluate(
-    plan: Plan,
+    plan: FramePlan,
     method: Method,
     folder: Path,
     *,
@@ -59,15 +59,15 @@ def evaluate(
     workers: int = 0,
     done: Callable[[int], object] = lambda count: None,
 ) -> list[Rows]:
-    """Score a method and the trivial rows on every target of a plan.
+    """Score a method and the baselines on every target of a plan.
 
     Args:
-        plan: what to compare.
-        method: what to evaluate.
-        folder: existing; true labels are written to `truth/` in it and, with `save`, predictions to `predictions/`.
-        save: write what the method says.
-        workers: processes that evaluate targets side by side, each on one thread; 0 uses this process and its threads.
-        done: told after each target how many there have been.
+        plan: the targets.
+        method: the method.
+        folder: an existing folder; gets true labels in `truth/` and, with `save`, predictions in `predictions/`.
+        save: write the predictions.
+        workers: parallel processes, each with one thread; 0 uses this process and its threads.
+        done: called after each target with the number of finished targets.
 
     Raises:
         InputError: a frame or prediction cannot be used.
@@ -84,7 +84,7 @@ def evaluate(
             one, prediction = outcome
             views = len(one.method.contexts)
             judged[views].append(one)
-            # A copy: what another process sent stays a file of shared memory, which would be kept open.
+            # A copy, because tensors from another process keep a file of shared memory open.
             shown[views] = _kept([*shown[views], (one.method, prediction.copy())])
             done(count)
     return [_rows(views, judged[views], shown[views]) for views in plan.views]
@@ -102,7 +102,7 @@ class _Judged:
 
 @dataclass(frozen=True, eq=False)
 class _Judge:
-    """Judges targets: reads the frames, asks the method, writes the maps and scores them."""
+    """Judges a target: reads its frames, predicts, writes the maps and scores them."""
 
     method: Method
     depth_range: tuple[float, float] | None
@@ -111,7 +111,7 @@ class _Judge:
     perceptual: PerceptualDistance | None
 
     def __call__(self, task: Task) -> tuple[_Judged, Prediction]:
-        """The scores of a target, and what the method said."""
+        """The scores of a target, and the prediction."""
         views = read_views(task, self.depth_range)
         target = views[task.sample.target]
         prediction = self.method.predict(inputs_of(task, views))
@@ -131,13 +131,13 @@ class _Judge:
 
 
 def _kept(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
-    """Those of the frames so far that may be shown at the end."""
+    """The frames so far that may still be among those shown."""
     best, worst = extremes([frame for frame, _ in frames], SHOWN)
     return [frames[position] for position in sorted([*best, *worst])]
 
 
 def _rows(views: int, judged: Sequence[_Judged], shown: Sequence[tuple[FrameScores, Prediction]]) -> Rows:
-    """The rows of one number of views."""
+    """The scores for one number of views."""
     trivial = {"copy": tuple(one.copy for one in judged)}
     if any(one.warp is not None for one in judged):
         trivial["warp"] = tuple(one.warp for one in judged if one.warp is not None)

@@ -1,16 +1,16 @@
-"""Summaries: from the scores of single targets to the numbers of a table, for any choice of targets.
+"""Summaries: the metrics of a table, from the scores of any set of targets.
 
 | name | what |
 |---|---|
-| miou, class_accuracy, accuracy | of one confusion matrix of all targets |
-| miou_per_image, class_accuracy_per_image, accuracy_per_image | of each target, mean over targets, then over scenes |
-| psnr, ssim, lpips | of each target, mean over targets |
+| miou, class_accuracy, accuracy | from one confusion matrix over all targets |
+| miou_per_image, class_accuracy_per_image, accuracy_per_image | for each target; mean over targets, then over scenes |
+| psnr, ssim, lpips | for each target; mean over targets |
 | depth_abs_rel, depth_delta_125 | over all pixels of all targets that have a true depth |
-| miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the pixels that the method saw |
+| miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the seen pixels |
 | unseen | share of all pixels |
-| not_given | share of the pixels with a true label for which no class is given |
+| not_given | share of the labelled pixels without a predicted class |
 
-Means over classes are over those that the truth shows: in the whole set, or in the one image.
+Means over classes use the classes that occur in the truth, of the whole set or of the image.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int, Int64
 
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.objectives.measures import TITLES
 from semgs.objectives.metrics import accuracy, class_accuracy, intersection_over_union, miou
 
@@ -34,7 +34,7 @@ CLASS_METRICS = (
 PICTURE_METRICS = ("psnr", "ssim", "lpips")
 DEPTH_METRICS = ("depth_abs_rel", "depth_delta_125")
 SEEN_METRICS = ("miou_per_image_seen", "accuracy_per_image_seen", "psnr_seen", "depth_abs_rel_seen")
-"""Over the pixels that a method saw: others saw other ones, so these say how it does, and not whether it is better."""
+"""Metrics over the pixels that a method saw. Methods see different pixels, so these do not rank methods."""
 
 METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 """All names, in the order of tables."""
@@ -43,18 +43,18 @@ LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "no
 
 
 Values = Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
-"""From how often each target and each scene counts to some metrics."""
+"""Computes metrics from how often each target and each scene counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class MetricGroup:
-    """Metrics that are of the same targets, as a function of how often each target counts.
+    """Metrics of the same targets, as a function of how often each target counts.
 
     Attributes:
         names: of the metrics.
-        scene_of: which scene each target is of, 0, 1, ... .
-        values: from how often each target and each scene counts to the metrics [metric trial]. A scene counts in means
-            over scenes; there, how often its targets count only weighs them among each other.
+        scene_of: the number of each target's scene, 0, 1, ... .
+        values: computes the metrics [metric trial] from how often each target and each scene counts. In means over scenes,
+            scene counts weigh the scenes, and target counts only weigh the targets within a scene.
     """
 
     names: tuple[str, ...]
@@ -69,7 +69,7 @@ class MetricGroup:
 
 
 def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
-    """The metrics of some targets; each group is of those targets that have what it needs, none where no target has."""
+    """The metrics of some targets, in groups. Each group uses the targets that have what it needs."""
     groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
         (CLASS_METRICS, "confusion", _class_values),
         *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
@@ -99,9 +99,9 @@ def summary(frames: Sequence[FrameScores]) -> dict[str, float]:
 
 
 def extremes(frames: Sequence[FrameScores], most: int) -> tuple[list[int], list[int]]:
-    """Positions of the best frames and of the worst ones, up to `most` of each and none in both, the best and the worst first.
+    """Positions of the best and of the worst frames, up to `most` of each without overlap, best and worst first.
 
-    By mean IoU, or by PSNR where no classes are scored; frames without that number are left out.
+    Ranked by mean IoU, or by PSNR if no classes are scored. Frames without that score are left out.
     """
     metric = "psnr" if all(frame.confusion is None for frame in frames) else "miou_per_image"
     values = [summary([frame]).get(metric, math.nan) for frame in frames]
@@ -115,9 +115,9 @@ class ClassScores:
     """One class over all targets.
 
     Attributes:
-        iou, accuracy: intersection over union, and share of its true pixels that was hit; None where the truth shows none.
-        pixels: with this true class.
-        predicted: pixels that were given it.
+        iou, accuracy: intersection over union, and share of its true pixels that are correct; None if it does not occur.
+        pixels: number with this true class.
+        predicted: number of pixels predicted as this class.
     """
 
     iou: float | None
@@ -127,7 +127,7 @@ class ClassScores:
 
 
 def class_scores(frames: Sequence[FrameScores]) -> list[ClassScores]:
-    """The scores of each class, in the order of the table; none where no target has labels."""
+    """The scores of each class, in the order of the class table; empty if no target has labels."""
     confusion, truth = total_confusion(frames)
     ious = intersection_over_union(torch.from_numpy(confusion)).tolist()
     hits, rows = confusion.diagonal(), confusion.sum(1)
@@ -145,7 +145,7 @@ def class_scores(frames: Sequence[FrameScores]) -> list[ClassScores]:
 def total_confusion(
     frames: Sequence[FrameScores],
 ) -> tuple[Int64[np.ndarray, "class class"], Int64[np.ndarray, " class"]]:
-    """The confusion matrix of all targets, and their pixels by true class; without any class where no target has labels."""
+    """The confusion matrix of all targets, and their pixels by true class; both empty if no target has labels."""
     pairs = [(one.confusion, one.truth) for one in frames if one.confusion is not None and one.truth is not None]
     if not pairs:
         return np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
@@ -153,11 +153,11 @@ def total_confusion(
 
 
 def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
-    """The function for `CLASS_METRICS`."""
+    """Computes `CLASS_METRICS`."""
     confusions = np.stack([frame.confusion for frame in frames if frame.confusion is not None])
     truths = np.stack([frame.truth for frame in frames if frame.truth is not None])
     classes = truths.shape[1]
-    flat = confusions.reshape(len(frames), -1).astype(np.float64)  # exact up to 2^53 pixels, and multiplied fast
+    flat = confusions.reshape(len(frames), -1).astype(np.float64)  # exact up to 2^53 pixels, and fast to multiply
     each, shown = torch.from_numpy(confusions), torch.from_numpy(truths > 0)
     per_image = [score.numpy() for score in (miou(each, shown), accuracy(each), class_accuracy(each, shown))]
 
@@ -174,19 +174,19 @@ def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values
 
 
 def _means(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
-    """The function for the mean over targets of one of their scores."""
+    """Computes the mean of a score over targets."""
     scores = np.array([getattr(frame, name) for frame in frames], np.float64)
     return lambda times, scene_times: _weighted(scores, times)[None]
 
 
 def _means_over_scenes(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
-    """The function for the mean over the targets of each scene, then over scenes, of one of their scores."""
+    """Computes the mean of a score over the targets of each scene, then over scenes."""
     scores = np.array([getattr(frame, name) for frame in frames], np.float64)
     return lambda times, scene_times: _scene_means(scores, scene_of, times, scene_times)[None]
 
 
 def _depth_values(name: str, measures: Sequence[str], frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
-    """The function for the means over all pixels of some measures of one of the targets' depth scores."""
+    """Computes the means of depth scores over all pixels with a true depth."""
     depths = [getattr(frame, name) for frame in frames]
     pixels = np.array([depth.pixels for depth in depths], np.int64)
     columns = [np.array([getattr(depth, measure) for depth in depths]) for measure in measures]
@@ -194,12 +194,12 @@ def _depth_values(name: str, measures: Sequence[str], frames: Sequence[FrameScor
 
 
 def _weighted(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Means [trial] of values [n] under weights [trial n]; an infinite value that counts makes its mean infinite."""
+    """Weighted means [trial] of values [n] with weights [trial n]; an infinite value with a weight makes its mean infinite."""
     return _ratio(np.where(weights > 0, weights * np.where(weights > 0, values, 0), 0).sum(1), weights.sum(1))
 
 
 def _scene_means(values: np.ndarray, scene_of: np.ndarray, times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
-    """Means over the targets of each scene, then over scenes; scenes of which no target counts do not."""
+    """Means over the targets of each scene, then over scenes; scenes without counted targets are left out."""
     member = (scene_of[:, None] == np.arange(scene_times.shape[1])).astype(np.float64)
     counts = times @ member
     means = _ratio((times * values) @ member, counts)

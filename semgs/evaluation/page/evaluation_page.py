@@ -1,4 +1,4 @@
-"""The page that a user looks at after an evaluation."""
+"""The HTML report of an evaluation."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 
 from semgs.data.classes import ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
-from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.evaluate import SHOWN, Rows
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
 from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
-from semgs.evaluation.tables.report import Evaluation, SavedReport, SavedResult, data_name
+from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.evaluation.tables.texts import TITLES, shown_number
 from semgs.figures import page
 from semgs.figures.classes import LegendEntry
@@ -31,30 +31,30 @@ PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ss
 
 
 RESULTS = (
-    "mIoU and class accuracy are of one confusion matrix of all targets; “/image” are means over images, then over scenes. "
-    "The oracle copies the nearest input view, its picture and its true labels, as if the camera had not moved. "
+    "mIoU and class accuracy come from one confusion matrix over all targets; “/image” scores are means over images, then over scenes. "
+    "The oracle copies the nearest input view, with its image and true labels, as if the camera had not moved. "
     + MARKED
 )
 """How to read the tables."""
 
 FILES = (
     page.Link("report.json", "all numbers of this page, for semgs compare"),
-    page.Link("frames.json", "the frames, for another evaluation of the same: --protocol pinned frames.json"),
+    page.Link("frames.json", "the frames; use --protocol pinned frames.json to evaluate another method on them"),
 )
-"""What every evaluation writes beside the page."""
+"""Files of every evaluation."""
 
 MAPS = (
     page.Link("predictions/", "class maps, by number of views and scene"),
-    page.Link("truth/", "what they were compared with"),
+    page.Link("truth/", "the true class maps"),
 )
-"""What an evaluation of weights writes as well."""
+"""Further files of an evaluation of weights."""
 
 
-def report_page(evaluation: Evaluation, report: SavedReport) -> str:
+def evaluation_page(evaluation: Evaluation, report: SavedReport) -> str:
     """The report as one self-contained HTML page.
 
     Args:
-        evaluation: that is done.
+        evaluation: the finished evaluation.
         report: its numbers.
 
     Raises:
@@ -70,7 +70,7 @@ def report_page(evaluation: Evaluation, report: SavedReport) -> str:
         sections += _sections_of(rows, report.results[rows.views], evaluation)
     sections += [
         page.Section("Files", "", (page.Links(FILES + (MAPS if evaluation.subject.kind == "weights" else ())),)),
-        page.Section("What was measured", "", (_facts(evaluation, report),), folded=True),
+        page.Section("Details", "", (_facts(evaluation, report),), folded=True),
     ]
     return page.html_page(
         title=f"{evaluation.subject.name} on {data_name(evaluation.data, [scene.name for scene in scenes])}",
@@ -83,7 +83,7 @@ def report_page(evaluation: Evaluation, report: SavedReport) -> str:
 
 
 def _headlines(report: SavedReport) -> list[page.Headline]:
-    """The few numbers that tell how it went."""
+    """The most important numbers."""
     found = []
     for metric in ("miou", "psnr"):
         for views, result in report.results.items():
@@ -98,7 +98,7 @@ def _headlines(report: SavedReport) -> list[page.Headline]:
 
 
 def _overview(report: SavedReport) -> page.Table:
-    """The table of the terminal."""
+    """The table that the terminal also prints."""
     grid = overview_grid(report, BRIEF)
     rows = [
         tuple(cell.text.replace("  ", "– ") + (grid.mark if cell.marked else "") for cell in row) for row in grid.rows
@@ -107,7 +107,7 @@ def _overview(report: SavedReport) -> page.Table:
 
 
 def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
-    """What was evaluated, on what, and with what."""
+    """The method, the data, the baselines and the machine."""
     subject, hardware = evaluation.subject, evaluation.hardware
     sizes = sorted({f"{height}x{width}" for height, width in report.sizes.values()})
     rows = [
@@ -121,7 +121,7 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
             if evaluation.classes
             else []
         ),
-        ("Trivial rows", "; ".join(NAMES.values())),
+        ("Baselines", "; ".join(NAMES.values())),
     ]
     for views, result in report.results.items():
         numbers = result.numbers
@@ -129,9 +129,9 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
             rows.append(
                 (
                     f"Time, {views} views",
-                    f"{numbers['seconds_encode']:.3f} s to encode, {numbers['seconds_render']:.3f} s to draw a target (medians): "
-                    f"{numbers['fps_encoding_each']:.2f} FPS encoding anew for each target, "
-                    f"{numbers['fps_encoding_shared']:.2f} FPS drawing from one encoding",
+                    f"{numbers['seconds_encode']:.3f} s to encode, {numbers['seconds_render']:.3f} s to render a target (medians): "
+                    f"{numbers['fps_encoding_each']:.2f} FPS if each target is encoded anew, "
+                    f"{numbers['fps_encoding_shared']:.2f} FPS if all targets are rendered from one encoding",
                 )
             )
     rows += [
@@ -142,7 +142,7 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
 
 
 def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> list[page.Section]:
-    """All that is told of one number of views."""
+    """The sections for one number of views."""
     views, numbers, classes = rows.views, result.numbers, evaluation.classes
     blocks: list[page.Block] = [_metrics(result, evaluation.subject.name)]
     if len(numbers["per_scene"]) > 1:
@@ -156,8 +156,8 @@ def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> lis
         sections.append(
             page.Section(
                 f"Classes from {views} views",
-                "Bars: IoU of each class that the truth shows; the tick is that of the oracle, which copies the nearest input view's true labels. "
-                "Matrix: of the pixels of a true class (row), the percentage that is given each class (column).",
+                "Bars: IoU of each class that occurs in the ground truth; the tick is the IoU of the oracle. "
+                "Matrix: for the pixels of each true class (row), the percentage predicted as each class (column).",
                 (_bars(result, classes), _matrix(result, classes)),
             )
         )
@@ -170,7 +170,7 @@ def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> lis
 
 
 def _metrics(result: SavedResult, name: str) -> page.Table:
-    """Every metric with its interval, beside the trivial rows."""
+    """Every metric with its interval, next to the baselines."""
     numbers = result.numbers
     rows = []
     for metric in METRICS:
@@ -187,7 +187,7 @@ def _metrics(result: SavedResult, name: str) -> page.Table:
 
 
 def _scene_table(numbers: Mapping[str, Any]) -> page.Table:
-    """The metrics of each scene by itself."""
+    """The metrics of each scene."""
     shown = [metric for metric in PER_SCENE if any(scene[metric] is not None for scene in numbers["per_scene"])]
     rows = [
         (scene["scene"], str(scene["samples"]), *[shown_number(metric, scene[metric]) for metric in shown])
@@ -197,7 +197,7 @@ def _scene_table(numbers: Mapping[str, Any]) -> page.Table:
 
 
 def _bars(result: SavedResult, classes: ClassTable) -> page.Bars:
-    """The IoU of each class that the truth shows, the best first."""
+    """The IoU of each class in the ground truth, the best first."""
     copy = result.trivial.get("copy", {}).get("per_class_iou", {})
     present = [(entry["iou"], label) for label, entry in enumerate(result.numbers["per_class"]) if entry["pixels"]]
     total = sum(entry["pixels"] for entry in result.numbers["per_class"])
@@ -210,7 +210,7 @@ def _bars(result: SavedResult, classes: ClassTable) -> page.Bars:
 
 
 def _matrix(result: SavedResult, classes: ClassTable) -> page.Matrix:
-    """The confusion matrix, rows as shares of their true class; classes neither true nor predicted are left out."""
+    """The confusion matrix; each row sums to 1. Classes that are neither true nor predicted are left out."""
     confusion, truth = total_confusion(result.frames)
     rows = np.flatnonzero(truth)
     columns = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
@@ -219,12 +219,12 @@ def _matrix(result: SavedResult, classes: ClassTable) -> page.Matrix:
         rows=tuple(classes.names[label] for label in rows),
         columns=tuple(classes.names[label] for label in columns),
         shares=tuple(tuple(shares[row, columns].tolist()) for row in rows),
-        corner="true \\ given",
+        corner="true \\ predicted",
     )
 
 
 def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple[page.Block, ...]:
-    """The best and the worst frames with their pictures."""
+    """The best and the worst frames with their images."""
     tasks = evaluation.plan.of(rows.views)
     galleries: list[page.Gallery] = []
     for which, places in zip(("Best", "Worst"), extremes(result.frames, SHOWN), strict=True):
@@ -247,7 +247,7 @@ def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple
 
 
 def _legend(result: SavedResult, classes: ClassTable) -> page.Legend:
-    """The colours of the classes that are true or given, with their share of the true pixels."""
+    """The colours of the true or predicted classes, with their share of the true pixels."""
     confusion, truth = total_confusion(result.frames)
     shown = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
     order = sorted(shown.tolist(), key=lambda label: -truth[label])
@@ -262,7 +262,7 @@ def _legend(result: SavedResult, classes: ClassTable) -> page.Legend:
 def _gallery(
     heading: str, task: Task, frame: FrameScores, predicted: Prediction, classes: ClassTable | None
 ) -> page.Gallery:
-    """The pictures of one target."""
+    """The images of one target."""
     truth = read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)
     shown = [photo(truth.images[0], "photo (truth)")]
     if predicted.image is not None:
@@ -277,9 +277,9 @@ def _gallery(
         if truth.depths is not None:
             shown.append(page.Picture(depth_error_picture(depths, known), "depth error", lossy=True))
     values = summary([frame])
-    told = [
+    scores = [
         f"{TITLES[metric]} {shown_number(metric, values[metric])}"
         for metric in ("miou_per_image", "accuracy_per_image", "psnr", "depth_abs_rel")
         if metric in values
     ]
-    return page.Gallery(heading, ", ".join([*told, "from " + " ".join(task.contexts)]), tuple(shown))
+    return page.Gallery(heading, ", ".join([*scores, "from " + " ".join(task.contexts)]), tuple(shown))

@@ -1,4 +1,4 @@
-"""The results of `semgs reconstruct`: the files in its folder, and the summary that the user reads at the end."""
+"""The output of `semgs reconstruct`: the files in its folder, and the summary that it prints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from semgs.reconstruction.stages import Stages
 def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> None:
     """Write all files of a reconstruction into an existing folder.
 
-    The report comes last and holds the seconds of all that was done before it.
+    The report is written last, because it contains the time of every other stage.
 
     Raises:
         OSError: a file cannot be written.
@@ -37,7 +37,7 @@ def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: 
 
 
 def saved(result: Reconstruction) -> SavedScene:
-    """A reconstruction as the scene file keeps it."""
+    """A reconstruction as the scene file stores it."""
     scene = result.scene
     transform = None if scene.applied_transform is None else scene.applied_transform.tolist()
     found = SavedScene.of(
@@ -57,7 +57,7 @@ def saved(result: Reconstruction) -> SavedScene:
 
 
 def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str:
-    """What the user reads at the end: what was chosen, how it went, where it is."""
+    """The printed summary: the frames, the scores and the files."""
     metric, bounds = result.metric, result.depth_range
     height, width = result.size
     rows = [
@@ -86,7 +86,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
 
 
 def _held_out(shown: Shown | None) -> str:
-    """The held-out frames as text, with the part of each that is seen."""
+    """The held-out frames, with the share of each that is seen."""
     if shown is None:
         return "none"
     return ", ".join(

@@ -1,4 +1,4 @@
-"""Results: what was measured of each row, as JSON and back. No torch."""
+"""The JSON file of the bench: writing and reading it. No torch."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ VERSION = 1
 
 
 @dataclass(frozen=True)
-class Result:
-    """What was measured of a row.
+class BenchResult:
+    """The measurement of a row.
 
     Attributes:
         name: of the row.
-        seconds: the least over the repeats; None if it could not be measured here.
+        seconds: of the fastest repeat; None if it could not be measured.
         seconds_median: over the repeats.
-        repeats: how many were measured, after those that warm up.
-        peak_memory_mb: of the whole process, or on the GPU [10^6 bytes]; None where it is not measured.
-        reason: why there is no time; None if there is.
+        repeats: how many were measured, without warm-up runs.
+        peak_memory_mb: of the process, or on the GPU [10^6 bytes]; None if not measured.
+        reason: why there is no time; None if there is one.
     """
 
     name: str
@@ -36,25 +36,25 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Bench:
-    """All that one run of the bench found.
+class BenchReport:
+    """The results of one run of the bench.
 
     Attributes:
         machine: processor, cores, versions.
-        results: one for each row that was asked for, in the order of the rows.
+        results: one per row, in the order of the rows.
     """
 
     machine: Mapping[str, Any]
-    results: tuple[Result, ...]
+    results: tuple[BenchResult, ...]
 
     @property
-    def by_name(self) -> dict[str, Result]:
+    def by_name(self) -> dict[str, BenchResult]:
         """The results by the names of their rows."""
         return {result.name: result for result in self.results}
 
 
-def numbers(bench: Bench) -> dict[str, Any]:
-    """A bench, ready for JSON; what is not known is None."""
+def numbers(bench: BenchReport) -> dict[str, Any]:
+    """A bench, ready for JSON; unknown values are None."""
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -64,7 +64,7 @@ def numbers(bench: Bench) -> dict[str, Any]:
 
 
 def is_bench(path: Path) -> bool:
-    """Whether a file is JSON that says it is the bench's."""
+    """Whether a file is a JSON file of the bench."""
     try:
         content = read_json(path)
     except InputError:
@@ -72,23 +72,23 @@ def is_bench(path: Path) -> bool:
     return isinstance(content, dict) and content.get("format") == FORMAT
 
 
-def read_bench(path: Path) -> Bench:
-    """A bench from its file.
+def read_bench(path: Path) -> BenchReport:
+    """Read a bench from its file.
 
     Raises:
-        InputError: the file cannot be read, or holds something else, or is of another version.
+        InputError: the file cannot be read, contains something else, or has another version.
     """
     content = read_json(path, "the JSON file of semgs bench")
     if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise InputError(path, f"a file of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")
     try:
-        return Bench(dict(content["machine"]), tuple(_result(entry) for entry in content["results"]))
+        return BenchReport(dict(content["machine"]), tuple(_result(entry) for entry in content["results"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(path, "a whole file of semgs bench", f"{type(error).__name__}: {error}") from error
+        raise InputError(path, "a complete file of semgs bench", f"{type(error).__name__}: {error}") from error
 
 
-def _entry(result: Result) -> dict[str, Any]:
+def _entry(result: BenchResult) -> dict[str, Any]:
     """A result as JSON, numbers to six significant digits; without the reason if there is none."""
     fields = {
         name: float(f"{value:.6g}") if isinstance(value, float) else value for name, value in asdict(result).items()
@@ -96,15 +96,11 @@ def _entry(result: Result) -> dict[str, Any]:
     return fields if result.reason is not None else {name: fields[name] for name in fields if name != "reason"}
 
 
-def _result(entry: dict[str, Any]) -> Result:
-    """A result from JSON; what older versions wrote beside it is passed over.
-
-    Raises:
-        KeyError, TypeError, ValueError: it was made by something else.
-    """
+def _result(entry: dict[str, Any]) -> BenchResult:
+    """A result from JSON; further keys, which older versions wrote, are ignored."""
     names = ("seconds", "seconds_median", "peak_memory_mb")
     reason = entry.get("reason")
-    return Result(
+    return BenchResult(
         name=str(entry["name"]),
         repeats=int(entry["repeats"]),
         reason=None if reason is None else str(reason),
