@@ -13,8 +13,8 @@ import sys
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
-from semgs.evaluation.tables.texts import TITLES
 from semgs.files.errors import InputError
+from semgs.objectives.measures import TITLES
 
 METRICS = ("psnr", "miou", "depth_abs_rel")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Annotated, Any
 
 from tyro.constructors import PrimitiveConstructorSpec
@@ -66,18 +67,17 @@ def shown_size(size: tuple[int, int] | None) -> str:
     return "auto" if size is None else f"{size[0]}x{size[1]}"
 
 
-def at_least(least: int | float) -> Callable[[str], int | float]:
-    """Reads a number that is not smaller; whole if `least` is."""
+def at_least(least: int | float, *, more: bool = False) -> Callable[[str], int | float]:
+    """Reads a number that is not smaller than `least`, or with `more` one that is larger; a whole number if `least` is one."""
     kind = type(least)
+    wanted = f"{'a whole number, ' if kind is int else ''}{f'more than {least:g}' if more else f'{least:g} or more'}"
 
     def read(text: str) -> int | float:
-        try:
+        with suppress(ValueError):
             value = kind(text)
-        except ValueError:
-            value = None
-        if value is None or not value >= least:
-            raise ValueError(f"expected {'a whole number, ' if kind is int else ''}{least} or more, found {text!r}")
-        return value
+            if value > least or (value == least and not more):
+                return value
+        raise ValueError(f"expected {wanted}, found {text!r}")
 
     return read
 
@@ -87,16 +87,6 @@ def _size(text: str) -> tuple[int, int]:
     if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
         raise ValueError(f"expected sides from {SMALLEST_SIDE} to {LARGEST_SIDE} pixels, found {text}")
     return size
-
-
-def _minutes(text: str) -> float:
-    try:
-        minutes = float(text)
-    except ValueError:
-        minutes = 0.0
-    if not minutes > 0:
-        raise ValueError(f"expected more than 0 minutes, found {text!r}")
-    return minutes
 
 
 def _device(text: str) -> str:
@@ -169,7 +159,7 @@ Workers = Annotated[int, one_word("INT", at_least(0))]
 WorkersOrCores = Annotated[int | None, one_word("INT", at_least(0))]
 """The same; None for one per core."""
 
-Minutes = Annotated[float | None, one_word("FLOAT", _minutes)]
+Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 """More than 0; None for no limit."""
 
 

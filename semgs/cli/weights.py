@@ -106,7 +106,8 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
 def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     """The table of scores with intervals; none if no header has scores."""
     from semgs.evaluation.tables.grid import Cell, Grid
-    from semgs.evaluation.tables.texts import TITLES, with_interval
+    from semgs.evaluation.tables.texts import with_interval
+    from semgs.objectives.measures import TITLES
     from semgs.weights.scores import Figure, read_scores
 
     def cell(metric: str, figure: Figure | None) -> Cell:

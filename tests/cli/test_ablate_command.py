@@ -74,7 +74,7 @@ def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped
 def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, labelled, trained, capsys):
     line = [*LINE.split(), "--out", str(tmp_path / "out")]
     assert main([*line, "--test", str(room)]) == 2
-    assert "scenes with labels" in capsys.readouterr().err.splitlines()[-1]
+    assert "labelled scenes" in capsys.readouterr().err.splitlines()[-1]
     assert main([*line, "--test", str(labelled), "--learning-rate", "0.5"]) == 2
     assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
 
@@ -102,10 +102,10 @@ def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_pa
     ("line", "told"),
     [
         ("--views 1", "--views: expected a whole number, 2 or more"),
-        ("--seeds 1 1", "one twice"),
+        ("--seeds 1 1", "a seed twice"),
         ("--losses.smoothness 0", "the full method lacks Sm-Loss"),
         ("--network.windows 1", "the full method lacks Sw-Trans"),
-        ("--minutes 0", "--minutes: expected more than 0 minutes"),
+        ("--minutes 0", "--minutes: expected more than 0"),
         ("--test nowhere", "nowhere"),
     ],
 )

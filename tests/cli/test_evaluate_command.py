@@ -261,7 +261,7 @@ def test_an_unknown_protocol_lists_the_known(refused: Refused):
     assert "pinned FILE" in refused("small", "--protocol", "pinned")
     assert "expected one of" in refused("small", "--protocol", "peers", "7")
     assert "no such file" in refused("small", "--protocol", "pinned", "nowhere.json")
-    assert "peers alone" in refused("small", "--gsnerf-distance")
+    assert "--gsnerf-distance needs --protocol peers" in refused("small", "--gsnerf-distance")
 
 
 def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
@@ -357,9 +357,9 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
         ((tmp_path / "nowhere.json",), "nothing there"),
         ((tmp_path / "other.json",), "expected a report of format semgs.report.evaluate"),
         ((tmp_path / "broken.json",), "KeyError: 'target'"),
-        ((tmp_path / "worded.json",), "'good' is no number"),
+        ((tmp_path / "worded.json",), "'good' is not a number"),
         ((report, tmp_path / "moved.json"), "contexts images/002.png, images/000.png of room/images/001.png"),
-        ((report, "--layout", "difference"), "needs two reports"),
+        ((report, "--layout", "difference"), "needs two or more reports"),
         ((report, "--layout", "sideways"), "sideways"),
         ((report, "--layout", "data", "--published", "scannet"), "--published needs --layout paper"),
     ):

@@ -74,8 +74,8 @@ def test_what_is_typed_becomes_what_a_command_uses(tmp_path: Path):
         ("--views 2.5", "--views: expected a whole number, 2 or more, found '2.5'"),
         ("--count 0", "--count: expected a whole number, 1 or more, found '0'"),
         ("--workers=-1", "--workers: expected a whole number, 0 or more, found '-1'"),
-        ("--minutes 0", "--minutes: expected more than 0 minutes, found '0'"),
-        ("--minutes nan", "--minutes: expected more than 0 minutes, found 'nan'"),
+        ("--minutes 0", "--minutes: expected more than 0, found '0'"),
+        ("--minutes nan", "--minutes: expected more than 0, found 'nan'"),
     ],
 )
 def test_what_cannot_be_used_is_refused_on_one_line(typed: str, told: str):

@@ -153,8 +153,8 @@ def test_what_would_not_have_been_written_is_not_read(tmp_path: Path) -> None:
         ("semantic.quaternions", (5,), 2.0, r"expected a length of 1"),
         ("depth_range", (0, 0), -0.7, "depth_range contain an invalid number; expected 0 < near < far"),
         ("depth_range", (1, 1), 0.5, "expected 0 < near < far"),
-        ("depths", (0, 1, 1), -1.0, "depths hold"),
-        ("confidences", (0, 1, 1), float("nan"), "confidences hold"),
+        ("depths", (0, 1, 1), -1.0, "depths contain"),
+        ("confidences", (0, 1, 1), float("nan"), "confidences contain"),
     ):
         changed = tensors[name].clone()
         changed[index] = value

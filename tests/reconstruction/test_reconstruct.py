@@ -148,7 +148,7 @@ def test_a_scene_far_from_its_origin_is_reconstructed_as_well_as_near_it(wall_sc
             assert score.psnr > 15
             assert score.psnr == pytest.approx(wanted.psnr, abs=0.01)
             assert score.depth_error == pytest.approx(wanted.depth_error, abs=1e-3)
-    assert any("relative to (5000003, -4000001, 300001), which is added" in note for note in after.notes)
+    assert any("relative to (5000003, -4000001, 300001). Add this point" in note for note in after.notes)
     assert not any("relative to" in note for note in before.notes)
 
 

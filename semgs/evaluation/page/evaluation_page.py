@@ -18,7 +18,6 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
 from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
-from semgs.evaluation.tables.texts import TITLES, shown_number
 from semgs.figures import page
 from semgs.figures.classes import LegendEntry
 from semgs.figures.depth import WORST_ERROR, depth_error_bar, depth_error_picture
@@ -26,6 +25,7 @@ from semgs.figures.numbers import percent
 from semgs.figures.views import class_map, depth_map, photo, please_note, true_class_map
 from semgs.files.colours import depth_limits
 from semgs.files.text import listed
+from semgs.objectives.measures import TITLES, shown_number
 
 PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")
 

@@ -10,7 +10,7 @@ from statistics import mean
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.grid import Cell, Grid
-from semgs.evaluation.tables.texts import TITLES
+from semgs.objectives.measures import TITLES
 from semgs.training.settings import TrainingSettings
 
 METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")

@@ -8,7 +8,8 @@ from typing import Any
 from semgs.evaluation.tables.compare import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.grid import Cell, Grid
-from semgs.evaluation.tables.texts import TITLES, shown_number, with_interval
+from semgs.evaluation.tables.texts import with_interval
+from semgs.objectives.measures import TITLES, shown_number
 from semgs.weights.scores import Figure
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")

@@ -11,9 +11,8 @@ from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, SEEN_METRICS
 from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, below
 from semgs.evaluation.tables.grid import Cell, Grid
 from semgs.evaluation.tables.published import MARK, PublishedTable
-from semgs.evaluation.tables.texts import TITLES, shown_number
 from semgs.files.errors import InputError
-from semgs.objectives.measures import MOSTLY_SEEN
+from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 
 Layout = Literal["paper", "difference", "data", "card"]
 

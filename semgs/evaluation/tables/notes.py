@@ -11,8 +11,8 @@ from semgs.evaluation.scoring.evaluate import Rows
 from semgs.evaluation.scoring.intervals import FEWEST_SCENES, units
 from semgs.evaluation.scoring.summary import summary
 from semgs.evaluation.tables.evaluation_report import below
-from semgs.evaluation.tables.texts import TITLES
 from semgs.files.text import listed
+from semgs.objectives.measures import TITLES
 
 STRETCH_TOLERANCE = 0.01
 """Images whose aspect ratio changes by more than this are reported."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from semgs.objectives.measures import TITLES, shown_number
-
-__all__ = ["TITLES", "shown_number", "with_interval"]
+from semgs.objectives.measures import shown_number
 
 
 def with_interval(metric: str, value: float | None, low: float | None, high: float | None) -> str:

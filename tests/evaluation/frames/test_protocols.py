@@ -37,7 +37,7 @@ def test_a_target_may_be_drawn_from_all_other_frames_and_from_no_more(make_scene
         frozenset({0, 1, 3}),
     }
     with pytest.raises(
-        InputError, match=r"expected at least 4 frames to draw a target from, found 3 \(4 usable frames\)"
+        InputError, match=r"expected at least 4 frames to render a target from, found 3 \(4 usable frames\)"
     ):
         neighbours(scene, 4)
 
