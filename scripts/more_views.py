@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import sys
 
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import paired_differences
-from semgs.evaluation.scoring.scores import FrameScores
-from semgs.evaluation.tables.report import SavedReport, read_report
-from semgs.evaluation.tables.texts import TITLES
+from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
 from semgs.files.errors import InputError
+from semgs.objectives.measures import TITLES
 
 METRICS = ("psnr", "miou", "depth_abs_rel")
 

@@ -1,4 +1,4 @@
-"""SemGS: from two to four posed photos of a room, in one forward pass, a semantic 3D scene of Gaussians."""
+"""SemGS: turns two to four posed photos of a room into a semantic 3D scene of Gaussians, in one forward pass."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Resolve the public names on first use, so that `import semgs` alone (and `semgs --help`) imports no torch."""
+    """Import public names on first use, so that `import semgs` and `semgs --help` do not import torch."""
     if name not in _HOMES:
         raise AttributeError(f"module 'semgs' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

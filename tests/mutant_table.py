@@ -931,7 +931,7 @@ MUTANTS = (
     ),
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,
-        "[view.depth_error for view in views], pixels_seen)", "[view.depth_error for view in views])", OF_VIEW_SCORES,
+        "getattr(view, weights[name]) if name in weights else 1)", "1)", OF_VIEW_SCORES,
     ),
     # What the system does meanwhile
     Mutant(

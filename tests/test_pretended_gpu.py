@@ -16,8 +16,8 @@ from posed import posed_views
 from semgs.data.choice import choose
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, stack
+from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network import NetworkMethod
-from semgs.evaluation.frames.plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.export.ply import save_ply

@@ -1,1 +1,1 @@
-"""Bench: how long things take, and how much memory they need."""
+"""Bench: measures time and memory."""

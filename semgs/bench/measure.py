@@ -1,4 +1,4 @@
-"""Measuring: every run in turn, then all of them again, so that what disturbs the machine for a while disturbs all alike."""
+"""Measures runs in rounds over all of them, so that a temporary disturbance of the machine affects all runs alike."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import TypeVar
 REPEATS = 5
 WARM_UPS = 2
 BEYOND_SECONDS = 20.0
-"""What takes longer is measured once, and by its first run."""
+"""A run that takes longer is measured only once, by its first run."""
 
 WHOLE = "total"
-"""The part of a run that is all of it."""
+"""The part of a run that contains all others."""
 
 Seconds = Mapping[str, float]
-"""Seconds by part of a run; the one named `WHOLE` is all of it."""
+"""Seconds by part of a run; `WHOLE` is the total."""
 
 Key = TypeVar("Key", bound=Hashable)
 
 
 class CannotMeasureError(Exception):
-    """Something that cannot be measured here; the text is the reason, as the table shows it."""
+    """A run that cannot be measured here; the text is the reason, which the table shows."""
 
 
 def measure(
@@ -30,20 +30,20 @@ def measure(
     warm_ups: int = WARM_UPS,
     done: Callable[[Key], None] = lambda key: None,
 ) -> dict[Key, list[Seconds] | CannotMeasureError]:
-    """Seconds of each run, one entry a repeat.
+    """Seconds of each run, one entry per repeat.
 
     Args:
-        runs: each does its work once and says how long its parts took.
+        runs: each does its work once and returns the seconds of its parts.
         repeats: how often each is measured, in rounds over all of them.
-        warm_ups: runs of each before that, which compile, load and fill caches.
-        done: told of every run that is done.
+        warm_ups: runs before that, which compile, load and fill caches.
+        done: called after every run.
 
     Returns:
-        The seconds of the repeats; of a run that takes more than `BEYOND_SECONDS` its first seconds; the error of one that
-        raised `CannotMeasureError`.
+        The seconds of the repeats. If a run takes more than `BEYOND_SECONDS`, those of its first run; if it raises
+        `CannotMeasureError`, the error.
     """
     found: dict[Key, list[Seconds] | CannotMeasureError] = {}
-    going: list[Key] = []
+    times: dict[Key, list[Seconds]] = {}
     for key, run in runs.items():
         try:
             first = run()
@@ -54,13 +54,11 @@ def measure(
             for _ in range(warm_ups - 1):
                 run()
                 done(key)
+            times[key] = []
         except CannotMeasureError as error:
             found[key] = error
-            continue
-        going.append(key)
-    times: dict[Key, list[Seconds]] = {key: [] for key in going}
     for _ in range(repeats):
-        for key in going:
-            times[key].append(runs[key]())
+        for key, seconds in times.items():
+            seconds.append(runs[key]())
             done(key)
     return {key: found[key] if key in found else times[key] for key in runs}

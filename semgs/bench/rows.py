@@ -1,4 +1,4 @@
-"""Rows: what is measured, as data; a row's name tells all of it. No torch."""
+"""The rows of the bench: what is measured. A row's name describes it completely. No torch."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ Kind = Literal["network", "render", "train", "command"]
 Precision = Literal["float32", "bfloat16"]
 
 SIZE = (240, 320)
-"""Height and width of the pictures [px]."""
+"""Height and width of the images [px]."""
 
 THREADS = 2
-"""Threads that compute."""
+"""Compute threads."""
 
 PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 NETWORKS = ("base", "small")
 STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads", "render")
-"""Parts of a whole frame: those of the network, then one target drawn from its Gaussians."""
+"""Parts of a frame: those of the network, then rendering one target."""
 
 BATCH = 8
-"""Scenes at once in the rows of batches."""
+"""Batch size of the rows with batches."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One thing that is measured.
+class BenchRow:
+    """One measurement.
 
     Attributes:
-        name: to call it by; no two rows have the same.
-        kind: what is run: encoding views and drawing one target (`network`), drawing a generated scene (`render`), a training
+        name: unique.
+        kind: what runs: encoding views and rendering one target (`network`), rendering a generated scene (`render`), a training
             step (`train`), the program itself (`command`).
-        part: what of that: "total" or a stage, the passes, or the command.
-        network: its name, empty where there is none.
-        views: N.
-        size: (height, width) of the pictures [px].
-        threads: that compute.
+        part: which part of that: "total" or a stage, the passes, or the command.
+        network: its name; empty if none is used.
+        views: number of input views.
+        size: (height, width) of the images [px].
+        threads: compute threads.
         precision: of the layers.
         device: "cpu" or "cuda".
-        batch: scenes at once.
-        quick: whether `--quick` measures it too.
+        batch: batch size.
+        quick: whether `--quick` includes it.
     """
 
     name: str
@@ -56,23 +56,23 @@ class Row:
     quick: bool = False
 
     @property
-    def run(self) -> Row:
-        """What is run for it: the stages of a frame are measured with the frame. Rows of one run have this equal."""
+    def run(self) -> BenchRow:
+        """The run that measures it; equal for rows that share a run. Stages of a frame are measured with the frame."""
         part = "total" if self.kind == "network" else self.part
         return replace(self, name="", part=part, quick=False)
 
 
-def every_row() -> tuple[Row, ...]:
-    """All rows there are, in the order of tables."""
+def every_row() -> tuple[BenchRow, ...]:
+    """All rows, in the order of tables."""
     return tuple([*_frames(), *_stages(), *_others(), *_on_cuda()])
 
 
-def chosen_rows(only: Sequence[str] = (), quick: bool = False) -> tuple[Row, ...]:
+def chosen_rows(only: Sequence[str] = (), quick: bool = False) -> tuple[BenchRow, ...]:
     """The rows to measure.
 
     Args:
-        only: names; nothing else is measured then.
-        quick: the rows of the quick look.
+        only: names of rows to measure; empty for all.
+        quick: only the rows of `--quick`.
 
     Raises:
         KeyError: there is no row of a name; the name is its argument.
@@ -84,45 +84,40 @@ def chosen_rows(only: Sequence[str] = (), quick: bool = False) -> tuple[Row, ...
     return tuple(row for row in rows if row.quick or not quick)
 
 
-def _frames() -> Iterator[Row]:
-    """Whole frames."""
+def _frames() -> Iterator[BenchRow]:
+    """Complete frames."""
     for network in NETWORKS:
         for views in (2, 3, 4):
             for precision in PRECISIONS:
                 quick = network == "small" and precision == "float32"
                 name = f"total_{network}_n{views}_{precision}"
-                yield Row(name, "network", "total", network, views, precision=precision, quick=quick)
+                yield BenchRow(name, "network", "total", network, views, precision=precision, quick=quick)
 
 
-def _stages() -> Iterator[Row]:
-    """Where the time of a frame goes."""
+def _stages() -> Iterator[BenchRow]:
+    """The stages of a frame."""
     for network in NETWORKS:
         for stage in STAGES:
-            yield Row(f"{stage}_{network}_n2", "network", stage, network, quick=network == "small")
+            yield BenchRow(f"{stage}_{network}_n2", "network", stage, network, quick=network == "small")
 
 
-def _others() -> Iterator[Row]:
-    yield Row("render_n2", "render", "both", quick=True)
-    yield Row("render_n2_colour", "render", "colour", quick=True)
-    yield Row("render_n2_backward", "render", "backward", quick=True)
-    yield Row("train_small_n2", "train", "step", "small")
-    yield Row("command_small_n2", "command", "reconstruct", "small")
-    yield Row("command_help", "command", "help", quick=True)
+def _others() -> Iterator[BenchRow]:
+    yield BenchRow("render_n2", "render", "both", quick=True)
+    yield BenchRow("render_n2_colour", "render", "colour", quick=True)
+    yield BenchRow("render_n2_backward", "render", "backward", quick=True)
+    yield BenchRow("train_small_n2", "train", "step", "small")
+    yield BenchRow("command_small_n2", "command", "reconstruct", "small")
+    yield BenchRow("command_help", "command", "help", quick=True)
 
 
-def _on_cuda() -> Iterator[Row]:
-    """What a CUDA device adds: gsplat, and batches."""
+def _on_cuda() -> Iterator[BenchRow]:
+    """Rows on CUDA: gsplat, and batches."""
     for row in _frames():
-        yield replace(row, name=row.name + _on("cuda"), device="cuda", quick=False)
+        yield replace(row, name=f"{row.name}_cuda", device="cuda", quick=False)
     for network in NETWORKS:
         for precision in PRECISIONS:
-            name = f"total_{network}_n2_{precision}_b{BATCH}{_on('cuda')}"
-            yield Row(name, "network", "total", network, precision=precision, device="cuda", batch=BATCH)
+            name = f"total_{network}_n2_{precision}_b{BATCH}_cuda"
+            yield BenchRow(name, "network", "total", network, precision=precision, device="cuda", batch=BATCH)
     for row in _others():
         if row.kind in ("render", "train"):
-            yield replace(row, name=row.name + _on("cuda"), device="cuda", quick=False)
-
-
-def _on(device: str) -> str:
-    """The end of a name on a device."""
-    return "" if device == "cpu" else f"_{device}"
+            yield replace(row, name=f"{row.name}_cuda", device="cuda", quick=False)

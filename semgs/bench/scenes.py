@@ -1,4 +1,4 @@
-"""What the bench computes with: the embedded room, networks, and a generated scene to draw."""
+"""Inputs of the bench: the included room, networks, and a generated scene to render."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from semgs.rooms.sets.demo import demo_scene
 from semgs.weights.load import drawn, load
 
 TARGET = 5
-"""Frame of the embedded room that is drawn."""
+"""Frame of the included room that is rendered."""
 
 SIGMA_PX = 1.0
-"""Median size of the Gaussians of `base`, whose weights are random."""
+"""Median size of the Gaussians of `base`, which has random weights."""
 
 COLOUR_SIGMA_PX, CLASSES_SIGMA_PX = 0.6, 1.0
-"""Sizes of the generated scene's Gaussians where a camera sees them."""
+"""Sizes of the generated scene's Gaussians in the image."""
 
 FAINTEST, DENSEST = 0.3, 0.95
 """Range of their opacities."""
@@ -32,7 +32,7 @@ FAINTEST, DENSEST = 0.3, 0.95
 
 @cache
 def network(name: str) -> SemGS:
-    """A network: `small` with the weights that ship, `base` with random ones whose Gaussians have a median size of 1 px."""
+    """A network: `small` with the included weights, or `base` with random ones whose Gaussians have a median size of 1 px."""
     if name == "small":
         return load("small")
     return drawn(replace(base(), initial_sigma=SIGMA_PX), seed=0).eval()
@@ -40,18 +40,18 @@ def network(name: str) -> SemGS:
 
 @cache
 def context_views(count: int, size: tuple[int, int]) -> Views:
-    """The first frames of the embedded room, without what is only for training."""
+    """The first frames of the included room, without labels and depths."""
     return open_scene(demo_scene()).read(list(range(count)), size).changed(labels=None, depths=None)
 
 
 @cache
 def target_camera(size: tuple[int, int]) -> Cameras:
-    """The camera of the frame that is drawn, as one view."""
+    """The camera of the rendered frame, as one view."""
     return open_scene(demo_scene()).read([TARGET], size).cameras
 
 
 def training_batch(count: int, size: tuple[int, int], targets: int) -> Batch:
-    """A batch of one scene: the first frames of the embedded room, and the last ones to compare with."""
+    """A batch of one scene: the first frames of the included room as contexts, the last ones as targets."""
     scene = open_scene(demo_scene())
     last = range(len(scene) - targets, len(scene))
     return Batch(stack([scene.read(list(range(count)), size)]), stack([scene.read(list(last), size)]), (scene.name,))
@@ -60,10 +60,10 @@ def training_batch(count: int, size: tuple[int, int], targets: int) -> Batch:
 def generated_scene(
     views: int = 2, size: tuple[int, int] = (240, 320), classes: int = 20, seed: int = 0
 ) -> tuple[Gaussians, Cameras]:
-    """Gaussians for every pixel of some views at random smooth depths, and a camera between those views.
+    """One Gaussian per pixel of some views, at random smooth depths, and a camera between those views.
 
-    Colour Gaussians have a standard deviation of 0.6 px, semantic ones of 1 px, each in the view that it comes from;
-    opacities are uniform in 0.3..0.95, axes and harmonics random. A seed gives the same scene everywhere.
+    Colour Gaussians have a standard deviation of 0.6 px in their own view, semantic ones of 1 px. Opacities are uniform in
+    0.3..0.95, rotations and harmonics random. A seed gives the same scene on every machine.
     """
     generator = torch.Generator().manual_seed(seed)
 

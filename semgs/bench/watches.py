@@ -1,23 +1,21 @@
-"""Watches: what stands around the parts of a run to time them."""
+"""Times the parts of a run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from time import perf_counter
-
-import torch
 
 from semgs.bench.measure import WHOLE
+from semgs.reconstruction.encode import now
 
 
 class Stopwatch:
     """Seconds by part.
 
-    On CUDA only the whole is looked at: to wait for the device between parts would change what is measured.
+    On CUDA only `WHOLE` is timed: waiting for the device between parts would change the result.
 
     Args:
-        device: that computes.
+        device: "cpu" or "cuda".
 
     Attributes:
         seconds: by part.
@@ -29,16 +27,10 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, part: str) -> Iterator[None]:
-        """Around a part."""
+        """Time a part."""
         if self._device == "cuda" and part != WHOLE:
             yield
             return
-        start = self._now()
+        start = now()
         yield
-        self.seconds[part] = self._now() - start
-
-    def _now(self) -> float:
-        """The time at which all that was asked of the device is done."""
-        if self._device == "cuda":
-            torch.cuda.synchronize()
-        return perf_counter()
+        self.seconds[part] = now() - start

@@ -1,8 +1,7 @@
-"""Workloads: what each row runs. They are made once, with all that they need, and then called again and again."""
+"""What each row of the bench runs. A run is prepared once and then called repeatedly."""
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -15,7 +14,7 @@ from pathlib import Path
 import torch
 
 from semgs.bench.measure import WHOLE, CannotMeasureError
-from semgs.bench.rows import Row
+from semgs.bench.rows import BenchRow
 from semgs.bench.scenes import context_views, generated_scene, network, target_camera, training_batch
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
@@ -27,26 +26,26 @@ from semgs.rendering.render import render
 from semgs.rooms.sets.demo import demo_scene
 
 Watch = Callable[[str], AbstractContextManager[object]]
-"""What stands around each part of a run, given its name: it times, or looks at memory. `WHOLE` is around all parts."""
+"""A context manager around each part of a run, given its name: measures time or memory. `WHOLE` is around all parts."""
 
 Run = Callable[[Watch], None]
-"""Does the work of a row once, with a watch around each part."""
+"""Does the work of a row once, with a watch on each part."""
 
 PROGRAM = "import sys; from semgs.cli.main import main; sys.exit(main())"
-"""The command `semgs`, with this interpreter."""
+"""The command `semgs`, run by this interpreter."""
 
-PROGRAM_THAT_TELLS = (
-    "import sys; from semgs.cli.main import main; from semgs.bench.memory import peak_mb; told = sys.argv.pop(1); code = main(); "
-    "open(told, 'w').write(str(peak_mb())); sys.exit(code)"
+PROGRAM_WITH_PEAK = (
+    "import sys; from semgs.cli.main import main; from semgs.bench.peak_memory import peak_mb; file = sys.argv.pop(1); code = main(); "
+    "open(file, 'w').write(str(peak_mb())); sys.exit(code)"
 )
-"""The same, with the most memory that it needed in the file named first [10^6 bytes]."""
+"""The same; writes its peak memory to the file given first [10^6 bytes]."""
 
 
-def prepare(row: Row) -> Run:
-    """What a row runs, with its number of threads.
+def prepare(row: BenchRow) -> Run:
+    """Prepare the run of a row, with its number of threads.
 
     Raises:
-        CannotMeasureError: it cannot be run here.
+        CannotMeasureError: it cannot run here.
     """
     _check(row)
     makers = {"network": _frame, "render": _drawing, "train": _training, "command": _command}
@@ -60,21 +59,21 @@ def prepare(row: Row) -> Run:
 
 
 def compile_kernels() -> None:
-    """Let what is compiled on first use be compiled, or loaded, before anything is measured: that takes up to a minute."""
+    """Compile or load all kernels before anything is measured; this takes up to a minute."""
     with torch.no_grad():
         network("small")(context_views(2, (32, 48)))
     _backward(*generated_scene(1, (32, 48)), lambda part: nullcontext())
 
 
-def command(row: Row, out: Path) -> list[str]:
-    """The arguments of the program for a row of it; what it writes goes to a new folder `out`."""
+def command(row: BenchRow, out: Path) -> list[str]:
+    """The arguments of the program for a row; output goes to the new folder `out`."""
     if row.part == "help":
         return ["--help"]
     return ["reconstruct", str(demo_scene()), "--out", str(out), "--model", row.network, "--views", str(row.views)]
 
 
-def _check(row: Row) -> None:
-    """Refuse what this machine has no device, library or cores for."""
+def _check(row: BenchRow) -> None:
+    """Refuse rows for which this machine lacks a device, library or cores."""
     if row.device == "cuda":
         if not torch.cuda.is_available():
             raise CannotMeasureError("no CUDA device")
@@ -83,21 +82,20 @@ def _check(row: Row) -> None:
         return
     import numba
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    found = min(cores, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    found = min(numba.config.NUMBA_DEFAULT_NUM_THREADS, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     if found < row.threads:
         raise CannotMeasureError(f"{row.threads} threads needed, {found} here")
 
 
-def _frame(row: Row) -> Run:
-    """Views to Gaussians, and one target drawn from them with colour, classes and depth."""
+def _frame(row: BenchRow) -> Run:
+    """Encode views, and render one target with colour, classes and depth."""
     model = network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
     chunks = _chunks(row, model, views)
     if row.batch > 1:
         views = stack([views] * row.batch)
         camera = camera.arranged(lambda array: array.expand(row.batch, *array.shape))
-    # On the device once, as a program that has its pictures there would have it.
+    # Moved to the device once, as in a program that already has its images there.
     views = views.to(row.device)
     half = row.precision == "bfloat16"
 
@@ -111,8 +109,8 @@ def _frame(row: Row) -> Run:
     return run
 
 
-def _chunks(row: Row, model: SemGS, views: Views) -> Chunks:
-    """How many views at a time `reconstruct` would take."""
+def _chunks(row: BenchRow, model: SemGS, views: Views) -> Chunks:
+    """The number of views that `reconstruct` would process at a time."""
     if row.batch > 1:
         return Chunks()
     try:
@@ -121,8 +119,8 @@ def _chunks(row: Row, model: SemGS, views: Views) -> Chunks:
         raise CannotMeasureError(str(error)) from error
 
 
-def _drawing(row: Row) -> Run:
-    """The generated scene: both passes, colour alone, or the way back."""
+def _drawing(row: BenchRow) -> Run:
+    """Render the generated scene: both passes, colour only, or the backward pass."""
     scene, camera = generated_scene(row.views, row.size)
     if row.part == "colour":
         scene = Gaussians(scene.means, scene.opacities, scene.colour)
@@ -138,7 +136,7 @@ def _drawing(row: Row) -> Run:
 
 
 def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
-    """Gradients of everything, from a picture and a class map that are drawn before and not watched."""
+    """The backward pass for all inputs; the forward pass before it is not measured."""
     leaves = gaussians.map(lambda tensor: tensor.detach().requires_grad_())
     drawn = render(leaves, camera, near=1.0, clamp=False)
     assert drawn.semantics is not None
@@ -147,8 +145,8 @@ def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
         loss.backward()
 
 
-def _training(row: Row) -> Run:
-    """A step on one scene, with the settings of the network's preset."""
+def _training(row: BenchRow) -> Run:
+    """A training step on one scene, with the settings of the network's preset."""
     from semgs.training import presets
     from semgs.training.state import TrainingState
     from semgs.training.step import training_step
@@ -167,8 +165,8 @@ def _training(row: Row) -> Run:
     return run
 
 
-def _command(row: Row) -> Run:
-    """The program, from its start to its end."""
+def _command(row: BenchRow) -> Run:
+    """The program, from start to end."""
 
     def run(watch: Watch) -> None:
         with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""`semgs ablate`: the paper's ablation: five trainings with equal steps and seeds, their evaluations, one table."""
+"""`semgs ablate`: the paper's ablation. Trains five variants with the same steps and seeds, evaluates them and prints a table."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.train_apart import train_apart
 from semgs.cli.training_options import PresetSettings
+from semgs.cli.types import Count, Device, Minutes, Views, Workers
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
     from semgs.evaluation.tables.ablation import AblationRow
-    from semgs.evaluation.tables.report import SavedReport
+    from semgs.evaluation.tables.evaluation_report import SavedReport
     from semgs.training.settings import TrainingSettings
 
 RUN, EVALUATION, ROOMS, TABLE = "run", "evaluation", "rooms", "ablation.md"
 SCENES = 24
-"""Rooms that are drawn to evaluate on where none are named."""
+"""Rooms that are generated for evaluation if --test is not given."""
 TIMED_STEPS = 3
-"""Steps that --dry-run takes to tell how long all will take."""
+"""Steps that --dry-run times."""
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
@@ -56,33 +57,33 @@ class Ablate:
     """Only evaluate on the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line."""
     protocol: Literal["neighbours", "peers"] = "neighbours"
     """Which frames to evaluate, as for semgs evaluate."""
-    views: int = 4
+    views: Views = 4
     """Input views in the evaluation; the paper's table uses 4."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
     """Train all five variants once per seed; by default, once with the seed of the settings."""
-    minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint="")] = None
+    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
     """Stop after this time, with a checkpoint; repeat the command to resume. By default it runs to the end."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
-    devices: int = 1
+    devices: Count = 1
     """GPUs, or CPU processes. They share the scenes of each step, as for semgs train."""
     precision: Literal["auto", "32", "bf16"] = "32"
     """Precision of the layers, as for semgs train."""
-    accumulate: int = 1
+    accumulate: Count = 1
     """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
-    workers: int = 1
+    workers: Workers = 1
     """Processes that load scenes ahead."""
     dry_run: bool = False
     """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
 
     def run(self) -> None:
-        """Train and evaluate what is not there yet, and print the table.
+        """Train and evaluate what is missing, and print the table.
 
         Raises:
-            InputError: the folder, or the data to evaluate on, cannot be used.
-            UsageError: the settings cannot be, or a training broke down.
+            InputError: the folder or the evaluation data cannot be used.
+            UsageError: the settings are invalid, or a training failed.
         """
         self._check()
         from semgs.evaluation.tables.ablation import ROWS, row_settings
@@ -101,37 +102,26 @@ class Ablate:
         ends = None if self.minutes is None else time.monotonic() + 60 * self.minutes
         for number, (row, settings) in enumerate(runs, 1):
             if not self._train(f"{number}/{len(runs)} {row.title}, seed {settings.seed}", row, settings, ends):
-                print(f"time is up before run {number} of {len(runs)} was done; the same command goes on from here")
+                print(f"time is up: run {number} of {len(runs)} is not finished; repeat the command to resume")
                 break
             self._evaluate(row, settings)
         print(self._table([(row, settings.seed) for row, settings in runs]))
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
-        check_device(self.device)
+        """Check what can be checked without importing torch."""
         if self.test is not None:
             existing_folder(self.test)
         elif self.test_scenes:
             raise UsageError("--test-scenes is for --test DIR")
-        if self.views < 2:
-            raise UsageError(f"--views is {self.views}; expected 2 or more")
-        if self.workers < 0 or (self.minutes is not None and self.minutes <= 0):
-            raise UsageError("--workers must not be negative, and --minutes must be positive")
-        if min(self.devices, self.accumulate) < 1:
-            raise UsageError("--devices and --accumulate must be positive")
         if self.full is not None and len(self.seeds) > 1:
-            raise UsageError("--full is one run, so --seeds can name only one seed")
+            raise UsageError("--full is a single run, so give at most one seed with --seeds")
         if len(set(self.seeds)) != len(self.seeds):
-            raise UsageError("--seeds names one twice")
+            raise UsageError("--seeds contains a seed twice")
         if self.out.exists() and not self.out.is_dir():
             raise InputError(self.out, "a folder to write", "a file", advice="name another")
 
     def _check_unseen(self) -> None:
-        """Refuse to train in rooms that are evaluated on, before anything is trained.
-
-        Raises:
-            InputError: there are such rooms, or no scenes where they should be.
-        """
+        """Refuse, before anything is trained, to train on rooms that are also used for evaluation."""
         from semgs.data.scene_lists import calls, check_unseen, read_list
         from semgs.data.scenes import scene_paths
         from semgs.training.survey.opened import training_paths
@@ -144,7 +134,7 @@ class Ablate:
         check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
 
     def _check_full(self, settings: TrainingSettings) -> None:
-        """Refuse a run of the full method that is none of these settings, or is not finished."""
+        """Refuse --full if that run has other settings or is not finished."""
         if self.full is None:
             return
         from semgs.training.differences import changed, told
@@ -154,19 +144,19 @@ class Ablate:
             listed = ", ".join(
                 f"{name} = {told(there)} there, {told(here)} here" for name, (here, there) in other.items()
             )
-            raise UsageError(f"--full {self.full} is a run of other settings: {listed}")
+            raise UsageError(f"--full {self.full} has other settings: {listed}")
         if not finished(self.full):
-            raise UsageError(f"--full {self.full} is not finished; the same semgs train goes on with it")
+            raise UsageError(f"--full {self.full} is not finished; repeat its semgs train command first")
 
     def _folder(self, row: AblationRow, seed: int) -> Path:
         return self.out / f"seed_{seed}" / row.name
 
     def _run(self, row: AblationRow, seed: int) -> Path:
-        """Where a row is trained."""
+        """The run folder of a variant."""
         return self.full if self.full is not None and row.name == "full" else self._folder(row, seed) / RUN
 
     def _train(self, title: str, row: AblationRow, settings: TrainingSettings, ends: float | None) -> bool:
-        """Train a row, or go on with it; whether it is finished."""
+        """Train a variant, or resume its training. Returns whether it is finished."""
         from rich.console import Console
 
         from semgs.training.loop import train
@@ -198,7 +188,7 @@ class Ablate:
             raise UsageError(str(error)) from error
 
     def _evaluate(self, row: AblationRow, settings: TrainingSettings) -> None:
-        """Evaluate a row that is trained, if that was not done before."""
+        """Evaluate a trained variant, unless that was done before."""
         from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
         from semgs.training.run import WEIGHTS
 
@@ -209,7 +199,7 @@ class Ablate:
         with show_stage("Reading scenes"):
             data = labelled_scenes(path, wanted=self.test_scenes)
         if data.classes is None:
-            raise InputError(path, "scenes with labels", "none that has any")
+            raise InputError(path, "labelled scenes", "none with labels")
         plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
         weights, device = self._run(row, settings.seed) / WEIGHTS, chosen_device(self.device)
         with what_the_user_gave():
@@ -218,23 +208,23 @@ class Ablate:
             evaluate_into(folder / EVALUATION, Job(data, plan, candidate), done=done)
 
     def _rooms(self, settings: TrainingSettings) -> Path:
-        """Rooms to evaluate on, drawn where they are not there yet."""
+        """Rooms to evaluate on; they are generated if they do not exist yet."""
         from semgs.rooms.assets.library import Library
         from semgs.rooms.sets.dataset import Recipe, write_dataset
         from semgs.training.settings import VALIDATION_SEED
 
         library = Library(settings.assets, "validation", check=False) if settings.assets else None
         recipe = Recipe(VALIDATION_SEED, settings.size, library=library)
-        with what_the_user_gave(), show_progress("Drawing rooms", SCENES) as done:
+        with what_the_user_gave(), show_progress("Generating rooms", SCENES) as done:
             write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.workers, done=done)
         return self.out / ROOMS
 
     def _table(self, runs: list[tuple[AblationRow, int]]) -> str:
-        """The table of all runs that are evaluated, which is also written."""
+        """The table of all evaluated runs; it is also written to OUT."""
         from semgs.evaluation.tables.ablation import ablation_grid, steps_grid
         from semgs.evaluation.tables.compare import check_comparable
+        from semgs.evaluation.tables.evaluation_report import read_report
         from semgs.evaluation.tables.grid import printed
-        from semgs.evaluation.tables.report import read_report
         from semgs.files.atomic import write_text
 
         reports: dict[tuple[str, int], SavedReport] = {}
@@ -243,17 +233,17 @@ class Ablate:
             if folder.exists():
                 reports[row.name, seed] = read_report(folder)
         if not reports:
-            return "nothing is evaluated yet"
+            return "no run has been evaluated yet"
         missing = next((one.path for one in reports.values() if self.views not in one.results), None)
         if missing is not None:
-            raise InputError(missing, f"results for {self.views} views", "others", advice="name another folder")
+            raise InputError(missing, f"results for {self.views} views", "none", advice="choose another --out")
         check_comparable(list(reports.values()))
         grids = [ablation_grid(reports, self.views), steps_grid(reports, self.views)]
         write_text(self.out / TABLE, "\n\n".join(printed(grid, "markdown") for grid in grids) + "\n")
-        return "\n\n".join([*(printed(grid, "text") for grid in grids), f"{self.out / TABLE} has it in Markdown."])
+        return "\n\n".join([*(printed(grid, "text") for grid in grids), f"The same in Markdown: {self.out / TABLE}"])
 
     def _cost(self, runs: int) -> str:
-        """What would be trained, and how long three steps of the full method say that it would take."""
+        """What would be trained, and an estimate of the time from three steps of the full method."""
         from tempfile import TemporaryDirectory
 
         from semgs.training.loop import train
@@ -271,6 +261,6 @@ class Ablate:
         return (
             f"{runs} trainings of {full.steps} steps of {full.batch} scenes at {height}x{width} ({runs * full.steps} steps), then "
             f"{runs} evaluations with {self.views} views\n"
-            f"about {seconds:.2f} s a step here, {minutes:.0f} min a training, {runs * minutes / 60:.1f} h for all, "
-            f"evaluations and validations not counted"
+            f"about {seconds:.2f} s per step on this machine: {minutes:.0f} min per training, {runs * minutes / 60:.1f} h in total, "
+            "not counting evaluation and validation"
         )

@@ -1,4 +1,4 @@
-"""Arguments: what was typed becomes a command's options, or one line that says what is wrong. No torch."""
+"""Parses the arguments of a command into its options, or says in one line what is wrong. No torch."""
 
 from __future__ import annotations
 
@@ -22,17 +22,13 @@ Options = TypeVar("Options")
 REFUSED = 2
 """The exit code with which tyro refuses arguments."""
 
-SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
-"""Sides of the pictures that can be asked for [px]."""
-
-
 _TYPES = ConstructorRegistry()
-"""How what was typed becomes what options hold, where that is not tyro's own way."""
+"""Parsing rules in addition to tyro's."""
 
 
 @_TYPES.primitive_rule
 def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
-    """Paths, by `typed_path`."""
+    """Reads paths with `typed_path`."""
     if info.type is not Path:
         return None
     return PrimitiveConstructorSpec(
@@ -45,66 +41,49 @@ def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
 
 
 def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
-    """The options of a command from its arguments; `--help` prints its help and leaves with 0.
+    """Parse the arguments of a command; `--help` prints its help and exits with 0.
 
     Args:
         options: a dataclass whose fields, comments and docstring are the help.
-        program: what is typed before the arguments, such as "semgs train".
-        arguments: what was typed behind it.
+        program: the command, such as "semgs train".
+        arguments: the words after it.
 
     Raises:
-        UsageError: an option is unknown (the nearest one is named), missing or has an impossible value.
-        SystemExit: with 0, after `--help`; or as a signal asks for it meanwhile.
+        UsageError: an option is unknown (the most similar one is suggested), missing, or has an invalid value.
+        SystemExit: with 0 after `--help`, or because of a signal.
     """
-    told = io.StringIO()
+    printed = io.StringIO()
     try:
-        with redirect_stderr(told):
+        with redirect_stderr(printed):
             return _parsed(options, program, arguments)
     except SystemExit as leaving:
         if leaving.code != REFUSED:
-            raise  # after --help; or the process was asked to end meanwhile
-        message = _mistyped(options, program, arguments, told.getvalue()) or _one_line(told.getvalue())
+            raise  # after --help, or because of a signal
+        message = _mistyped(options, program, arguments, printed.getvalue()) or _one_line(printed.getvalue())
         raise UsageError(f"{message}; see {program} --help") from None
 
 
 def nearest(typed: str, known: Iterable[str]) -> str:
-    """ "; did you mean ...?" with the most similar of the known words, "" where none is similar."""
+    """ "; did you mean ...?" with the most similar known word; "" if no word is similar."""
     found = get_close_matches(typed, list(known), 1)
     return f"; did you mean {found[0]}?" if found else ""
 
 
-def parse_size(text: str) -> tuple[int, int] | None:
-    """(height, width) [px] of "240x320", None of "auto".
-
-    Raises:
-        UsageError: it is neither, or a side is outside 32 to 4096.
-    """
-    if text == "auto":
-        return None
-    match = re.fullmatch(r"(\d{1,6})[x×X](\d{1,6})", text)
-    if not match:
-        raise UsageError(f"--size is {text!r}; expected height x width in pixels, such as 240x320")
-    height, width = int(match[1]), int(match[2])
-    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in (height, width)):
-        raise UsageError(f"--size is {text}; expected sides from {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
-    return height, width
-
-
 def _parsed(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
-    """What tyro makes of the arguments; where they are wrong it explains itself on stderr and leaves."""
+    """The options as tyro parses them. If the arguments are wrong, tyro prints why to stderr and exits."""
     config = (tyro.conf.FlagCreatePairsOff,)
     return tyro.cli(options, prog=program, args=list(arguments), config=config, registry=_TYPES)
 
 
 def _mistyped(options: type, program: str, arguments: Sequence[str], box: str) -> str:
-    """The first of the options that tyro did not recognise, as its box says, with the nearest that there is; "" where none is near."""
+    """Names the first option that tyro did not recognise and the most similar known one; "" if no option is similar."""
     _, _, unknown = _plain(box).partition("Unrecognized options")
     words = pairwise(("", *arguments))
     named = [word for before, word in words if not before.startswith("-") and not word.startswith("-")]
-    told = io.StringIO()
-    with suppress(SystemExit), redirect_stdout(told), redirect_stderr(io.StringIO()):
+    printed = io.StringIO()
+    with suppress(SystemExit), redirect_stdout(printed), redirect_stderr(io.StringIO()):
         _parsed(options, program, [*named, "--help"])  # named, because a preset has options of its own
-    known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _plain(told.getvalue()), re.MULTILINE)
+    known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _plain(printed.getvalue()), re.MULTILINE)
     for typed in (word.split("=")[0] for word in arguments if word.startswith("--")):
         if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := nearest(typed, known)):
             return f"there is no option {typed}{advice}"
@@ -112,14 +91,14 @@ def _mistyped(options: type, program: str, arguments: Sequence[str], box: str) -
 
 
 def _plain(text: str) -> str:
-    """Text without the escapes that colour it."""
+    """Text without colour codes."""
     return re.sub(r"\x1b\[[0-9;]*m", "", text)
 
 
 def _one_line(box: str) -> str:
-    """The message inside the box that tyro draws, without its frame, title and the help below it, but for the presets that there are.
+    """The message in the box that tyro prints, without frame, title and help text. The list of presets is kept.
 
-    Where stdout cannot show frames, tyro draws the title and the parts below each other with dashes between them.
+    If stdout cannot show frames, tyro prints title and parts below each other, separated by dashes.
     """
     lines = [line.strip(" │") for line in _plain(box).splitlines()]
     framed = any(line.startswith("╭") for line in lines)
@@ -133,4 +112,5 @@ def _one_line(box: str) -> str:
     presets = [
         f"; {' '.join(part)}" for part in parts[first + 1 :] if part and part[0].startswith("Available subcommands")
     ]
-    return "".join([" ".join(parts[first]).rstrip("."), *presets]) or "the arguments cannot be understood"
+    message = " ".join(parts[first]).rstrip(".").removeprefix("Error parsing ")
+    return "".join([message, *presets]) or "the arguments cannot be understood"

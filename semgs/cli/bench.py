@@ -1,4 +1,4 @@
-"""`semgs bench`: how long things take here, and how much memory they need."""
+"""`semgs bench`: measures time and memory on this machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from semgs.bench.rows import Row, chosen_rows, every_row
+from semgs.bench.rows import BenchRow, chosen_rows, every_row
 from semgs.cli.errors import UsageError
 from semgs.cli.progress import show_progress, show_stage
 from semgs.files.atomic import check_file
@@ -47,8 +47,8 @@ class Bench:
         """Measure, write the file, and print the table.
 
         Raises:
-            InputError: the file cannot be written where it is asked for.
-            UsageError: a row is unknown.
+            InputError: the output file cannot be written.
+            UsageError: there is no row of a given name.
         """
         rows = self._rows()
         if self.json is not None:
@@ -56,8 +56,8 @@ class Bench:
         with show_stage("Starting"):
             import torch
 
-            from semgs.bench.results import numbers
-            from semgs.bench.run import run_bench, steps
+            from semgs.bench.bench_file import numbers
+            from semgs.bench.run_bench import run_bench, steps
             from semgs.cli.bench_tables import bench_table
             from semgs.evaluation.tables.environment import hardware, versions
             from semgs.files.atomic import write_json
@@ -76,8 +76,8 @@ class Bench:
             write_json(self.json, numbers(bench))
         print(bench_table(bench))
 
-    def _rows(self) -> tuple[Row, ...]:
-        """The rows that are asked for."""
+    def _rows(self) -> tuple[BenchRow, ...]:
+        """The rows to measure."""
         try:
             return chosen_rows(self.only, self.quick)
         except KeyError as error:

@@ -1,17 +1,17 @@
-"""Tables of the bench: what was found, and two of them side by side."""
+"""Tables of the bench: one result, or two compared."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from semgs.bench.results import Bench, Result
+from semgs.bench.bench_file import BenchReport, BenchResult
 from semgs.evaluation.tables.grid import Cell, Format, Grid, printed
 
 
-def bench_table(bench: Bench, form: Format = "text") -> str:
-    """What a bench found."""
+def bench_table(bench: BenchReport, form: Format = "text") -> str:
+    """The table of one bench."""
     rows = [tuple(map(Cell, _cells(result))) for result in bench.results if result.seconds is not None]
-    notes = ["Seconds are the least of the repeats; MB is the most memory of the whole process (on CUDA: of the GPU)."]
+    notes = ["seconds: the fastest repeat. MB: peak memory of the process, or of the GPU on CUDA."]
     absent: dict[str, list[str]] = {}
     for result in bench.results:
         if result.seconds is None:
@@ -22,8 +22,8 @@ def bench_table(bench: Bench, form: Format = "text") -> str:
     return printed(Grid("", (), ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), form).lstrip("\n")
 
 
-def comparison_table(first: Bench, second: Bench, names: Sequence[str], form: Format = "text") -> str:
-    """The rows of two benches that both measured, and how the second stands to the first."""
+def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[str], form: Format = "text") -> str:
+    """The rows that both benches measured, with the ratio of their times."""
     rows = []
     for name, before in first.by_name.items():
         after = second.by_name.get(name)
@@ -39,11 +39,11 @@ def comparison_table(first: Bench, second: Bench, names: Sequence[str], form: Fo
         )
         rows.append(tuple(map(Cell, texts)))
     head = ("row", f"{names[0]} [s]", f"{names[1]} [s]", "ratio", f"{names[0]} [MB]", f"{names[1]} [MB]")
-    notes = ("ratio: the second's seconds over the first's.",)
+    notes = ("ratio: seconds of the second file divided by those of the first.",)
     return printed(Grid("", (), head, tuple(rows), notes=notes), form).lstrip("\n")
 
 
-def _cells(result: Result) -> tuple[str, ...]:
+def _cells(result: BenchResult) -> tuple[str, ...]:
     """The cells of a row."""
     return (
         result.name, _seconds(result.seconds), _seconds(result.seconds_median), _megabytes(result.peak_memory_mb),

@@ -1,4 +1,4 @@
-"""`semgs weights calibrate`: weights and labelled scenes in, the same weights with temperatures in their header out."""
+"""`semgs weights calibrate`: fits temperatures on labelled scenes and writes them into the header of the weights."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.arguments import parse_size
-from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
-from semgs.cli.evaluate import check_protocol
+from semgs.cli.errors import what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import AutoSize, Protocol, Views, Weights
 from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
@@ -42,7 +41,7 @@ class Calibrate:
     - semgs weights calibrate small --data scans
     """
 
-    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="WEIGHTS")]
+    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="WEIGHTS")]
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """A labelled scene, or a folder of scenes."""
@@ -50,11 +49,11 @@ class Calibrate:
     """Output file: the same tensors, with the temperatures in the header."""
     plot: Annotated[Path | None, tyro.conf.arg(metavar="PNG", help_behavior_hint="")] = None
     """Write a reliability plot."""
-    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    protocol: Protocol = ("neighbours",)
     """Which frames, as for semgs evaluate: neighbours, peers, or pinned FILE."""
-    views: int = 2
+    views: Views = 2
     """Number of input views."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    size: AutoSize = None
     """Height x width; by default 240x320, 320x240 for portrait scenes."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
@@ -63,7 +62,7 @@ class Calibrate:
 
         Raises:
             InputError: weights, scenes or files cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option is invalid.
         """
         self._check()
         with show_stage("Starting"):
@@ -82,11 +81,11 @@ class Calibrate:
             with what_the_user_gave():
                 network, path = find(self.weights)
             if not is_ours(path) or read_header(path).classes is None:
-                other = "a network of colour alone" if is_ours(path) else "another file"
-                raise InputError(path, "weights of semgs that know classes", other)
-            plan = plan_of(self.protocol, data.scenes, (self.views,), parse_size(self.size))
+                other = "colour-only weights" if is_ours(path) else "another file"
+                raise InputError(path, "weights of semgs with classes", other)
+            plan = plan_of(self.protocol, data.scenes, (self.views,), self.size)
             tested = [scene.name for scene in plan.scenes]
-            check_unseen(self.weights, trained_scenes(path), tested, "take other scenes (--data)")
+            check_unseen(self.weights, trained_scenes(path), tested, "use other scenes (--data)")
             held = read_temperatures(path)
             if self.out is None and held is None:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
@@ -102,22 +101,18 @@ class Calibrate:
         print(printed(_grid(found, f"{len(plan.tasks)} targets of {self.data}"), "text"))
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         existing_folder(self.data)
-        check_protocol(self.protocol)
-        parse_size(self.size)
         self.reading.check()
-        if self.views < 2:
-            raise UsageError(f"--views is {self.views}; expected 2 or more")
         for file in (self.out, self.plot):
             if file is not None and file.exists():
-                raise InputError(file, "a file that is not there yet", "one that is", advice="choose another name")
+                raise InputError(file, "a new file", "one that exists", advice="choose another name")
             if file is not None:
                 check_file(file)
 
 
 def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
-    """Temperature and errors of each kind."""
+    """The table of temperatures and calibration errors."""
     from semgs.evaluation.tables.grid import Cell, Grid
 
     rows = tuple(
@@ -136,7 +131,7 @@ def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
             ReliabilityPlot(
                 kind,
                 (
-                    ("as it is", tuple(map(astuple, one.bins_before))),
+                    ("before", tuple(map(astuple, one.bins_before))),
                     (f"temperature {one.temperature:.2f}", tuple(map(astuple, one.bins_after))),
                 ),
             )

@@ -1,4 +1,4 @@
-"""`semgs compare`: reports of evaluations in, or two files of the bench, and a table out."""
+"""`semgs compare`: prints a table of evaluation reports, or of two files of the bench."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from semgs.bench.results import is_bench, read_bench
+from semgs.bench.bench_file import is_bench, read_bench
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 
@@ -46,8 +46,8 @@ class Compare:
         """Print the table.
 
         Raises:
-            InputError: a report cannot be read, or is of other frames.
-            UsageError: differences of a single report are asked for.
+            InputError: a report cannot be read, or has other frames.
+            UsageError: the options do not fit the reports.
         """
         if not self.reports:
             raise UsageError("no report given; expected report.json of one or more evaluations")
@@ -55,17 +55,17 @@ class Compare:
             if not path.exists():
                 raise InputError(path, "the report.json of an evaluation", "nothing there")
         if self.published and self.layout != "paper":
-            raise UsageError("--published is for --layout paper alone")
+            raise UsageError("--published needs --layout paper")
         if self.layout == "difference" and len(self.reports) < 2:
-            raise UsageError("--layout difference needs two reports or more")
+            raise UsageError("--layout difference needs two or more reports")
         if is_bench(self.reports[0]):
             print(self._benches())
             return
         from semgs.evaluation.tables.card import card_grids
         from semgs.evaluation.tables.compare import check_comparable, data_grid, difference_grids, paper_grid
+        from semgs.evaluation.tables.evaluation_report import read_report
         from semgs.evaluation.tables.grid import printed
         from semgs.evaluation.tables.published import PUBLISHED
-        from semgs.evaluation.tables.report import read_report
 
         reports = [read_report(path) for path in self.reports]
         if self.layout not in ("data", "card"):
@@ -82,12 +82,7 @@ class Compare:
         print("\n\n".join(printed(grid, self.format) for grid in grids))
 
     def _benches(self) -> str:
-        """The table of two files of the bench.
-
-        Raises:
-            InputError: one of them cannot be read.
-            UsageError: there are not two.
-        """
+        """The table of two files of the bench."""
         if len(self.reports) != 2:
             raise UsageError(f"{len(self.reports)} files of semgs bench given; expected two to compare")
         if self.layout != "paper" or self.published:

@@ -1,4 +1,4 @@
-"""`semgs demo`: the embedded room, the shipped weights, a report to look at."""
+"""`semgs demo`: reconstructs the included room with the included weights."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from semgs.cli.reconstruct import Reconstruct
+from semgs.cli.types import Device, Views
 from semgs.files.strict_json import parse_json
 
 
@@ -21,15 +22,15 @@ class Demo:
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
     """Output folder: new, empty, or from an earlier demo, which is replaced."""
-    views: int = 2
+    views: Views = 2
     """Number of input views."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace DIR even if it contains another scene from semgs."""
 
     def run(self) -> None:
-        """Reconstruct the embedded room.
+        """Reconstruct the included room.
 
         Raises:
             InputError: the output folder cannot be used.
@@ -42,7 +43,7 @@ class Demo:
 
 
 def _scene_in(folder: Path) -> str | None:
-    """The name of the scene that a folder of results is of, None if it is no such folder."""
+    """The name of the scene in an output folder of `semgs reconstruct`; None if the folder is none."""
     try:
         return parse_json((folder / "report.json").read_bytes())["scene"]["name"]
     except (OSError, ValueError, TypeError, KeyError):

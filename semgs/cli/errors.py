@@ -1,4 +1,4 @@
-"""Errors that are the user's to mend: one line and exit code 2, without a traceback."""
+"""Errors that the user can fix: one line and exit code 2, without a traceback."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ _ADVICE = {
     errno.EMFILE: "raise the limit on open files (ulimit -n) or take fewer --workers",
     errno.ENOMEM: "free some memory, or raise the limit on it (ulimit -v)",
 }
-"""What to do about what the system refuses."""
+"""What the user can do about errors of the system."""
 
 _REFUSED = (
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.EBUSY, errno.EIO, errno.ENFILE, errno.ENODEV, errno.ENXIO,
     errno.ESTALE, *_ADVICE,
 )  # fmt: skip
-"""What a system may refuse to any program: none of it is a fault of ours."""
+"""Errors that the system may give any program; they are no bugs of ours."""
 
 _NO_MEMORY = (
     "can't allocate memory", "not enough memory", "cannot allocate memory (", "failed to allocate", "failed to map segment",
     "can't start new thread",
 )  # fmt: skip
-"""How torch (the first three), OpenCV, the loader of libraries and Python say that no memory is left, in lower case."""
+"""How torch (the first three), OpenCV, the library loader and Python report that memory ran out, in lower case."""
 
 
 class UsageError(Exception):
-    """A command that cannot be carried out as it was given; the text is the line that the user sees."""
+    """A command that cannot be run as given; its text is the line that the user sees."""
 
 
 def line_for(error: Exception) -> str | None:
-    """The line that tells the user of an error that is theirs to mend; None for a fault of ours, which keeps its traceback."""
+    """The line to print for an error that the user can fix; None for a bug of ours, which keeps its traceback."""
     if isinstance(error, (InputError, UsageError)):
         return str(error)
     if isinstance(error, ImportError) and "pip install" in str(error):
-        return str(error)  # of an extra that the input needs
+        return str(error)  # a missing extra
     if isinstance(error, MemoryError) or any(said in str(error).lower() for said in _NO_MEMORY):
         return f"there is not enough memory; {_ADVICE[errno.ENOMEM]}"
     if isinstance(error, OSError) and error.errno in _REFUSED:
@@ -48,7 +48,7 @@ def line_for(error: Exception) -> str | None:
 
 
 def _refused(error: OSError) -> str:
-    """The line for what the system refuses: which file, why, and what may help."""
+    """The line for an error of the system: which file, why, and what may help."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         place = "" if error.filename is None else f" ({error.filename})"
         return f"the disk is full{place}; {_ADVICE[error.errno]}"
@@ -59,12 +59,12 @@ def _refused(error: OSError) -> str:
 
 @contextmanager
 def what_the_user_gave() -> Iterator[None]:
-    """Around a call whose ValueError is about what the user typed: it becomes a UsageError.
+    """Turn a ValueError about the user's input into a UsageError.
 
-    ValueErrors of other calls are faults of ours and keep their traceback. An InputError needs no such block.
+    Any other ValueError is a bug and keeps its traceback. An InputError needs no such block.
 
     Raises:
-        UsageError: in place of a ValueError.
+        UsageError: instead of a ValueError.
     """
     try:
         yield
@@ -74,10 +74,10 @@ def what_the_user_gave() -> Iterator[None]:
 
 @contextmanager
 def what_fits() -> Iterator[None]:
-    """Around a reconstruction, which may need more memory than there is.
+    """Turn a NotEnoughMemoryError of a reconstruction into a UsageError.
 
     Raises:
-        UsageError: in place of a NotEnoughMemoryError.
+        UsageError: instead of a NotEnoughMemoryError.
     """
     from semgs.model.plan import NotEnoughMemoryError  # torch takes seconds to import
 

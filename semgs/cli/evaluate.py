@@ -1,4 +1,4 @@
-"""`semgs evaluate`: weights or predictions and scenes in, a folder with scores, maps and a report out."""
+"""`semgs evaluate`: scores weights or predictions on scenes, and writes a folder with scores, maps and a report."""
 
 from __future__ import annotations
 
@@ -8,27 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.arguments import parse_size
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import AutoSize, Device, Protocol, SeveralViews, Weights, Workers
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
-from semgs.files.paths import existing_folder, typed_path
-from semgs.weights.hub import is_hub_id
+from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
-    from semgs.evaluation.frames.plan import Plan
+    from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import Candidate
-
-KNOWN = ("neighbours", "peers", "pinned FILE")
-"""The protocols, as they are typed."""
-
-NETWORKS = ("small", "base", "base_text", "mvsplat")
-"""Names that weights may ship under."""
 
 
 @dataclass(frozen=True)
@@ -61,17 +54,17 @@ class Evaluate:
     """A scene or a folder of scenes."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    weights: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
+    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
     predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
-    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
-    views: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N [N ...]", help_behavior_hint="")] = ()
+    views: Annotated[SeveralViews, tyro.conf.arg(help_behavior_hint="")] = ()
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    size: AutoSize = None
     """Height x width for the comparison. By default 240x320, 320x240 for portrait scenes, or that of the pinned file."""
     depth_range: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="NEAR FAR", help_behavior_hint="")] = None
     """Depth bounds for the network, in the scenes' unit. By default they come from the scene; 0.5 10 if it is metric. Other papers use
@@ -82,9 +75,9 @@ class Evaluate:
     """Also score rooms that the weights were trained in, and say so; by default they are refused."""
     name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
     """Name in the tables; by default that of the network or of the predictions folder."""
-    workers: int = 0
+    workers: Workers = 0
     """Worker processes, one thread each; 0 for none, using all threads."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
@@ -95,11 +88,11 @@ class Evaluate:
 
         Raises:
             InputError: data, weights, predictions or the output folder cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option is invalid.
         """
         self._check()
         with show_stage("Starting"):
-            # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
+            # Importing torch takes seconds; typing errors are reported before.
             from semgs.evaluation.run import Job, evaluate_into, labelled_scenes
 
             data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
@@ -108,52 +101,37 @@ class Evaluate:
             candidate = self._candidate(plan, data.classes, chosen_device(self.device))
             job = Job(data, plan, candidate, self._remarks(plan), self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
-            told = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
-        print(told)
+            summary = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
+        print(summary)
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         if bool(self.weights) == (self.predictions is not None):
-            raise UsageError("expected WEIGHTS or --predictions DIR, and not both; see semgs evaluate --help")
+            raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
         existing_folder(self.data)
-        if (
-            self.weights
-            and self.weights not in NETWORKS
-            and not is_hub_id(self.weights)
-            and not typed_path(self.weights).is_file()
-        ):
-            found = "a folder" if typed_path(self.weights).is_dir() else "nothing there"
-            raise InputError(self.weights, "a file of weights, or small for those inside the package", found)
         if self.predictions is not None and not self.predictions.is_dir():
             found = "a file" if self.predictions.exists() else "nothing there"
             raise InputError(self.predictions, "a folder of predictions", found)
         check_folder(self.out, self.overwrite)
-        parse_size(self.size)
-        check_device(self.device)
-        check_protocol(self.protocol)
         if self.gsnerf_distance and self.protocol[0] != "peers":
-            raise UsageError("--gsnerf-distance is for --protocol peers alone")
+            raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
         if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
             near, far = self.depth_range
             raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
-        if any(views < 2 for views in self.views):
-            raise UsageError(f"--views is {min(self.views)}; expected 2 or more")
-        if self.workers < 0:
-            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
 
-    def _plan(self, scenes: tuple[Scene, ...]) -> Plan:
-        """What is compared."""
-        from semgs.evaluation.frames.plan import with_depth_range
+    def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
+        """The targets and their input views."""
+        from semgs.evaluation.frames.frame_plan import with_depth_range
         from semgs.evaluation.frames.saved import views_in
         from semgs.evaluation.run import plan_of
 
         held = views_in(self.predictions) if self.predictions is not None else ()
-        plan = plan_of(self.protocol, scenes, self.views or held, parse_size(self.size), self.gsnerf_distance)
+        plan = plan_of(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
         return with_depth_range(plan, self.depth_range)
 
-    def _candidate(self, plan: Plan, classes: ClassTable | None, device: str) -> Candidate:
-        """What is evaluated, and what the report says of it."""
+    def _candidate(self, plan: FramePlan, classes: ClassTable | None, device: str) -> Candidate:
+        """The method to evaluate, and its description for the report."""
         from semgs.evaluation.run import network_candidate, saved_candidate
 
         if self.predictions is not None:
@@ -161,12 +139,8 @@ class Evaluate:
         with what_the_user_gave():
             return network_candidate(self.weights, classes, device, self.name)
 
-    def _remarks(self, plan: Plan) -> tuple[str, ...]:
-        """What to say of rooms that the weights were trained on: nothing, where there are none.
-
-        Raises:
-            InputError: there are some, and they are not allowed; or the header of the weights is broken.
-        """
+    def _remarks(self, plan: FramePlan) -> tuple[str, ...]:
+        """A remark for the report if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""
         from semgs.data.scene_lists import check_unseen, seen_before
         from semgs.weights.load import trained_scenes
 
@@ -175,22 +149,6 @@ class Evaluate:
         trained, tested = trained_scenes(self.weights), [scene.name for scene in plan.scenes]
         if self.allow_seen:
             seen = sorted(seen_before(trained, tested))
-            return (f"The weights were trained in rooms that are scored here: {', '.join(seen)}.",) if seen else ()
-        check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or say --allow-seen")
+            return (f"The weights were trained on rooms that are scored here: {', '.join(seen)}.",) if seen else ()
+        check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or use --allow-seen")
         return ()
-
-
-def check_protocol(protocol: tuple[str, ...]) -> None:
-    """Refuse a protocol that is none, before torch is imported.
-
-    Raises:
-        UsageError: it has no such name, or a file too many or too few.
-        InputError: its file is not there.
-    """
-    name, *file = protocol or ("",)
-    if name not in [known.split()[0] for known in KNOWN]:
-        raise UsageError(f"--protocol is {name!r}; expected one of {', '.join(KNOWN)}")
-    if len(file) != (name == "pinned"):
-        raise UsageError(f"--protocol is {' '.join(protocol)!r}; expected one of {', '.join(KNOWN)}")
-    if file and not typed_path(file[0]).is_file():
-        raise InputError(file[0], "a frames.json or report.json", "no such file")

@@ -1,33 +1,30 @@
-"""`semgs figure`: weights, predictions of others and scenes in, one of the paper's comparison figures out."""
+"""`semgs figure`: plots one of the paper's comparison figures from weights, saved predictions and scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.arguments import parse_size
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
-from semgs.cli.evaluate import NETWORKS, check_protocol
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder, typed_path
 from semgs.files.strict_json import parse_json
-from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.predictions import Method
     from semgs.evaluation.page.figure import Compared, FigurePart
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
-"""The columns of the figure about the smoothness of regions."""
+"""The columns of the smoothness figure."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ class Figure:
 
     kind: Annotated[Literal["qualitative", "generalisation", "smoothness"], tyro.conf.Positional]
     """Which figure."""
-    weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="W [W ...]")]
+    weights: SeveralWeights
     """"small" for the included weights, or a file: one for all data, or one for each. For smoothness: without, then with."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")]
     """A scene or a folder of scenes. Each DIR becomes one part of the figure."""
@@ -62,30 +59,30 @@ class Figure:
     """Label maps of other methods, in the format of semgs evaluate; one column each."""
     scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LIST ...", help_behavior_hint="")] = ()
     """For each DIR, only the scenes of a list; see docs/data.md."""
-    protocol: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [FILE]")] = ("neighbours",)
+    protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
-    views: int = 2
+    views: Views = 2
     """Number of input views."""
-    rows: int = 4
+    rows: Count = 4
     """Frames from each DIR."""
     targets: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SCENE/FRAME ...", help_behavior_hint="")] = ()
     """Show these frames instead, named like prediction files: scene0160_00/22."""
     names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="")] = ()
     """Titles of the parts; by default the folder names."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    size: AutoSize = None
     """Height x width for the comparison; by default 240x320, or 320x240 for portrait scenes."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
-        """Draw the figure and write the folder.
+        """Plot the figure and write the folder.
 
         Raises:
             InputError: data, weights, predictions or the output folder cannot be used.
-            UsageError: an option asks for what cannot be.
+            UsageError: an option is invalid.
         """
         self._check()
         with show_stage("Starting"):
@@ -99,9 +96,12 @@ class Figure:
             raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)
         blocks, numbers = [], []
         shown: list[Compared] = []
-        with what_fits(), show_progress("Drawing", sum(len(part.plan.tasks) for part in parts)) as done:
+        with what_fits(), show_progress("Rendering", sum(len(part.plan.tasks) for part in parts)) as done:
             for part in parts:
-                frames = part.compare(partial(_after, len(shown), done))
+                frames = []
+                for one in part.compare():
+                    frames.append(one)
+                    done(len(shown) + len(frames))
                 titled = len(parts) > 1 or bool(self.names)
                 blocks.append(comparison_block(part.title if titled else "", frames, part.columns))
                 numbers.append(
@@ -122,67 +122,53 @@ class Figure:
         print(f"{self.out / 'figure.png'}: {len(shown)} frames; {self.out / 'figure.json'} has their scores")
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         for folder in self.data:
             existing_folder(folder)
         if not self.data or not self.weights:
             raise UsageError("expected --data DIR and --weights W; see semgs figure --help")
-        for one in self.weights:
-            if one not in NETWORKS and not is_hub_id(one) and not typed_path(one).is_file():
-                found = "a folder" if typed_path(one).is_dir() else "nothing there"
-                raise InputError(one, "a file of weights, or small for those inside the package", found)
         if self.kind == "smoothness" and (len(self.weights) != 2 or self.predictions):
-            raise UsageError("smoothness compares two weights, trained without and with it, and no --predictions")
+            raise UsageError(
+                "smoothness compares two weights, the first trained without it, the second with it; --predictions do not apply"
+            )
         if self.kind != "smoothness" and len(self.weights) not in (1, len(self.data)):
             raise UsageError(
-                f"{len(self.weights)} weights for {len(self.data)} data; expected one for all or one for each"
+                f"{len(self.weights)} weights for {len(self.data)} --data folders; expected one for all, or one for each"
             )
         for option, given in (("--scenes", self.scenes), ("--names", self.names)):
             if given and len(given) != len(self.data):
-                raise UsageError(f"{option} names {len(given)}; expected one for each of the {len(self.data)} data")
+                raise UsageError(
+                    f"{option} has {len(given)} names; expected one for each of the {len(self.data)} --data folders"
+                )
         for text in self.predictions:
             name, _, theirs = text.partition("=")
             if not name or not theirs:
                 raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
             if not typed_path(theirs).is_dir():
                 raise InputError(theirs, "a folder of predictions", "nothing there")
-        check_protocol(self.protocol)
-        if self.views < 2 or self.rows < 1:
-            raise UsageError(f"--views is {self.views} and --rows {self.rows}; expected 2 or more and 1 or more")
-        parse_size(self.size)
-        check_device(self.device)
         self.reading.check()
         check_folder(self.out, self.overwrite)
 
     def _weights(self, index: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The weights that are shown of one of the data, and what their columns are called.
-
-        Raises:
-            InputError: weights say that they were trained in the other way.
-        """
+        """The weights to show for one --data folder, and the headings of their columns."""
         if self.kind == "smoothness":
             _check_smoothness(self.weights)
             return self.weights, (WITHOUT, WITH)
         return (self.weights[index if len(self.weights) > 1 else 0],), ("ours",)
 
     def _part(self, index: int) -> FigurePart:
-        """What is drawn of one of the data.
-
-        Raises:
-            InputError: scenes, weights or predictions cannot be used, or the weights were trained in these rooms.
-            UsageError: a target is none.
-        """
+        """What the figure shows of one --data folder."""
         from semgs.data.scene_lists import check_unseen
         from semgs.evaluation.frames.saved import SavedPredictions
         from semgs.evaluation.page.figure import FigurePart, chosen_tasks
         from semgs.evaluation.run import labelled_scenes, network_candidate, plan_of
-        from semgs.evaluation.tables.report import data_name
+        from semgs.evaluation.tables.evaluation_report import data_name
         from semgs.weights.load import find, table_of, trained_scenes
 
         wanted_scenes = self.scenes[index] if self.scenes else ""
         data = labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
         scenes, classes = data.scenes, data.classes
-        plan = plan_of(self.protocol, scenes, (self.views,), parse_size(self.size))
+        plan = plan_of(self.protocol, scenes, (self.views,), self.size)
         wanted = [
             name
             for name in self.targets
@@ -208,17 +194,8 @@ class Figure:
         return FigurePart(title, plan, tuple(methods), classes)
 
 
-def _after(before: int, done: Callable[[int], object], count: int) -> None:
-    """Tell a count that goes on from an earlier one."""
-    done(before + count)
-
-
 def _check_smoothness(weights: Sequence[str]) -> None:
-    """Refuse weights that say that they were trained the other way.
-
-    Raises:
-        InputError: the first say that they were trained with the smoothness of regions, or the second without.
-    """
+    """Refuse weights whose header says that the first were trained with the smoothness loss, or the second without."""
     from semgs.weights.file import is_ours, read_header
     from semgs.weights.load import find
 
@@ -230,9 +207,9 @@ def _check_smoothness(weights: Sequence[str]) -> None:
             weight = training.get("losses", {}).get("smoothness")
             smooth = None if weight is None else weight > 0
         except (ValueError, TypeError, AttributeError) as error:
-            raise InputError(path, "settings of a training as JSON", str(error), key="training") from error
+            raise InputError(path, "training settings as JSON", str(error), key="training") from error
         if smooth not in (None, wanted):
             raise InputError(
-                path, f"weights trained {'with' if wanted else 'without'} the smoothness of regions", f"a weight of {weight:g} of it",
-                key="training.losses.smoothness", advice="name those without first, then those with",
+                path, f"weights trained {'with' if wanted else 'without'} the smoothness loss", f"a smoothness weight of {weight:g}",
+                key="training.losses.smoothness", advice="give the weights without it first",
             )  # fmt: skip

@@ -1,6 +1,6 @@
-"""The command `semgs`: finds the command that was named, runs it, turns errors of input into one line and exit code 2.
+"""The command `semgs`: runs the named command, and turns errors of input into one line and exit code 2.
 
-Only light modules are imported here: a Ctrl-C while the others are is caught like any later one.
+Only light modules are imported here, so a Ctrl-C during slower imports is handled like any other.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from semgs.cli.terminal import Plain, open_streams
 from semgs.files.text import printable
 
 BAKE = ["rooms", "bake"]
-"""A command that is a tool of the repository now; the line that says so goes with the next release."""
+"""A command that is now a tool of the repository; the hint will be removed after the next release."""
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
-NOBODY_READS = 128 + 13  # SIGPIPE, which some systems do not know
+NOBODY_READS = 128 + 13  # SIGPIPE, which does not exist on all systems
 
 
 @dataclass(frozen=True)
 class Command:
-    """Where a command lives; it is imported only when it is called.
+    """Where a command is implemented; it is imported only when it runs.
 
     Attributes:
-        module: holds the command and imports no torch at its head.
+        module: contains the command; does not import torch at module level.
         options: the dataclass in it whose fields are the options and whose `run()` is the command.
         summary: its line in `semgs --help`.
     """
@@ -73,11 +73,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code.
 
     Args:
-        arguments: without the program's name; None takes those of the process, which is the program then and keeps what memory it frees.
+        arguments: without the program's name; None takes those of the process, which then also keeps freed memory for reuse.
 
     Returns:
-        0; 2 after input that cannot be used, an extra that is not installed, or something that the system refuses (a full disk, no permission,
-        no memory); 130 and 143 after an interrupt and a request to end; 141 where nobody reads on, as before `| head`. Faults of ours raise.
+        0; 2 after unusable input, a missing extra, or an error of the system (full disk, no permission, no memory); 130 after an interrupt,
+        143 after SIGTERM, and 141 if the reader of stdout has gone, as with `| head`. Bugs raise.
     """
 
     def work() -> int:
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def guarded(work: Callable[[], int]) -> int:
-    """The exit code of some work: its own, or that of `main` for an error that is not ours."""
+    """Run some work and return its exit code, or that of `main` for an error that is no bug."""
     try:
         with _ended_like_interrupted(), _own_warnings_on_one_line():
             code = work()
@@ -118,7 +118,7 @@ def guarded(work: Callable[[], int]) -> int:
 
 
 def _settle_output() -> None:
-    """Where stdout takes no more, let what is left in its buffer go nowhere when Python ends, instead of failing once more."""
+    """If stdout cannot be written, discard its buffer, so Python does not fail again when it exits."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -126,19 +126,14 @@ def _settle_output() -> None:
 
 
 def _closed(output: int) -> bool:
-    """Whether the pipe that is written to has no reader left."""
+    """Whether the pipe has no reader any more."""
     poll = select.poll()
     poll.register(output, select.POLLERR)
     return bool(poll.poll(0))
 
 
 def _run(arguments: list[str]) -> int:
-    """Run the command that the first argument names.
-
-    Raises:
-        UsageError: there is none of that name, or its options are wrong.
-        InputError: it was given files that cannot be used.
-    """
+    """Run the command that the first argument names."""
     if not arguments:
         print(_help(), file=sys.stderr)
         return BAD_INPUT
@@ -166,11 +161,11 @@ def _run(arguments: list[str]) -> int:
 
 
 def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int:
-    """Call `run()` of a dataclass of options, with its fields from what was typed behind the program's name; 0.
+    """Parse the arguments into a dataclass of options, call its `run()` and return 0.
 
     Raises:
         UsageError: the options are wrong.
-        InputError: it was given files that cannot be used.
+        InputError: a given file cannot be used.
     """
     from semgs.cli.arguments import parse
 
@@ -181,7 +176,7 @@ def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int
 
 
 def _help() -> str:
-    """What `semgs --help` says."""
+    """The text of `semgs --help`."""
     width = max(map(len, COMMANDS))
     lines = [f"  {name:<{width}}  {command.summary}" for name, command in COMMANDS.items()]
     return "\n".join(
@@ -199,14 +194,14 @@ def _help() -> str:
 
 
 def _refuse(line: str) -> int:
-    """Tell why, on one line."""
+    """Print the error on one line."""
     print(f"semgs: error: {printable(' '.join(line.split()))}", file=sys.stderr)
     return BAD_INPUT
 
 
 @contextmanager
 def _own_warnings_on_one_line() -> Iterator[None]:
-    """Print warnings of our own categories without their place in the code, which is nothing to a user."""
+    """Print our own warnings without their place in the code, which does not help a user."""
     usual = warnings.formatwarning
 
     def shown(message: Warning | str, category: type[Warning], *place: Any) -> str:
@@ -222,7 +217,7 @@ def _own_warnings_on_one_line() -> Iterator[None]:
 
 @contextmanager
 def _ended_like_interrupted() -> Iterator[None]:
-    """Let a request to end (SIGTERM) unwind the stack as an interrupt does, so that half-made folders are removed."""
+    """Let SIGTERM unwind the stack as an interrupt does, so that incomplete folders are removed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,18 +1,17 @@
-"""`semgs prepare`: scenes of any known layout in, a folder of small ones out, each in one file."""
+"""`semgs prepare`: converts scenes of any known layout to compact zip files."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import Count, Size, WorkersOrCores, cores
 from semgs.files.paths import existing_folder
 
 
@@ -39,80 +38,68 @@ class Prepare:
     """A scene, or a folder of scenes."""
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Output folder: new, empty, or one with the same settings to resume."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
+    size: Size = (240, 320)
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
-    every: int = 1
+    every: Count = 1
     """Keep each n-th frame."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", aliases=["--list"], help_behavior_hint="")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
-    workers: Annotated[int | None, tyro.conf.arg(help_behavior_hint="")] = None
+    workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
     """Worker processes; by default one per core, 0 for none."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
-        """Prepare, and say what there is.
+        """Prepare the scenes, and print what was done.
 
         Raises:
-            InputError: SRC holds no scene, OUT is a folder of something else, the list names none, or nothing could be prepared.
-            UsageError: an option asks for what cannot be, OUT has other settings, or there is not enough space.
+            InputError: SRC contains no scene, OUT contains something else, the list is empty, or no scene could be prepared.
+            UsageError: an option is invalid, OUT has other settings, or there is not enough space.
             OSError: the disk is full.
         """
-        size = parse_size(self.size)
-        if size is None:
-            raise UsageError("--size is auto; expected height x width in pixels, such as 240x320")
-        if self.every < 1:
-            raise UsageError(f"--every is {self.every}; expected 1 or more")
-        if self.workers is not None and self.workers < 0:
-            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
         self.reading.check()
         existing_folder(self.src)
         with show_stage("Looking for scenes"):
             from semgs.data.scene_lists import read_list
+            from semgs.preparation import prepared_set
             from semgs.preparation.archive import Preparation
-            from semgs.preparation.prepared_set import (
-                INDEX,
-                Reading,
-                check,
-                free_space,
-                needed_space,
-                prepare_set,
-                sources,
-            )
 
-            found = sources(self.src, read_list(self.scenes) if self.scenes else None)
-        settings, reading = Preparation(size, self.every), Reading(self.reading.as_peers, self.reading.asked)
+            found = prepared_set.sources(self.src, read_list(self.scenes) if self.scenes else None)
+        settings, reading = (
+            Preparation(self.size, self.every),
+            prepared_set.Reading(self.reading.as_peers, self.reading.asked),
+        )
         with what_the_user_gave():
-            check(self.out, settings, reading)
+            prepared_set.check(self.out, settings, reading)
         with show_stage("Estimating the space"):
-            needed, free = needed_space(self.out, found, settings, reading), free_space(self.out)
+            needed, free = (
+                prepared_set.needed_space(self.out, found, settings, reading),
+                prepared_set.free_space(self.out),
+            )
         if needed > free:
             raise UsageError(
                 f"{self.out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
-                "free some, take fewer scenes (--scenes) or frames (--every), or write elsewhere"
+                "free some space, use fewer scenes (--scenes) or frames (--every), or write elsewhere"
             )
         if len(found) == 1:
             frames = len(reading.open(found[0]).frames[:: self.every])
             with show_progress("Preparing frames", frames) as done:
-                index = prepare_set(self.out, found, settings, reading, frame_done=done)
+                index = prepared_set.prepare_set(self.out, found, settings, reading, frame_done=done)
         else:
-            workers = _cores() if self.workers is None else self.workers
+            workers = cores() if self.workers is None else self.workers
             with show_progress("Preparing scenes", len(found)) as done:
-                index = prepare_set(self.out, found, settings, reading, workers=workers, done=done)
+                index = prepared_set.prepare_set(self.out, found, settings, reading, workers=workers, done=done)
         print(f"{self.out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
         for one in index["failed"][:3]:
             print(f"left out: {one['name']}: {one['error']}")
         if len(index["failed"]) > 3:
-            print(f"left out: {len(index['failed']) - 3} more, see {self.out / INDEX}")
+            print(f"left out: {len(index['failed']) - 3} more, see {self.out / prepared_set.INDEX}")
         first = self.out / index["scenes"][0]["file"]
-        print(f"{self.out / INDEX} tells of each. Look at one: semgs reconstruct {first} --out DIR")
+        print(
+            f"{self.out / prepared_set.INDEX} describes every scene. To look at one: semgs reconstruct {first} --out DIR"
+        )
 
 
 def _size(count: int) -> str:
-    """A number of bytes as people say it."""
+    """A number of bytes in kB, MB, ..."""
     power = max(0, min(4, (len(str(count)) - 1) // 3))
     return f"{count / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB')[power]}"
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

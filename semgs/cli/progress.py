@@ -1,4 +1,4 @@
-"""Progress of long work on a terminal's stderr, elsewhere silence: a spinner and a line for each stage, or a bar with the time left."""
+"""Progress of long work, shown on stderr if it is a terminal: a spinner and a line for each stage, or a bar with the time left."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from semgs.files.text import printable
 
 @contextmanager
 def show_stage(title: str) -> Iterator[None]:
-    """Show that a stage is going on, then that it is done and how long it took.
+    """Show that a stage is running, then how long it took.
 
-    Where stderr is no terminal it is kept for what went wrong, so that programs can read it; the times are in the summary.
+    If stderr is no terminal, nothing is shown: programs that read it expect errors only.
     """
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:
@@ -32,9 +32,9 @@ def show_stage(title: str) -> Iterator[None]:
 
 @contextmanager
 def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show how much of a long work is done and how long the rest will take; the yielded function is told how much is done.
+    """Show how much of some work is done, and the time left. Call the yielded function with the number of finished items.
 
-    Where stderr is no terminal it is kept for what went wrong.
+    If stderr is no terminal, nothing is shown.
     """
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:
@@ -49,7 +49,7 @@ def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
 
         def done(count: int) -> None:
             nonlocal begun
-            if not begun:  # what an earlier run left says nothing about speed
+            if not begun:  # items from an earlier run say nothing about speed
                 begun = True
                 progress.reset(task, completed=count)
             progress.update(task, completed=count)
@@ -59,5 +59,5 @@ def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
 
 
 def say_compiling() -> None:
-    """Say why the first run on a machine takes longer, on stderr, terminal or not: nobody should wait without knowing why."""
+    """Say on stderr, terminal or not, why the first run on a machine takes longer."""
     print("Compiling kernels, once: about 10 s", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""`semgs reconstruct`: posed photos in, a folder with the scene, its renders and a report out."""
+"""`semgs reconstruct`: turns posed photos into a folder with the scene, its renders and a report."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.arguments import parse_size
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.types import AutoSize, Device, Views, WeightsOrRandom
 from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import existing_folder, typed_path
+from semgs.files.paths import existing_folder
 from semgs.reconstruction.stages import Stages
-from semgs.weights.hub import is_hub_id
 
 if TYPE_CHECKING:
     from semgs.data.choice import Choice
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 
 MOST_VIEWS = 4
-"""More context views than this are more than the models are trained with."""
+"""The models were trained with at most this many input views."""
 
 
 @dataclass(frozen=True)
@@ -52,42 +51,45 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --views 3 --overwrite
     - semgs reconstruct scans/office --out out/office --context 3 7 --size 480x640
     - semgs reconstruct recording --out out/robot --camera /camera/color --world map
-    - semgs reconstruct scans/office --out out/office --model mvsplat --weights re10k.ckpt
+    - semgs reconstruct scans/office --out out/office --weights re10k.ckpt
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """The scene: a folder, or a single file."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    views: int = 2
+    views: Views = 2
     """Number of input views, 2 or more. They are chosen by overlap and baseline; other frames that they cover are held out for
     comparison. Fewer are used if no other frame shares 30 % of what it sees. Trained with 2 to 4; more is allowed but may blur."""
     context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]", help_behavior_hint="")] = ()
     """Use these frames as input views, by position or name, instead of choosing them automatically."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "auto"
+    size: AutoSize = None
     """Resize the images to height x width, such as 240x320; other aspect ratios are centre-cropped. By default, images are reduced
     to at most 76,800 pixels, with the same aspect ratio and sides that are multiples of 16."""
-    model: Literal["small", "base", "base_text", "mvsplat"] = "small"
-    """small runs on a laptop, base has the paper's sizes, mvsplat has colour and depth only."""
-    weights: Annotated[str, tyro.conf.arg(metavar="PATH")] = "shipped"
-    """A weights file, "shipped" for the included weights, "random", or hf://OWNER/NAME[@REVISION] to download from the Hugging Face
-    hub."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
+    """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
+    A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
+    model: Annotated[Literal["small", "base", "base_text", "mvsplat"] | None, tyro.conf.arg(help_behavior_hint="")] = (
+        None
+    )
+    """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
+    base has the paper's sizes, mvsplat has colour and depth only."""
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
-        """Reconstruct, write the folder, and say what is in it.
+        """Reconstruct, write the folder, and print a summary.
 
         Raises:
             InputError: the scene, the weights or the output folder cannot be used.
-            UsageError: an option asks for what cannot be, or there is too little memory.
+            UsageError: an option is invalid, or there is too little memory.
         """
         self._check()
         with show_stage("Starting"):
-            # Torch takes seconds to import, which nobody should wait for to be told of a typing error.
+            # Importing torch takes seconds; typing errors are reported before.
             from semgs.data.scenes import open_asked
 
         device = chosen_device(self.device)
@@ -95,35 +97,28 @@ class Reconstruct:
         stages = Stages(show_stage, say_compiling)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
-        with stages("load", f"Loading the model {self.model}"):
+        with stages("load", "Loading the network"):
             model, origin = self._model(device)
 
-        from semgs.cli.results import summary, write_results
+        from semgs.cli.reconstruction_files import summary, write_results
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
             with what_fits():
-                result = reconstruct(scene, choice, model, parse_size(self.size), stages=stages, notes=self._notes())
+                result = reconstruct(scene, choice, model, self.size, stages=stages, notes=self._notes())
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         existing_folder(self.scene)
         check_folder(self.out, self.overwrite)
-        parse_size(self.size)
-        check_device(self.device)
         self.reading.check()
-        if self.views < 2:
-            raise UsageError(f"--views is {self.views}; expected 2 or more frames that overlap")
         if len(self.context) == 1:
-            raise UsageError("--context names one frame; expected two or more that overlap")
-        named = self.weights in ("shipped", "random") or is_hub_id(self.weights)
-        if not named and not typed_path(self.weights).is_file():
-            raise UsageError(f"--weights is {self.weights}; expected a file, found nothing there")
+            raise UsageError("--context has one frame; expected two or more that overlap")
 
     def _notes(self) -> list[str]:
-        """What the user should know of the result because of the options."""
+        """Notes for the report that follow from the options."""
         notes = []
         if self.weights == "random":
             notes.append("The weights are random: the network is untrained, so its output is noise.")
@@ -132,7 +127,7 @@ class Reconstruct:
         return notes
 
     def _choice(self, scene: Scene) -> Choice:
-        """The frames that go in and those that are held out."""
+        """Input frames and held-out frames."""
         from semgs.data.choice import choose, given
 
         if self.context:
@@ -143,12 +138,21 @@ class Reconstruct:
         return choose(scene, self.views)
 
     def _model(self, device: str) -> tuple[SemGS, Origin]:
-        """The network on its device, and where it is from."""
+        """The network on its device, and its origin for the report."""
         from semgs import __version__
         from semgs.reconstruction.report import Origin
         from semgs.weights.load import load
 
         with what_the_user_gave():
-            model = load(self.model, None if self.weights == "shipped" else self.weights)
+            model = load(*self._named())
         parameters = sum(parameter.numel() for parameter in model.parameters())
         return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
+
+    def _named(self) -> tuple[str, str | None]:
+        """The network, and its weights unless they are the included ones, as `load` takes them."""
+        if self.weights in (None, "shipped"):
+            return self.model or "small", None
+        if self.weights == "random":
+            return self.model or "small", "random"
+        assert self.weights is not None
+        return (self.weights, None) if self.model in (None, self.weights) else (self.model or "small", self.weights)

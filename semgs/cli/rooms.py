@@ -1,17 +1,16 @@
-"""`semgs rooms`: a labelled data set of synthetic rooms from a seed, or a contact sheet of them."""
+"""`semgs rooms`: generates a labelled data set of synthetic rooms from a seed, or a contact sheet of them."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.arguments import parse_size
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.progress import show_progress
+from semgs.cli.types import Count, Size, WorkersOrCores, cores, shown_size
 from semgs.files.atomic import check_file
 from semgs.rooms.plans.style import Style
 
@@ -46,11 +45,11 @@ class Rooms:
 
     out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT", help_behavior_hint="")] = None
     """Output folder: new, empty, or one with the same settings to resume."""
-    scenes: int = 10
+    scenes: Count = 10
     """Number of rooms."""
     seed: int = 0
     """Random seed. Different seeds give entirely different rooms."""
-    size: Annotated[str, tyro.conf.arg(metavar="HxW")] = "240x320"
+    size: Size = (240, 320)
     """Height x width of the images, in pixels."""
     frames: int = 12
     """Images of each room, along one walk."""
@@ -59,27 +58,25 @@ class Rooms:
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and images, verified against its lock. Half of the homes use its meshes, most use its images. Repeatable.
     Without it, built-in furniture only."""
-    workers: Annotated[int | None, tyro.conf.arg(help_behavior_hint="")] = None
+    workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
     """Worker processes; by default one per core, 0 for none."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png", help_behavior_hint="")] = None
     """Write a contact sheet of 48 random frames and their labels. Needs no OUT."""
 
     def run(self) -> None:
-        """Draw the data set, the sheet, or both, and say what there is.
+        """Generate the data set, the sheet, or both, and print what was done.
 
         Raises:
-            InputError: OUT is a folder of something else, or the assets are missing or altered.
-            UsageError: an option asks for what cannot be, or an extra that rooms need is not installed.
+            InputError: OUT contains something else, or the assets are missing or altered.
+            UsageError: an option is invalid, or an extra that rooms need is not installed.
             OSError: the disk is full.
         """
         self._check()
         from semgs.rooms.sets.dataset import Recipe
 
-        size = parse_size(self.size)
-        assert size is not None
         library = self._library()
         with what_the_user_gave():
-            recipe = Recipe(self.seed, size, self.frames, self.style, library)
+            recipe = Recipe(self.seed, self.size, self.frames, self.style, library)
         try:
             if self.out is not None:
                 self._write(self.out, recipe)
@@ -89,17 +86,11 @@ class Rooms:
             raise UsageError(str(error)) from error
 
     def _check(self) -> None:
-        """Refuse what can be refused before torch is imported."""
+        """Check what can be checked without importing torch."""
         if self.out is None and self.sheet is None:
             raise UsageError(
                 "expected a folder to write, as in semgs rooms OUT, or --sheet FILE.png; see semgs rooms --help"
             )
-        if parse_size(self.size) is None:
-            raise UsageError("--size is auto; expected height x width in pixels, such as 240x320")
-        if self.scenes < 1:
-            raise UsageError(f"--scenes is {self.scenes}; expected 1 or more")
-        if self.workers is not None and self.workers < 0:
-            raise UsageError(f"--workers is {self.workers}; expected 0 or more")
         if self.sheet is not None and self.sheet.suffix.lower() != ".png":
             raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
         if self.sheet is not None:
@@ -118,34 +109,29 @@ class Rooms:
 
         with what_the_user_gave():
             claim(out, recipe, self.scenes)
-        workers = _cores() if self.workers is None else self.workers
-        with show_progress("Drawing rooms", self.scenes) as done:
+        workers = cores() if self.workers is None else self.workers
+        with show_progress("Generating rooms", self.scenes) as done:
             index = write_dataset(out, recipe, self.scenes, workers=workers, done=done)
         labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
         frames = self.scenes * self.frames
         print(
-            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} pictures of {self.size}), style {self.style}, seed {self.seed}"
+            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} images of {shown_size(self.size)}), style {self.style}, seed {self.seed}"
         )
         shares = sorted(
             ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True
         )
         print("classes, % of labelled pixels: " + ", ".join(f"{name} {100 * share:.1f}" for share, name in shares))
         if self.assets:
-            print(f"{out / ATTRIBUTION} says whose work is in the pictures; keep it beside them")
+            print(f"{out / ATTRIBUTION} lists the works that appear in the images; keep it with them")
         print(
-            f"{out / INDEX} counts them for every scene. Look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"
+            f"{out / INDEX} has these counts for every scene. To look at one: semgs reconstruct {out / index['scenes'][0]['folder']} --out DIR"
         )
 
     def _draw_sheet(self, path: Path, library: Library | None) -> None:
         from semgs.files.pictures import write_png
         from semgs.rooms.sets.sheet import FRAMES, contact_sheet
 
-        with show_progress("Drawing frames", FRAMES) as done:
+        with show_progress("Rendering frames", FRAMES) as done:
             picture = contact_sheet(self.seed, self.style, library, done=done)
         write_png(path, picture)
-        print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each with its labels beside it")
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each next to its labels")

@@ -1,4 +1,4 @@
-"""Options of all commands that open scenes: what a user says of them beyond their files."""
+"""Options of all commands that open scenes: what the files may not state."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ class SceneOptions:
     row-229.5 (Replica); see docs/data.md."""
 
     def check(self) -> None:
-        """Refuse what can be refused before a scene is opened.
+        """Check the options before a scene is opened.
 
         Raises:
-            UsageError: a number cannot be, or there is no reading of a name.
+            UsageError: a number is invalid, or an --as-peers name is unknown.
         """
         _ = self.asked
         with what_the_user_gave():
@@ -45,10 +45,10 @@ class SceneOptions:
 
     @cached_property
     def asked(self) -> Asked:
-        """As readers take it, converted once.
+        """The options as readers take them, converted once.
 
         Raises:
-            UsageError: a number cannot be.
+            UsageError: a number is invalid.
         """
         with what_the_user_gave():
             return Asked(self.camera, self.world, self.body, self.intrinsics, self.depth_unit)

@@ -1,4 +1,4 @@
-"""What a command prints: text that a terminal shows and never obeys, on streams that are open and take any character."""
+"""Output streams of a command: open, able to print any character, and safe from control characters in names."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from semgs.files.text import printable
 
 
 class Plain(io.TextIOBase):
-    """A stream that shows what commands print: control characters in names of files, scenes and classes are escaped."""
+    """A stream that escapes control characters, which names of files, scenes and classes may contain."""
 
     def __init__(self, stream: TextIO | io.TextIOBase) -> None:
         self._stream = stream
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Of the stream below."""
+        """Of the underlying stream."""
         return self._stream.encoding
 
     def write(self, text: str) -> int:
-        """Write text, escaped; the number of characters that were given."""
+        """Write text, escaped. Returns its length before escaping."""
         self._stream.write(printable(text))
         return len(text)
 
     def flush(self) -> None:
-        """Pass on what is buffered."""
+        """Flush the underlying stream."""
         self._stream.flush()
 
     def fileno(self) -> int:
-        """Of the stream below."""
+        """Of the underlying stream."""
         return self._stream.fileno()
 
     def isatty(self) -> bool:
-        """Whether the stream below is a terminal."""
+        """Whether the underlying stream is a terminal."""
         return self._stream.isatty()
 
 
 def open_streams() -> None:
-    """Make this process's stdout and stderr take whatever is printed.
+    """Make sure that stdout and stderr accept any text.
 
-    One that was closed (`>&-`) leads nowhere, so that no file of ours takes its number. What the encoding lacks is escaped.
+    A closed stream (`>&-`) is redirected to nowhere, so that no later file gets its number. Characters that the encoding lacks are escaped.
     """
     for name in ("stdout", "stderr"):  # in the order of their numbers, which are given to the next that is opened
         stream = getattr(sys, name)

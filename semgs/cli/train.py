@@ -1,4 +1,4 @@
-"""`semgs train`: a preset and what to change of it in, a run folder with checkpoints and weights out."""
+"""`semgs train`: trains with a preset and changes to it, and writes a run folder with checkpoints and weights."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Annotated, Literal
 
 import tyro
 
-from semgs.cli.device import check_device, chosen_device
+from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.training_options import PresetSettings
+from semgs.cli.types import Count, Device, Minutes, Workers, at_least, one_word
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
@@ -35,36 +36,31 @@ class Train:
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder: new, empty, or a run with the same settings to resume. Only --steps may change, and only grow."""
-    device: Annotated[str, tyro.conf.arg(metavar="{auto,cpu,cuda}")] = "auto"
+    device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one. Only the CPU gives exactly the same numbers every time."""
-    devices: int = 1
+    devices: Count = 1
     """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
-    nodes: int = 1
+    nodes: Count = 1
     """Machines, each with that many devices, started by torchrun or SLURM."""
     precision: Literal["auto", "32", "bf16"] = "32"
     """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
     Gaussians and losses always use float32 or better."""
-    accumulate: int = 1
+    accumulate: Count = 1
     """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
-    minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint="")] = None
+    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
     """Stop after this time, with a checkpoint. The schedule is unchanged. By default training runs to its last step."""
-    workers: int = 1
+    workers: Workers = 1
     """Processes that load scenes ahead, for each device; 0 loads them between steps."""
-    save_minutes: float = 5.0
+    save_minutes: Annotated[float, one_word("FLOAT", at_least(0.0))] = 5.0
     """Minutes between checkpoints."""
 
     def run(self) -> None:
-        """Train, and leave the averaged weights in the run folder.
+        """Train, and write the averaged weights into the run folder.
 
         Raises:
-            InputError: the folder, the data or the weights to start from cannot be used.
-            UsageError: the settings cannot be, training broke down, or an extra that rooms need is not installed.
+            InputError: the folder, the data or the initial weights cannot be used.
+            UsageError: the settings are invalid, training failed, or an extra that rooms need is not installed.
         """
-        if self.workers < 0 or self.save_minutes < 0 or (self.minutes is not None and self.minutes <= 0):
-            raise UsageError("--workers and --save-minutes must not be negative, and --minutes must be positive")
-        if min(self.devices, self.nodes, self.accumulate) < 1:
-            raise UsageError("--devices, --nodes and --accumulate must be positive")
-        check_device(self.device)
         with what_the_user_gave():
             self.settings.check_whole()
         import torch

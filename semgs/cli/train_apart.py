@@ -1,8 +1,8 @@
-"""One training as a program of its own, of a run folder that has its settings: for several trainings with several processes each.
+"""Trains a run folder that already has its settings in a program of its own. `semgs ablate` needs it to train several times with --devices.
 
     python -m semgs.cli.train_apart RUN '{"device": "cuda", "devices": 4}'
 
-Lightning Fabric starts the other processes of a training by calling the same program again, so a program that trains twice would not do.
+Lightning Fabric starts the other processes of a training by running the same program again, so each training needs its own program.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from semgs.cli.errors import UsageError
 
 
 def train_apart(run: Path, **options: Any) -> None:
-    """Train into a run folder that has its settings, or go on with it; returns when that program ends.
+    """Train a run folder that has its settings, or resume it, and wait for the end.
 
     Args:
         run: the folder.
-        options: of `semgs.training.loop.train`, as JSON knows them.
+        options: of `semgs.training.loop.train`, as JSON.
 
     Raises:
-        UsageError: the training failed; it has said why.
+        UsageError: the training failed; it has printed why.
     """
     done = subprocess.run([sys.executable, "-m", "semgs.cli.train_apart", str(run), json.dumps(options)], check=False)
     if done.returncode:
@@ -32,7 +32,7 @@ def train_apart(run: Path, **options: Any) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Train as the arguments say; 2 after one line if that cannot be done."""
+    """Train with the given arguments. Returns 0, or 2 after printing an error."""
     from rich.console import Console
 
     from semgs.files.errors import InputError

@@ -2,60 +2,59 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 import tyro
 
+from semgs.cli.types import height_and_width, one_word, shown_size
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import ClassTable
+from semgs.model.switches import Switches
 from semgs.training import presets
 from semgs.training.settings import TrainingSettings
 
-
-def _size(given: list[str]) -> tuple[int, int]:
-    """(height, width) of "240x320".
-
-    Raises:
-        ValueError: it is written otherwise.
-    """
-    match = re.fullmatch(r"(\d{1,5})[x×X](\d{1,5})", given[0])
-    if not match:
-        raise ValueError(f"expected height x width in pixels, such as 240x320, found {given[0]!r}")
-    return int(match[1]), int(match[2])
-
-
-HEIGHT_BY_WIDTH = tyro.constructors.PrimitiveConstructorSpec(
-    nargs=1,
-    metavar="HxW",
-    instance_from_str=_size,
-    is_instance=lambda value: isinstance(value, tuple) and len(value) == 2,
-    str_from_instance=lambda size: [f"{size[0]}x{size[1]}"],
+CLASS_FILE = one_word(
+    "FILE",
+    lambda text: None if text == "None" else read_class_file(text).table,
+    lambda table: "None" if table is None else table.name,
 )
-"""How a size is written on the command line, here as everywhere."""
+"""A class table, given by its file."""
 
-CLASS_FILE = tyro.constructors.PrimitiveConstructorSpec(
-    nargs=1,
-    metavar="FILE",
-    instance_from_str=lambda given: None if given[0] == "None" else read_class_file(given[0]).table,
-    is_instance=lambda value: value is None or isinstance(value, ClassTable),
-    str_from_instance=lambda table: ["None" if table is None else table.name],
-)
-"""A class table is named by its file; from there on the table itself travels."""
+
+def default_shown(default: str) -> str:
+    """The default as the help shows it; nothing if it is empty."""
+    return "" if default in ("", "None") else f"(default: {default})"
+
+
+@dataclass(frozen=True)
+class TypedSwitches(Switches):
+    """The field of `Switches` that the help shows in its own way; used like `TypedSettings`."""
+
+    semantic_pyramid: Annotated[tuple[int, ...], tyro.conf.arg(help_behavior_hint=default_shown)] = ()
+
+    def __new__(cls, **values: Any) -> Switches:  # type: ignore[misc]
+        """The switches with these values."""
+        return Switches(**values)
 
 
 @dataclass(frozen=True)
 class TypedSettings(TrainingSettings):
-    """The fields of `TrainingSettings` that the command line writes in its own way; all others it reads as they are.
+    """The fields of `TrainingSettings` that the command line parses or shows in its own way.
 
-    Only its annotations are used. A call makes plain `TrainingSettings`, which compare equal to those of a preset.
+    Only the annotations are used. A call returns plain `TrainingSettings`, which compare equal to those of a preset.
     """
 
     model: Annotated[str, tyro.conf.Suppress]
-    size: Annotated[tuple[int, int], HEIGHT_BY_WIDTH] = TrainingSettings.size
+    data: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=default_shown)] = TrainingSettings.data
+    size: Annotated[tuple[int, int], one_word("HxW", height_and_width, shown_size)] = TrainingSettings.size
     classes: Annotated[ClassTable | None, CLASS_FILE, tyro.conf.arg(help_behavior_hint="")] = TrainingSettings.classes
+    class_weights: Annotated[
+        tuple[float, ...] | Literal["inverse_root_frequency", "inverse_fourth_root_frequency"] | None,
+        tyro.conf.arg(help_behavior_hint=default_shown),
+    ] = TrainingSettings.class_weights
     assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = TrainingSettings.assets
+    network: Annotated[Switches, tyro.conf.arg(constructor=TypedSwitches)] = field(default_factory=Switches)
     preset: Annotated[str, tyro.conf.Suppress] = TrainingSettings.preset
 
     def __new__(cls, **values: Any) -> TrainingSettings:  # type: ignore[misc]
@@ -64,7 +63,7 @@ class TypedSettings(TrainingSettings):
 
 
 def _preset(name: str) -> object:
-    """A preset as a subcommand, with its other name."""
+    """A preset as a subcommand, with its alias."""
     preset = presets.PRESETS[name]
     other = presets.OTHER_NAMES.get(name)
     return tyro.conf.subcommand(
@@ -82,4 +81,4 @@ PresetSettings = (
     | Annotated[TrainingSettings, _preset("paper")]
     | Annotated[TrainingSettings, _preset("base_text")]
 )
-"""A preset's name, then what shall differ from it."""
+"""The name of a preset, then the settings to change."""

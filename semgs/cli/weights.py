@@ -1,4 +1,4 @@
-"""`semgs weights`: what ships or what files of weights say of themselves; `verify` compares bytes."""
+"""`semgs weights`: describes included weights or weights files; `verify` checks their hashes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from semgs.evaluation.tables.grid import Grid
 
 METRICS = ("miou", "accuracy", "psnr")
-"""The scores that a terminal is wide enough for."""
+"""The scores that fit in a terminal."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Weights:
         """Print the tables.
 
         Raises:
-            InputError: a file is no weights of semgs.
-            UsageError: no weights of a name ship.
+            InputError: a file does not contain weights of semgs.
+            UsageError: there are no included weights of that name.
         """
         from semgs.evaluation.tables.grid import printed
         from semgs.weights.index import read_index
@@ -65,10 +65,10 @@ class Verify:
     """Names or files to check; by default all included weights."""
 
     def run(self) -> None:
-        """Say which matches.
+        """Print which weights match.
 
         Raises:
-            InputError: one is missing, altered, or none of those that ship.
+            InputError: a file is missing or altered, or is none of the included weights.
         """
         from semgs.weights.index import SHOWN, check, matching, read_index
 
@@ -82,7 +82,7 @@ class Verify:
 
 
 def _files_grid(files: Mapping[str, Path]) -> Grid:
-    """What each file is, and below it the terms of its data."""
+    """The table of files, with the terms of their training data below."""
     from semgs.evaluation.tables.grid import Cell, Grid
     from semgs.files.hashes import sha256
     from semgs.weights.file import count_parameters, read_header
@@ -92,11 +92,11 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
     rows, notes = [], []
     for name, path in files.items():
         metadata = read_header(path).metadata
-        told = (
+        cells = (
             name, sha256(path)[:SHOWN], f"{path.stat().st_size / 1e6:.1f} MB", metadata.get("licence", "not stated"),
             f"{count_parameters(path):,}",
         )  # fmt: skip
-        rows.append(tuple(map(Cell, told)))
+        rows.append(tuple(map(Cell, cells)))
         notes.append(f"{name}: {metadata.get('description', 'no description')}")
         notes += [f"{name}, data: {one.text}" for one in data_terms(path)]
     head = ("weights", "sha256", "size", "licence", "parameters")
@@ -104,9 +104,10 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
 
 
 def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
-    """What they reached, with intervals; no table where no header tells."""
+    """The table of scores with intervals; none if no header has scores."""
     from semgs.evaluation.tables.grid import Cell, Grid
-    from semgs.evaluation.tables.texts import TITLES, with_interval
+    from semgs.evaluation.tables.texts import with_interval
+    from semgs.objectives.measures import TITLES
     from semgs.weights.scores import Figure, read_scores
 
     def cell(metric: str, figure: Figure | None) -> Cell:

@@ -1,1 +1,1 @@
-"""Evaluation: which frames are compared, how they are scored, and the tables of it."""
+"""Evaluation: protocols, metrics, tables and reports."""

@@ -1,3 +1,3 @@
-"""The old name of `semgs.evaluation.tables.report`, for one release."""
+"""The old name of `semgs.evaluation.tables.evaluation_report`, for one release."""
 
-from semgs.evaluation.tables.report import read_report as read_report
+from semgs.evaluation.tables.evaluation_report import read_report as read_report

@@ -1,4 +1,4 @@
-"""Run an evaluation: scenes, a protocol and a method in, the folder with scores, maps and a report out."""
+"""Runs an evaluation: from scenes, a protocol and a method to a folder with scores, maps and a report."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
+from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, pinned_plan
 from semgs.evaluation.frames.network import NetworkMethod
-from semgs.evaluation.frames.plan import Plan, frame_list, make_plan, pinned_plan
 from semgs.evaluation.frames.predictions import Method
 from semgs.evaluation.frames.protocols import neighbours, peers
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
-from semgs.evaluation.page.report_page import report_page
+from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.scoring.evaluate import PREDICTIONS, evaluate
 from semgs.evaluation.tables.compare import BRIEF, overview_grid
 from semgs.evaluation.tables.environment import hardware, versions
-from semgs.evaluation.tables.grid import printed
-from semgs.evaluation.tables.notes import notes
-from semgs.evaluation.tables.report import (
+from semgs.evaluation.tables.evaluation_report import (
     Evaluation,
     SavedReport,
     Subject,
-    report_numbers,
+    evaluation_numbers,
     saved_report,
     timing,
 )
+from semgs.evaluation.tables.grid import printed
+from semgs.evaluation.tables.notes import notes
 from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
@@ -38,7 +38,7 @@ from semgs.files.hashes import sha256
 from semgs.weights.load import find, load, table_of
 
 VIEWS = (2, 3, 4)
-"""Numbers of contexts that are taken where none are asked for: the paper's."""
+"""The default numbers of contexts: the paper's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ class LabelledScenes:
 
     Attributes:
         path: where they were found.
-        scenes: all that were found there.
-        classes: the table of their labels, None where none has any.
+        scenes: all scenes found there.
+        classes: the class table of their labels; None if no scene has labels.
     """
 
     path: Path
@@ -58,12 +58,12 @@ class LabelledScenes:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """What is evaluated.
+    """A method to evaluate.
 
     Attributes:
-        method: that predicts.
-        subject: what the report says of it.
-        device: that it computes on.
+        method: makes the predictions.
+        subject: its description in the report.
+        device: where it computes.
     """
 
     method: Method
@@ -73,18 +73,18 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """An evaluation that is to be done.
+    """An evaluation to run.
 
     Attributes:
-        data: the scenes that the plan is of.
-        plan: what to compare.
-        candidate: what to evaluate.
-        remarks: what else the report should say, a sentence each.
-        workers: processes side by side, each on one thread; 0 uses this one with all its threads.
+        data: the scenes.
+        plan: the targets.
+        candidate: the method.
+        remarks: further notes for the report, a sentence each.
+        workers: parallel processes, each with one thread; 0 uses this process with all its threads.
     """
 
     data: LabelledScenes
-    plan: Plan
+    plan: FramePlan
     candidate: Candidate
     remarks: tuple[str, ...] = ()
     workers: int = 0
@@ -93,15 +93,15 @@ class Job:
 def labelled_scenes(
     path: Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: str = ""
 ) -> LabelledScenes:
-    """The scenes at a path, or those of a list, and the table of their labels.
+    """Open the scenes at a path, or those of a list.
 
     Args:
         path: a scene or a folder of scenes.
         as_peers, asked: as for `semgs.data.scenes.open_scenes`.
-        wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" is all.
+        wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" for all.
 
     Raises:
-        InputError: there are none, one of the list is not there, or their labels are of different tables.
+        InputError: there are none, one of the list is missing, or their labels have different class tables.
     """
     scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None)
     labelled = [scene for scene in scenes if scene.classes is not None]
@@ -110,9 +110,9 @@ def labelled_scenes(
             tables = [one.classes.name for one in (labelled[0], scene) if one.classes is not None]
             raise InputError(
                 scene.path,
-                f"labels of table {tables[0]}, as {labelled[0].name} has",
+                f"labels of table {tables[0]}, as in {labelled[0].name}",
                 tables[1],
-                advice="evaluate scenes of different tables by themselves",
+                advice="evaluate scenes with different tables separately",
             )
     return LabelledScenes(path, scenes, labelled[0].classes if labelled else None)
 
@@ -123,18 +123,18 @@ def plan_of(
     views: tuple[int, ...] = (),
     size: tuple[int, int] | None = None,
     gsnerf_distance: bool = False,
-) -> Plan:
+) -> FramePlan:
     """The plan of a protocol.
 
     Args:
         protocol: ("neighbours",), ("peers",), or ("pinned", FILE).
         scenes: to evaluate on.
-        views: numbers of contexts; none takes the usual ones, or those of the pinned file.
-        size: (height, width) of all scenes [px]; None is the usual one, or that of the pinned file.
-        gsnerf_distance: of peers, the other distance.
+        views: numbers of contexts; empty for the default, or those of the pinned file.
+        size: (height, width) of all scenes [px]; None for the default, or that of the pinned file.
+        gsnerf_distance: for peers, rank contexts by GSNeRF's distance.
 
     Raises:
-        InputError: a scene is too small, or the pinned file cannot be used.
+        InputError: a scene has too few frames, or the pinned file cannot be used.
     """
     if protocol[0] == "pinned":
         return pinned_plan(protocol[1], scenes, views, size)
@@ -150,14 +150,14 @@ def network_candidate(weights: str | Path, classes: ClassTable | None, device: s
     """Weights to evaluate.
 
     Args:
-        weights: a file, or the name of those inside the package.
-        classes: the table of the truth; None takes that of the weights.
+        weights: a file, or the name of included weights.
+        classes: the class table of the truth; None for that of the weights.
         device: to encode on.
         name: in tables; by default that of the network.
 
     Raises:
-        ValueError: no weights of that name ship.
-        InputError: the file cannot be used, or is made for another table.
+        ValueError: there are no included weights of that name.
+        InputError: the file cannot be used, or has another class table.
     """
     network, path = find(weights)
     model = load(network, path, classes=classes or table_of(path))
@@ -166,17 +166,17 @@ def network_candidate(weights: str | Path, classes: ClassTable | None, device: s
     return Candidate(NetworkMethod(model.eval(), device, subject.name), subject, device)
 
 
-def saved_candidate(folder: Path, plan: Plan, device: str, name: str = "") -> Candidate:
-    """Predictions that somebody saved, to be evaluated.
+def saved_candidate(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:
+    """Saved predictions to evaluate.
 
     Args:
         folder: of the predictions.
-        plan: that they must be complete for.
-        device: that the report names.
+        plan: the targets; the predictions must be complete for them.
+        device: named in the report.
         name: in tables; by default that of the folder.
 
     Raises:
-        InputError: they are incomplete, or of another size.
+        InputError: they are incomplete, or have another size.
     """
     saved = SavedPredictions(folder, name or folder.absolute().name)
     saved.check(plan)
@@ -186,16 +186,16 @@ def saved_candidate(folder: Path, plan: Plan, device: str, name: str = "") -> Ca
 def evaluate_into(
     out: Path, job: Job, *, overwrite: bool = False, done: Callable[[int], object] = lambda count: None
 ) -> str:
-    """Score a method on every target of a plan and write the folder of an evaluation, which appears whole or not at all.
+    """Run an evaluation and write its folder, which appears only once it is complete.
 
     Args:
-        out: the folder.
-        job: what to do.
+        out: the output folder.
+        job: the evaluation.
         overwrite: replace the folder if an earlier evaluation wrote it.
-        done: told after each target how many there have been.
+        done: called after each target with the number of finished targets.
 
     Returns:
-        What the user reads at the end.
+        The summary to print.
 
     Raises:
         InputError: a frame, a prediction or the folder cannot be used.
@@ -205,12 +205,7 @@ def evaluate_into(
     subject = job.candidate.subject
     with own_folder(out, overwrite) as folder:
         rows = evaluate(
-            job.plan,
-            job.candidate.method,
-            folder,
-            save=subject.kind == "weights",
-            workers=job.workers,
-            done=done,
+            job.plan, job.candidate.method, folder, save=subject.kind == "weights", workers=job.workers, done=done
         )
         evaluation = Evaluation(
             subject=subject,
@@ -226,15 +221,15 @@ def evaluate_into(
 
 
 def write_results(folder: Path, evaluation: Evaluation) -> SavedReport:
-    """Write the report and the list of frames into an existing folder that holds the maps.
+    """Write the report and the list of frames into a folder that already contains the maps.
 
     Returns:
-        What `read_report` finds in the folder.
+        The report as `read_report` would read it.
 
     Raises:
         OSError: a file cannot be written.
     """
-    numbers = report_numbers(evaluation)
+    numbers = evaluation_numbers(evaluation)
     write_json(folder / "frames.json", frame_list(evaluation.plan))
     write_json(folder / "report.json", numbers)
     if evaluation.subject.kind == "weights":
@@ -243,12 +238,12 @@ def write_results(folder: Path, evaluation: Evaluation) -> SavedReport:
             kept = {name: times[name] for name in ("seconds_encode", "seconds_render")}
             write_json(folder / PREDICTIONS / f"N{rows.views}" / TIMING, kept)
     report = saved_report(folder / "report.json", numbers)
-    write_text(folder / "report.html", report_page(evaluation, report))
+    write_text(folder / "report.html", evaluation_page(evaluation, report))
     return report
 
 
 def _summary(report: SavedReport, evaluation: Evaluation, out: Path) -> str:
-    """What the user reads at the end: the table, what it must not be read without, and where everything is."""
+    """The printed summary: the table, the notes and the path of the report."""
     return "\n".join(
         [
             printed(overview_grid(report, BRIEF), "text"),

@@ -1,1 +1,1 @@
-"""Export: scenes and point clouds in files that other tools open."""
+"""Export: scene files, and PLY files for other tools."""

@@ -1,15 +1,15 @@
-"""PLY files of Gaussians as every 3DGS viewer reads them.
+"""PLY files of Gaussians for 3DGS viewers.
 
 The layout is that of the first 3DGS implementation, to the byte: binary little endian, no comment lines, float32
 properties x y z, nx ny nz (zero), f_dc_0..2, f_rest_0..44, opacity (logit), scale_0..2 (log), rot_0..3 (w, x, y, z).
 f_rest holds the harmonics above degree 0 channel by channel: 15 of red, 15 of green, 15 of blue.
 
-All 45 f_rest are written whatever the degree, zero where there is none: of the viewers looked at, some read exactly
-these 62 floats by position (the first one itself, 3DGS.cpp), some ask for f_rest by name (splatapult), some know 0 and 45 only
-(splatviz); none refuses 45. It costs 180 bytes a Gaussian.
+All 45 f_rest are always written, zero beyond the degree. Of the viewers we looked at, some read exactly these 62 floats by position
+(the first 3DGS viewer, 3DGS.cpp), some look up f_rest by name (splatapult), and some accept only 0 or 45 of them (splatviz). None
+refuses 45. This costs 180 bytes per Gaussian.
 
-Positions are float32, and so relative to `origin` of a scene that is far from that of its coordinates (`semgs.data.scene`); report.json and
-`scene.safetensors` hold the origin, which a PLY has no place for.
+Positions are float32. If a scene is far from the origin of its coordinates, they are relative to its `origin` (`semgs.data.scene`), which
+report.json and `scene.safetensors` contain; PLY has no field for it.
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ DEGREE_0 = math.sqrt(1 / (4 * math.pi))
 """The constant harmonic Y_00: a colour c in 0..1 is the coefficient (c - 0.5) / DEGREE_0."""
 
 _FULL = 15  # harmonics above degree 0, per channel, at degree 3
-_SMALLEST_SCALE = 1e-20  # log of a flat Gaussian's zero is not finite; this draws the same
-_SMALLEST_OPACITY = 1e-7  # likewise the logits of 0 and 1
+_SMALLEST_SCALE = 1e-20  # the log of 0, for a flat Gaussian, is not finite; this renders the same
+_SMALLEST_OPACITY = 1e-7  # the same for the logits of 0 and 1
 
 
 def save_ply(path: str | Path, gaussians: Gaussians) -> None:
     """Write the colour Gaussians as a plain 3DGS PLY, in their order.
 
-    Opacities are held 1e-7 away from 0 and 1, where their logit is not finite, scales at 1e-20 or more.
+    Opacities are clamped to 1e-7 from 0 and 1, where the logit is not finite, and scales to at least 1e-20.
 
     Args:
         path: the file.
         gaussians: of one scene, without a batch axis.
 
     Raises:
-        ValueError: they have a batch axis, or a number in them is not finite.
+        ValueError: they have a batch axis, or a number is not finite.
         OSError: the file cannot be written.
     """
     _write(path, gaussians, gaussians.colour)
 
 
 def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTable) -> None:
-    """Write the semantic Gaussians as a plain 3DGS PLY: their own shapes, each in the colour of its likeliest class.
+    """Write the semantic Gaussians as a plain 3DGS PLY: with their own shapes, in the colour of their likeliest class.
 
-    The file has the same order as `save_ply`'s, and colours that do not depend on the viewing direction.
+    The order is that of `save_ply`. Colours do not depend on the viewing direction.
 
     Args:
         path: the file.
@@ -59,7 +59,7 @@ def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTabl
         classes: the table of their class distributions.
 
     Raises:
-        ValueError: as `save_ply`; they have no classes, or not those of the table.
+        ValueError: as for `save_ply`; or the Gaussians have no classes, or another number than the table.
         OSError: the file cannot be written.
     """
     if gaussians.semantic is None:
@@ -73,10 +73,6 @@ def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTabl
     labels = gaussians.semantic.features.detach().argmax(-1).cpu()
     harmonics = ((colours[labels] - 0.5) / DEGREE_0)[..., None, :]
     _write(path, gaussians, Appearance(gaussians.semantic.quaternions, gaussians.semantic.scales, harmonics))
-
-
-write_ply, write_semantic_ply = save_ply, save_semantic_ply
-"""Their names before they were called as `save_scene` is."""
 
 
 _NAMES = (

@@ -1,11 +1,11 @@
-"""The scene file: everything a reconstruction knows, in one safetensors file, both ways.
+"""The scene file: a complete reconstruction in one safetensors file; writing and reading.
 
 Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene"), `version`, `unit`, `image_size`
 [height, width], `frames` (names of the context frames in the source), `source`, `model`, `classes` (null, or `name`,
-`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null where the source has none).
-Where the source is far from the origin of its coordinates the version is 2, and `origin` holds three numbers: `means` are relative to that
-point, in float32; `cameras.world_from_camera` is as the source has it.
-Tensors, float32 unless said otherwise, g Gaussians, v context views:
+`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null if the source has none).
+If the source is far from the origin of its coordinates, the version is 2 and `origin` contains three numbers: `means` are relative to that
+point, in float32; `cameras.world_from_camera` is in the source's coordinates.
+Tensors are float32 unless noted; g Gaussians, v context views:
 
     means [g 3]  opacities [g]
     colour.quaternions [g 4]  colour.scales [g 3]  colour.features [g k 3]      (w, x, y, z; harmonics, 3DGS basis)
@@ -39,38 +39,38 @@ from semgs.geometry.summaries import summary
 from semgs.model.encoding import Encoding
 
 FILE_NAME = "scene.safetensors"
-"""How the file is called inside a folder that `semgs reconstruct` wrote."""
+"""Name of the scene file in an output folder of `semgs reconstruct`."""
 
 FORMAT = "semgs.scene"
 VERSION, FAR_VERSION = 1, 2
-"""Of scenes whose means are in the source's own coordinates, and of those that have an origin."""
+"""Version for scenes in the source's own coordinates, and for scenes with an origin."""
 
 _FLOAT64 = ("cameras.world_from_camera", "cameras.intrinsics", "depth_range")
 
 
 @dataclass(frozen=True)
 class SavedScene:
-    """A reconstructed scene: its Gaussians and what is needed to draw, measure and trace them back.
+    """A reconstructed scene: its Gaussians, and what is needed to render them, to measure, and to find the source.
 
     Attributes:
-        gaussians: in the order view, row, column; without a batch axis; in the coordinates of the source less `origin`.
-        cameras: the context views', of the size they were encoded at, in the same coordinates. Those of the source become so by
+        gaussians: in the order view, row, column, without a batch axis, relative to `origin`.
+        cameras: of the context views, at the size of the encoding, also relative to `origin`. To convert cameras of the source, use
             `cameras.relative_to(scene.origin)`.
-        depths: z-depth of every context pixel as the network saw it [unit of the scene].
+        depths: the network's z-depth of every context pixel [unit of the scene].
         confidences: the largest probability among the depth candidates, 0..1.
         depth_range: near and far of each context view [unit of the scene].
-        unit: "metric": lengths are metres; "unknown": they are not known in metres.
+        unit: "metric" for metres, or "unknown".
         classes: the table of the class distributions; None for a colour-only model.
         frames: names of the context frames in the source.
         source: name of the source.
         model: name of the model.
-        applied_transform: nerfstudio's [3 4] or [4 4]: what its tools did to the source's poses, None if not said.
-        applied_scale: likewise, their scale.
-        origin: added to a position here, it gives that in the source's coordinates; (0, 0, 0) but for sources far from theirs.
+        applied_transform: nerfstudio's transform of the source's poses [3 4] or [4 4]; None if unknown.
+        applied_scale: nerfstudio's scale of the source's poses; None if unknown.
+        origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
 
     Raises:
-        ValueError: the parts disagree in size or number, or a number cannot be: one that is not finite, an opacity or confidence that is
-            not in 0..1, a negative scale or depth, a quaternion that is not of unit length, near and far that are not 0 < near < far.
+        ValueError: sizes or counts disagree, or a number is invalid: not finite, an opacity or confidence outside 0..1, a negative scale
+            or depth, a quaternion that does not have unit length, or bounds without 0 < near < far.
     """
 
     gaussians: Gaussians
@@ -116,7 +116,7 @@ class SavedScene:
             ("origin", torch.tensor(self.origin).isfinite(), "finite numbers"),
         ):
             if not good.all():
-                raise ValueError(f"{name} hold a number that cannot be; expected {wanted}")
+                raise ValueError(f"{name} contain an invalid number; expected {wanted}")
 
     @classmethod
     def of(
@@ -129,18 +129,18 @@ class SavedScene:
         source: str = "",
         model: str = "",
     ) -> SavedScene:
-        """What a network made of the views of one scene.
+        """The scene that a network made from some views.
 
         Args:
-            encoding: its answer, without a batch axis.
-            views: that went in.
-            unit: "metric" if lengths are metres, as a scene's `unit` says.
-            frames: names of the views; none are called by their position.
+            encoding: the output of the network, without a batch axis.
+            views: the input views.
+            unit: "metric" if lengths are in metres, as in a scene's `unit`.
+            frames: names of the views; by default their positions.
             source: name of the source.
             model: name of the model.
 
         Raises:
-            ValueError: the parts disagree in size or number.
+            ValueError: sizes or counts disagree.
         """
         return cls(
             gaussians=encoding.gaussians,
@@ -172,12 +172,12 @@ class SavedScene:
 
     @property
     def near(self) -> float:
-        """The scene's near bound, the smallest of its views', as `render` wants it [unit of the scene]."""
+        """The smallest near bound of the views, for `render` [unit of the scene]."""
         return float(self.depth_range[:, 0].min())
 
 
 def save_scene(path: str | Path, scene: SavedScene) -> None:
-    """Write a scene file in one step; equal scenes give equal bytes.
+    """Write a scene file atomically; equal scenes give equal bytes.
 
     Raises:
         OSError: the file cannot be written.
@@ -222,31 +222,29 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
 
 
 def load_scene(path: str | Path) -> SavedScene:
-    """Read a scene file, or the one in a folder that `semgs reconstruct` wrote.
+    """Read a scene file, or the one in an output folder of `semgs reconstruct`.
 
     Raises:
-        InputError: it is missing, cut short, no scene file, of a newer version, or its parts cannot be a `SavedScene`.
+        InputError: it is missing, incomplete, no scene file, of a newer version, or its contents are not a valid `SavedScene`.
     """
     file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
     if not file.is_file():
-        raise InputError(file, "a scene file", "no such file", advice="name what `semgs reconstruct --out` wrote")
+        raise InputError(
+            file, "a scene file", "no such file", advice="give the folder or file that `semgs reconstruct --out` wrote"
+        )
     with opened_tensors(file, "a complete safetensors file") as opened:
         header = _header(file, (opened.metadata() or {}).get("semgs"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
     try:
         return _scene(header, tensors)
     except KeyError as error:
-        raise InputError(file, f"{error.args[0]}, as every scene file has", "none") from error
+        raise InputError(file, f"a scene file with {error.args[0]}", "none") from error
     except (ValueError, TypeError, AttributeError) as error:
-        raise InputError(file, "parts that agree", str(error)) from error
+        raise InputError(file, "a valid scene", str(error)) from error
 
 
 def _header(file: Path, text: str | None) -> dict:
-    """The JSON header of a scene file that this version can read.
-
-    Raises:
-        InputError: it is not one.
-    """
+    """The JSON header of a scene file, if this version can read it."""
     try:
         header = parse_json(text or "null")
     except ValueError as error:
@@ -264,7 +262,7 @@ def _header(file: Path, text: str | None) -> dict:
 
 
 def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
-    """The scene of a header and its tensors; KeyError, ValueError and TypeError where they do not make one."""
+    """The scene of a header and its tensors; KeyError, ValueError or TypeError if they are invalid."""
 
     def appearance(branch: str) -> Appearance:
         return Appearance(*(tensors[f"{branch}.{name}"] for name in ("quaternions", "scales", "features")))
@@ -277,7 +275,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
     transform = header["applied_transform"]
     height, width = header["image_size"]
     if not all(isinstance(one, str) for one in (*header["frames"], header["source"], header["model"])):
-        raise ValueError("frames, source and model are names; expected texts")
+        raise ValueError("frames, source and model must be texts")
     x, y, z = header.get("origin", (0.0, 0.0, 0.0))
     cameras = Cameras(tensors["cameras.world_from_camera"], tensors["cameras.intrinsics"], (height, width))
     return SavedScene(

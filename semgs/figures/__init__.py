@@ -1,1 +1,1 @@
-"""Figures: class colours, pictures of depth, the HTML page of every command."""
+"""Figures: class colours, depth images, and the building blocks of HTML reports."""

@@ -1,4 +1,4 @@
-"""Class maps as pictures: labels, colours, the hatching of what was not seen, the legend."""
+"""Class maps as images, and their legend."""
 
 from __future__ import annotations
 
@@ -9,17 +9,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.data.classes import ClassTable
-from semgs.files.colours import HATCH, class_colours, hatching
-from semgs.rendering.rendering import SEEN_ALPHA, label_maps
-
-__all__ = [
-    "HATCH", "SEEN_ALPHA", "LegendEntry", "class_picture", "hatching", "label_maps", "legend", "overlay", "true_class_picture",
-]  # fmt: skip
+from semgs.files.colours import class_colours, hatching
 
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """A line of a legend.
+    """An entry of a legend.
 
     Attributes:
         name: of the class.
@@ -33,19 +28,19 @@ class LegendEntry:
 
 
 def class_picture(labels: UInt8[np.ndarray, "h w"], classes: ClassTable) -> UInt8[np.ndarray, "h w 3"]:
-    """Labels in the colours of their classes; pixels without one (255) are hatched."""
+    """Labels in the colours of their classes; pixels without a class (255) are hatched."""
     return class_colours(labels, classes.colours, hatching(labels.shape))
 
 
 def true_class_picture(labels: UInt8[np.ndarray, "h w"], classes: ClassTable) -> UInt8[np.ndarray, "h w 3"]:
-    """Ground-truth labels in the colours of their classes; pixels without one are black, as nobody labelled them."""
+    """Ground-truth labels in the colours of their classes; unlabelled pixels are black."""
     return class_colours(labels, classes.colours, np.zeros((*labels.shape, 3), np.uint8))
 
 
 def overlay(
     photo: UInt8[np.ndarray, "h w 3"], labels: UInt8[np.ndarray, "h w"], classes: ClassTable, strength: float = 0.55
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """A photo tinted by the class of each pixel, `strength` of the class colour; pixels without one stay as they are."""
+    """A photo tinted with the class colour of each pixel, by `strength`; pixels without a class are unchanged."""
     tint = class_colours(labels, classes.colours, photo).astype(np.float32)
     return np.rint(photo + strength * (tint - photo)).astype(np.uint8)
 

@@ -1,4 +1,4 @@
-"""Figures that compare: blocks of rows of pictures under headings, a legend of classes below, as papers print them."""
+"""Comparison figures as in papers: blocks of image rows under headings, with a legend of classes below."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 Form = Literal["png", "pdf"]
 
 GAP = 0.04
-"""Between pictures [inch]."""
+"""Between images [inch]."""
 BETWEEN_BLOCKS = 0.3
-"""Between blocks, where a block's title is [inch]."""
+"""Between blocks; contains the title of a block [inch]."""
 CELL = 1.6
-"""Width of a picture that is wider than high [inch]; at 200 dots an inch, 320 pixels."""
+"""Width of a landscape image [inch]; 320 pixels at 200 dots per inch."""
 MARGIN = 0.06
 CAPTION_LINE = 0.14
 """Height of a caption [inch]."""
 TITLE, HEADING, CAPTION, LABEL, LEGEND = 8.0, 7.0, 6.5, 5.0, 6.0
-"""Sizes of what is written [points]."""
+"""Font sizes [points]."""
 POINTS, CHARACTER = 72.0, 0.68
-"""Points an inch, and the width of a character as a share of its size, at most on average."""
+"""Points per inch, and an upper bound for the mean width of a character, relative to the font size."""
 LEGEND_LINE = 0.16
 """Height of a line of the legend [inch]."""
 ENTRY = 0.85
@@ -39,12 +39,12 @@ ENTRY = 0.85
 
 @dataclass(frozen=True, eq=False)
 class PictureRow:
-    """A row of pictures.
+    """A row of images.
 
     Attributes:
-        label: what it shows, in small letters at the left.
-        pictures: RGB, one below each heading; None where there is none.
-        caption: a line below them, "" for none.
+        label: in small letters on the left.
+        pictures: RGB, one for each heading; None leaves a gap.
+        caption: a line below the images; "" for none.
     """
 
     label: str
@@ -57,9 +57,9 @@ class Block:
     """Rows under the same headings.
 
     Attributes:
-        title: above them, "" for none.
+        title: of the block; "" for none.
         headings: of the columns.
-        rows: with a picture for each heading.
+        rows: each with one image per heading.
     """
 
     title: str
@@ -75,7 +75,7 @@ class Block:
 
 
 def mosaic(pictures: Sequence[UInt8[np.ndarray, "h w 3"]], gap: int = 4) -> UInt8[np.ndarray, "rows columns 3"]:
-    """Several pictures of one size in the place of one: two below each other, up to four in two rows, each at half its size.
+    """Several images of one size in the space of one: two below each other, up to four in two rows, each at half its size.
 
     Args:
         pictures: at least one.
@@ -112,13 +112,13 @@ def comparison(
     """A figure of blocks in several file formats; the same input gives the same bytes.
 
     Args:
-        blocks: below each other, or with `beside` from left to right.
+        blocks: below each other or, with `beside`, side by side.
         legend: colours and names, the most frequent first.
         beside: place the blocks side by side.
-        forms: PNG, in which a picture of 320 pixels' width keeps each of them, or PDF.
+        forms: PNG (images 320 pixels wide are not resampled) or PDF.
 
     Raises:
-        ValueError: there is no picture.
+        ValueError: there is no image.
     """
     if not any(block.rows for block in blocks):
         raise ValueError("no pictures to compare")
@@ -146,7 +146,7 @@ def comparison(
 
 
 class _Grid:
-    """Where the pictures of a block are [inch]."""
+    """The layout of a block [inch]."""
 
     def __init__(self, block: Block) -> None:
         self._block = block
@@ -166,7 +166,7 @@ class _Grid:
         self.height = self._top + sum(self._heights) + sum(self._captions) + GAP * len(self._heights)
 
     def draw(self, figure: Figure, left: float, top: float) -> None:
-        """Draw it with its upper left corner there."""
+        """Add the block to a figure, with its upper left corner at (left, top)."""
         width, height = figure.get_size_inches()
 
         def text(x: float, y: float, words: str, size: float, **options: Any) -> None:
@@ -193,13 +193,13 @@ class _Grid:
 
 
 def _shortened(label: str, room: float) -> str:
-    """As much of the end of a label as fits beside a picture that is so high [inch]."""
+    """The end of a label, as long as fits next to an image of that height [inch]."""
     fitting = max(int(room * POINTS / (CHARACTER * LABEL)), 2)
     return label if len(label) <= fitting else "…" + label[1 - fitting :]
 
 
 def _place(figure: Figure, picture: np.ndarray, box: tuple[float, float, float, float], scale: float) -> None:
-    """Draw a picture in the middle of a box (left, top, width, height) [inch], at so many inches a pixel."""
+    """Add an image in the middle of a box (left, top, width, height) [inch], at `scale` inches per pixel."""
     width, height = figure.get_size_inches()
     left, top, wide, tall = box
     own = picture.shape[1] * scale, picture.shape[0] * scale
@@ -210,17 +210,17 @@ def _place(figure: Figure, picture: np.ndarray, box: tuple[float, float, float, 
 
 
 def _legend_columns(width: float) -> int:
-    """Entries of the legend in a line."""
+    """Number of legend entries per line."""
     return max(1, int(width // ENTRY))
 
 
 def _legend_height(legend: Sequence[LegendEntry], width: float) -> float:
-    """How high the legend is [inch]."""
+    """Height of the legend [inch]."""
     return LEGEND_LINE * -(-len(legend) // _legend_columns(width)) + (0.06 if legend else 0)
 
 
 def _draw_legend(figure: Figure, legend: Sequence[LegendEntry], width: float, below: float) -> None:
-    """Patches of colour with their names, at the bottom."""
+    """Add colour patches with their names at the bottom."""
     from matplotlib.patches import Rectangle
 
     whole, height = figure.get_size_inches()
@@ -244,7 +244,7 @@ def _draw_legend(figure: Figure, legend: Sequence[LegendEntry], width: float, be
 
 
 def _saved(figure: Figure, form: Form) -> bytes:
-    """The bytes of a figure, without the day in them."""
+    """The bytes of a figure, without a date."""
     buffer = io.BytesIO()
     undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Producer": None, "Creator": None}}[form]
     figure.savefig(buffer, format=form, dpi=200, metadata=undated)

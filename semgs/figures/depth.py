@@ -1,4 +1,4 @@
-"""Errors of depth as pictures, and the scales that pictures of depth are read by."""
+"""Images of depth errors, and the scales of depth images."""
 
 from __future__ import annotations
 
@@ -6,20 +6,16 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from semgs.files.colours import NOTHING, depth_limits, depth_palette, depth_picture, opencv_palette
-
-__all__ = [
-    "NOTHING", "WORST_ERROR", "depth_bar", "depth_error_bar", "depth_error_picture", "depth_limits", "depth_picture", "depth_ticks",
-]  # fmt: skip
+from semgs.files.colours import NOTHING, depth_palette, opencv_palette
 
 WORST_ERROR = 0.25
-"""The relative error from which pictures of errors have one colour."""
+"""The relative error at the end of the colour scale; larger errors have the same colour."""
 
 
 def depth_error_picture(
     depths: Float[np.ndarray, "h w"], truth: Float[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """|z - truth| / truth in colours, from black at 0 to light yellow at `WORST_ERROR` and beyond; grey without truth."""
+    """|z - truth| / truth in colours, from black at 0 to light yellow at `WORST_ERROR` or more; grey without truth."""
     known = truth > 0
     error = np.abs(depths - truth) / np.where(known, truth, 1)
     coloured = _error_palette()[np.rint(255 * np.clip(error / WORST_ERROR, 0, 1)).astype(np.uint8)]
@@ -27,19 +23,18 @@ def depth_error_picture(
 
 
 def depth_error_bar() -> UInt8[np.ndarray, "1 256 3"]:
-    """The colours of `depth_error_picture` from no error at the left to `WORST_ERROR` at the right."""
+    """The colours of `depth_error_picture` from 0 (left) to `WORST_ERROR` (right)."""
     return _error_palette()[None]
 
 
 def depth_ticks(limits: tuple[float, float], count: int) -> tuple[float, ...]:
-    """The depths at evenly spaced places along `depth_bar`, its ends among them."""
+    """The depths at evenly spaced places along `depth_bar`, including its ends."""
     return tuple(float(depth) for depth in np.geomspace(*limits, count))
 
 
-def depth_bar(width: int = 256, height: int = 1) -> UInt8[np.ndarray, "h w 3"]:
-    """The colours of `depth_picture` from the near limit at the left to the far one at the right."""
-    row = depth_palette()[np.rint(np.linspace(0, 255, width)).astype(np.uint8)]
-    return np.repeat(row[None], height, axis=0)
+def depth_bar() -> UInt8[np.ndarray, "1 256 3"]:
+    """The colours of `depth_picture` from near (left) to far (right)."""
+    return depth_palette()[None]
 
 
 def _error_palette() -> UInt8[np.ndarray, "256 3"]:

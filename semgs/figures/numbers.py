@@ -1,11 +1,11 @@
-"""How pages and summaries print numbers: two digits after the point, and none in a percentage, which is as fine."""
+"""Number formats of reports and summaries: two digits after the point, none for percentages."""
 
 from __future__ import annotations
 
 import math
 
 UNKNOWN = "–"
-"""Stands for what there is no number of."""
+"""Printed for an unknown number."""
 
 
 def decibels(value: float | None) -> str:
@@ -14,7 +14,7 @@ def decibels(value: float | None) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share of 0..1: "12 %", or "under 1 %" for little that is not nothing."""
+    """A share of 0..1: "12 %", or "under 1 %" for a small share above 0."""
     if share is None:
         return UNKNOWN
     return f"{100 * share:.0f} %" if share >= 0.01 or share == 0 else "under 1 %"
@@ -26,5 +26,5 @@ def duration(seconds: float) -> str:
 
 
 def length(value: float, metric: bool) -> str:
-    """A length: "2.20 m"; in an unknown unit, which may be of any size, three significant digits."""
+    """A length: "2.20 m"; three significant digits if the unit is unknown."""
     return f"{value:.2f} m" if metric else f"{value:.3g}"

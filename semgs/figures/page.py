@@ -1,4 +1,4 @@
-"""The HTML page of every command: one file that needs no network, made of headings, facts, tables and pictures."""
+"""Building blocks of HTML reports. A page is one file that needs no network."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.classes import HATCH, LegendEntry
+from semgs.figures.classes import LegendEntry
 from semgs.figures.numbers import percent
+from semgs.files.colours import HATCH
 from semgs.files.pictures import jpeg_bytes, png_bytes
 from semgs.files.text import printable
 
 QUALITY = 90
-"""Of JPEGs in a page."""
+"""JPEG quality in a page."""
 
 RARE = 0.01
-"""Classes with less than this share of the pixels are folded into one line."""
+"""Classes with a smaller share of the pixels are folded into one line."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """A number to be seen first: its value as text, and what it is."""
+    """A number shown large at the top: its value as text, and what it is."""
 
     value: str
     name: str
@@ -33,29 +34,27 @@ class Headline:
 
 @dataclass(frozen=True)
 class Facts:
-    """Pairs of a name and what is to say of it."""
+    """Pairs of name and text."""
 
     rows: tuple[tuple[str, str], ...]
-    kind: str = "facts"
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; numbers stand at the right."""
+    """A table of texts; numbers are right-aligned."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    kind: str = "table"
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture and the line below it.
+    """An image and its caption.
 
     Attributes:
         pixels: uint8 [h w 3], RGB.
-        caption: what it shows.
-        lossy: whether it may be a JPEG, which makes a page of many photos a fifth as large.
+        caption: a line below the image.
+        lossy: store it as JPEG, which makes a page of many photos five times smaller.
     """
 
     pixels: UInt8[np.ndarray, "h w 3"]
@@ -64,36 +63,34 @@ class Picture:
 
     @property
     def uri(self) -> str:
-        """The picture inside a URI."""
+        """The image as a data URI."""
         form, data = ("jpeg", jpeg_bytes(self.pixels, QUALITY)) if self.lossy else ("png", png_bytes(self.pixels))
         return f"data:image/{form};base64," + base64.b64encode(data).decode()
 
 
 @dataclass(frozen=True)
 class Gallery:
-    """Pictures side by side under a small heading: one view of the scene.
+    """Images side by side under a small heading: one view of the scene.
 
     Attributes:
         heading: which view.
-        detail: a few words behind it.
-        pictures: equally large.
-        more: further pictures, folded until the reader opens them.
+        detail: a few words after the heading.
+        pictures: of equal size.
+        more: further images, folded until the reader opens them.
     """
 
     heading: str
     detail: str
     pictures: tuple[Picture, ...]
     more: tuple[Picture, ...] = ()
-    kind: str = "gallery"
 
 
 @dataclass(frozen=True)
 class Legend:
-    """Class colours and their names, and the hatching where `unseen` is a share above 0; rare classes are folded."""
+    """Class colours and names, plus the hatching if `unseen`, a share of the pixels, is above 0; rare classes are folded."""
 
     entries: tuple[LegendEntry, ...]
     unseen: float = 0.0
-    kind: str = "legend"
 
     @property
     def common(self) -> tuple[LegendEntry, ...]:
@@ -108,12 +105,11 @@ class Legend:
 
 @dataclass(frozen=True)
 class Scale:
-    """A bar of colours and the numbers along it, evenly spaced from its left end to its right."""
+    """A colour bar with evenly spaced numbers from its left to its right end."""
 
     bar: Picture
     ticks: tuple[str, ...]
     label: str
-    kind: str = "scale"
 
 
 @dataclass(frozen=True)
@@ -121,11 +117,11 @@ class Bar:
     """A horizontal bar.
 
     Attributes:
-        name: at its left.
+        name: on the left.
         colour: sRGB, 0..255.
-        share: its length, 0..1.
-        text: at its right.
-        mark: where a tick crosses it, 0..1, or None.
+        share: length, 0..1.
+        text: on the right.
+        mark: position of a tick, 0..1, or None.
     """
 
     name: str
@@ -141,7 +137,6 @@ class Bars:
 
     bars: tuple[Bar, ...]
     rare: tuple[Bar, ...] = ()
-    kind: str = "bars"
 
 
 @dataclass(frozen=True)
@@ -150,31 +145,29 @@ class Matrix:
 
     Attributes:
         rows, columns: names.
-        shares: 0..1, a row of cells for each row.
-        corner: what rows and columns are.
+        shares: 0..1, by row and column.
+        corner: text of the upper left cell, which explains rows and columns.
     """
 
     rows: tuple[str, ...]
     columns: tuple[str, ...]
     shares: tuple[tuple[float, ...], ...]
     corner: str
-    kind: str = "matrix"
 
 
 @dataclass(frozen=True)
 class Notes:
-    """Sentences that the reader must not miss."""
+    """Important notes, a sentence each."""
 
     sentences: tuple[str, ...]
-    kind: str = "notes"
 
 
 @dataclass(frozen=True)
 class Link:
-    """A file or folder beside the page.
+    """A file or folder in the folder of the page.
 
     Attributes:
-        name: relative to the page's folder; a folder ends with a slash.
+        name: its path; a folder ends with a slash.
         text: what it is.
     """
 
@@ -184,10 +177,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Links:
-    """Files beside the page."""
+    """Links to files in the folder of the page."""
 
     files: tuple[Link, ...]
-    kind: str = "links"
 
 
 Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes | Links
@@ -195,13 +187,13 @@ Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes | Links
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page.
+    """A section of a page.
 
     Attributes:
-        heading: of the part.
-        lead: a sentence or two, or nothing.
-        blocks: its content.
-        folded: whether it is closed until the reader opens it.
+        heading: of the section.
+        lead: a sentence or two, or "".
+        blocks: the content.
+        folded: closed until the reader opens it.
     """
 
     heading: str
@@ -211,13 +203,13 @@ class Section:
 
 
 def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Sequence[Section], foot: str) -> str:
-    """One self-contained HTML page: style and pictures are inside and nothing is loaded; a script enlarges pictures.
+    """One self-contained HTML page: style and images are inside, nothing is loaded, and a script enlarges images.
 
     Args:
         title: of the page.
-        lead: a sentence below it.
-        headlines: the few numbers shown large.
-        sections: the parts, in order.
+        lead: a sentence below the title.
+        headlines: numbers shown large.
+        sections: in order.
         foot: the last line.
     """
     from jinja2 import Environment, StrictUndefined
@@ -227,10 +219,11 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     )
     template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(
-        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent
-    )
+        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent,
+        kind=lambda block: type(block).__name__.lower(),
+    )  # fmt: skip
 
 
 def _shown(value: Any) -> Any:
-    """A value as the page has it: text (but none that is HTML already) without control characters."""
+    """A value as shown in the page: plain text without control characters; HTML is unchanged."""
     return printable(value) if type(value) is str else value

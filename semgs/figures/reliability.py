@@ -1,4 +1,4 @@
-"""Reliability plots: how often what is said with a confidence is right."""
+"""Reliability plots: accuracy as a function of confidence."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 SIDE = 2.6
-"""Of a plot [inch]."""
+"""Side of a plot [inch]."""
 COLOURS = ("#c44e52", "#4c72b0")
 VISIBLE = 1e-3
-"""Share of the pixels from which on a bin has a point."""
+"""Bins with a smaller share of the pixels get no point."""
 SIZE = 7.0
-"""Of what is written [points]."""
+"""Font size [points]."""
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class ReliabilityPlot:
     """One plot.
 
     Attributes:
-        title: above it.
-        curves: name and bins of each, in the order of the colours; of a bin the share of all pixels, their mean confidence, and
-            how many of them are right, each 0..1.
+        title: of the plot.
+        curves: name and bins of each curve, in the order of the colours. A bin has its share of all pixels, their mean confidence,
+            and the share of them that is correct, each 0..1.
     """
 
     title: str
@@ -30,9 +30,9 @@ class ReliabilityPlot:
 
 
 def reliability_png(plots: Sequence[ReliabilityPlot]) -> bytes:
-    """The plots side by side as PNG: accuracy over confidence, and below each the share of pixels; the diagonal is perfect.
+    """The plots side by side as PNG: accuracy over confidence, and below each the share of pixels. The diagonal is perfect.
 
-    A bin that holds less than a thousandth of the pixels says little, and its point is left out.
+    Bins with less than a thousandth of the pixels say little, so they get no point.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -43,13 +43,13 @@ def reliability_png(plots: Sequence[ReliabilityPlot]) -> bytes:
     for (above, below), plot in zip(axes.T, plots, strict=True):
         above.plot((0, 1), (0, 1), color="0.7", linewidth=0.8)
         for (name, bins), colour in zip(plot.curves, COLOURS, strict=False):
-            told = [(confidence, accuracy) for share, confidence, accuracy in bins if share >= VISIBLE]
-            above.plot(*zip(*told, strict=True), color=colour, marker="o", markersize=2.5, linewidth=1, label=name)
+            points = [(confidence, accuracy) for share, confidence, accuracy in bins if share >= VISIBLE]
+            above.plot(*zip(*points, strict=True), color=colour, marker="o", markersize=2.5, linewidth=1, label=name)
             edges = [index / len(bins) for index in range(len(bins) + 1)]
             below.stairs([share for share, _, _ in bins], edges, color=colour)
         above.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
         above.set_title(plot.title, fontsize=SIZE + 1)
-        above.set_ylabel("share that is right", fontsize=SIZE)
+        above.set_ylabel("share correct", fontsize=SIZE)
         below.set_ylabel("share of pixels", fontsize=SIZE)
         below.set_xlabel("confidence", fontsize=SIZE)
         above.legend(fontsize=SIZE, frameon=False, loc="upper left")

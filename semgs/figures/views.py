@@ -1,4 +1,4 @@
-"""The pictures of one view as pages show them, the same of a reconstruction and of an evaluation."""
+"""The images of one view, as the reports of reconstructions and evaluations show them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.figures.classes import class_picture, true_class_picture
-from semgs.figures.depth import depth_picture
 from semgs.figures.page import Notes, Picture, Section
+from semgs.files.colours import depth_picture
 
 
 def as_bytes(image: Float[Tensor, "3 h w"]) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture of 0..1 (clamped) as bytes with the channels last."""
+    """An image of 0..1 (clamped) as bytes, channels last."""
     return np.rint(255 * image.clamp(0, 1).permute(1, 2, 0).numpy()).astype(np.uint8)
 
 
@@ -25,20 +25,20 @@ def photo(image: Float[Tensor, "3 h w"], caption: str) -> Picture:
 
 
 def class_map(labels: UInt8[np.ndarray, "h w"], classes: ClassTable) -> Picture:
-    """Given classes; pixels without one are hatched."""
+    """Predicted classes; pixels without a class are hatched."""
     return Picture(class_picture(labels, classes), "classes")
 
 
 def true_class_map(labels: UInt8[Tensor, "h w"], classes: ClassTable) -> Picture:
-    """True classes; pixels without one are black."""
+    """True classes; unlabelled pixels are black."""
     return Picture(true_class_picture(labels.numpy(), classes), "true classes")
 
 
 def depth_map(depths: Float[Tensor, "h w"], limits: tuple[float, float], caption: str = "depth") -> Picture:
-    """z-depths in colours between two limits."""
+    """z-depth in colours between two limits."""
     return Picture(depth_picture(depths.numpy(), limits), caption, lossy=True)
 
 
 def please_note(sentences: Sequence[str]) -> list[Section]:
-    """The part of a page with what its reader must not miss; none where there is nothing."""
+    """The section with important notes; none if there are no notes."""
     return [Section("Please note", "", (Notes(tuple(sentences)),))] if sentences else []

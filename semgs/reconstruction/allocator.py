@@ -1,7 +1,7 @@
-"""The allocator of the C library, set for a process that computes: memory that is freed is kept for what comes next.
+"""Tells the allocator of the C library to keep freed memory for reuse.
 
-Every frame and every training step takes and frees the same hundreds of megabytes. The GNU C library gives them back to the system
-each time the end of its heap is free, and the system hands them out again page by page, zeroed: a tenth of the time of a frame.
+Every frame and every training step allocates and frees the same hundreds of megabytes. By default, the GNU C library returns them to the
+system, which later hands them out again page by page, zeroed. That takes a tenth of the time of a frame.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3
 """Numbers of the two parameters in `malloc.h`."""
 
 NEVER = 2**31 - 1
-"""The largest number of bytes that the first of them takes."""
+"""The largest value for the first parameter [bytes]."""
 
 LARGE = 32 * 2**20
-"""From here on a block for which nothing that is kept has room comes from the system and goes back to it, so that it leaves no hole
-[bytes]. The library goes as far by itself, but not where another of its parameters was set."""
+"""Blocks of this size and more are taken from the system and returned to it if no kept memory fits, so they leave no holes [bytes].
+This is also the largest threshold that the library reaches by itself, but not if another parameter was set."""
 
 
 def keep_freed_memory() -> bool:
-    """Let this process keep the memory of blocks under `LARGE` that it frees; whether the C library here can.
+    """Let this process keep the memory of freed blocks under `LARGE`. Returns whether the C library supports this.
 
-    It holds for all of the process, so this is for programs and not for imports: the command `semgs` calls it when it
-    starts. What is freed counts as held until the process ends, at most what it needed at its fullest moment.
+    It affects the whole process, so programs call it, not imports: the command `semgs` does when it starts. Freed memory
+    counts as used until the process ends, up to the peak.
     """
     try:
         set_parameter = ctypes.CDLL(None).mallopt

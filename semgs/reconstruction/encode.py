@@ -1,4 +1,4 @@
-"""Encode: a network and views in, Gaussians out, as many views at a time as memory allows."""
+"""Encodes views into Gaussians, as many views at a time as memory allows."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from semgs.model.semgs import SemGS
 
 @runtime_checkable
 class Network(Protocol):
-    """What reconstructs: `SemGS`, or whatever else turns views into Gaussians.
+    """A network that turns views into Gaussians, such as `SemGS`.
 
     Attributes:
-        name: to call it by.
-        classes: the table of its class distributions; None if it knows colour only.
+        name: of the network.
+        classes: the table of its class distributions; None if it predicts colour only.
     """
 
     name: str
@@ -34,12 +34,12 @@ class Network(Protocol):
 
 @dataclass(frozen=True)
 class Encoded:
-    """What a network made of views.
+    """The encoding of some views.
 
     Attributes:
-        encoding: its answer, without gradients.
-        plan: how memory was used; None for a network that `plan` does not know.
-        seconds: that the network took.
+        encoding: the output of the network, without gradients.
+        plan: how memory was used; None for a network that `plan` does not support.
+        seconds: run time of the network.
     """
 
     encoding: Encoding
@@ -51,18 +51,18 @@ class Encoded:
 def encode(
     network: Network, views: Views, targets: Views | None = None, *, device: torch.device | str | None = "cpu"
 ) -> Encoded:
-    """The Gaussians of some views.
+    """Encode views into Gaussians.
 
-    Where memory is short, `SemGS` takes fewer views at a time, as `plan` says; the numbers are the same but for rounding.
+    If memory is short, `SemGS` processes fewer views at a time, as planned by `plan`; the result is the same up to rounding.
 
     Args:
         network: in evaluation mode, on the device to compute on.
         views: of one scene.
-        targets: those that will be rendered beside them, for which memory has to be left.
-        device: to bring the answer to, in float32; None leaves it where and as it is.
+        targets: views that will be rendered later and also need memory.
+        device: where to move the result, in float32; None leaves it unchanged.
 
     Raises:
-        NotEnoughMemoryError: it would not fit into memory.
+        NotEnoughMemoryError: it would not fit in memory.
         ValueError: there are fewer than two views.
     """
     planned = plan(network, views, targets) if isinstance(network, SemGS) else None
@@ -73,7 +73,7 @@ def encode(
 
 
 def now() -> float:
-    """The time at which all that was asked of CUDA is done [s]."""
+    """The time, after all pending work on CUDA is finished [s]."""
     if torch.cuda.is_initialized():
         torch.cuda.synchronize()
     return perf_counter()

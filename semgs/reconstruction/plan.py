@@ -1,4 +1,4 @@
-"""Another name of `semgs.model.plan`, which was here first."""
+"""The old name of `semgs.model.plan`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reconstruct: a scene on disk, frames of it and a model in; Gaussians, renderings and scores out."""
+"""Reconstructs a scene from some of its frames: Gaussians, renderings and scores."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
 
 GRID = 24
-"""Points along each side of a picture by which it is found out whether views can overlap."""
+"""Grid points along each side of an image for the test whether views can overlap."""
 
 NO_PARALLAX = 0.01
-"""Context cameras that are closer together than this part of the near bound show no parallax."""
+"""Context cameras that are closer together than this share of the near bound have no parallax."""
 
 
 @dataclass(frozen=True)
 class Shown:
-    """Views of the scene with what the Gaussians look like from their cameras.
+    """Views of the scene, and the Gaussians rendered from their cameras.
 
     Attributes:
         positions: of the frames in the scene.
         names: of the frames.
-        views: what the cameras saw, at the size of the reconstruction.
-        rendering: what the Gaussians show there.
+        views: the true views, at the size of the reconstruction.
+        rendering: of the Gaussians from the same cameras.
         scores: one per view.
     """
 
@@ -47,22 +47,27 @@ class Shown:
     rendering: Rendering
     scores: tuple[ViewScores, ...]
 
+    @property
+    def titles(self) -> list[str]:
+        """Position and name of each frame, as text."""
+        return [f"{position} ({name})" for position, name in zip(self.positions, self.names, strict=True)]
+
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A scene reconstructed from some of its frames, everything on the CPU.
+    """A scene reconstructed from some of its frames; all tensors are on the CPU.
 
     Attributes:
-        scene: where the frames are from.
+        scene: the source of the frames.
         choice: which frames, and why.
         native_size: (height, width) of the first context frame on disk [px].
-        encoding: the model's answer; its Gaussians are in the world of the views, about the scene's `origin`.
-        classes: the table of the Gaussians' classes; None for a colour-only model.
-        model: its name.
-        context: the frames that went in, as the Gaussians show them.
-        target: the frames that were held out, or None if there are none.
-        notes: what the user should know of this result, a sentence each.
-        plan: how memory was used; None for a network that `plan` does not know.
+        encoding: the output of the model. Its Gaussians are in the world of the views, relative to the scene's `origin`.
+        classes: the class table of the Gaussians; None for a colour-only model.
+        model: name of the model.
+        context: the input frames.
+        target: the held-out frames; None if there are none.
+        notes: for the user, a sentence each.
+        plan: how memory was used; None for a network that `plan` does not support.
     """
 
     scene: Scene
@@ -78,13 +83,18 @@ class Reconstruction:
 
     @property
     def depth_range(self) -> DepthRange:
-        """Near and far that the model looked between, and why."""
+        """Near and far bounds of the model's depth, and why."""
         return self.choice.depth_range
 
     @property
     def size(self) -> tuple[int, int]:
-        """(height, width) that the frames were read at [px]."""
+        """(height, width) of the frames as read [px]."""
         return self.context.views.size
+
+    @property
+    def shown(self) -> list[Shown]:
+        """The context views and, if there are any, the target views."""
+        return [self.context] if self.target is None else [self.context, self.target]
 
     @property
     def metric(self) -> bool:
@@ -101,21 +111,21 @@ def reconstruct(
     stages: Stages | None = None,
     notes: Sequence[str] = (),
 ) -> Reconstruction:
-    """Reconstruct a scene from its context frames and look at it from these and from the held-out ones.
+    """Reconstruct a scene from its context frames, and render it from these and from the held-out ones.
 
-    Where memory is short, fewer views are encoded at a time, as for `semgs.reconstruction.encode.encode`.
+    If memory is short, fewer views are encoded at a time, as for `semgs.reconstruction.encode.encode`.
 
     Args:
         scene: an open scene.
-        choice: the frames to use and those to hold out.
-        model: in evaluation mode, on the device to compute on; rendering is done where `render` does it.
-        size: (height, width) to read the frames at [px]; None is `default_size` of the first one's. Other aspects are cropped.
-        stages: told of each stage: read, encode, render.
-        notes: what else the user should know, a sentence each.
+        choice: input frames and held-out frames.
+        model: in evaluation mode, on the device to compute on; `render` chooses its own device.
+        size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
+        stages: shows and times the stages read, encode and render.
+        notes: further notes for the user, a sentence each.
 
     Raises:
         InputError: a frame cannot be read.
-        NotEnoughMemoryError: it would not fit into memory.
+        NotEnoughMemoryError: it would not fit in memory.
         ValueError: fewer than two context frames, or a position outside the scene.
     """
     stages = stages or Stages()
@@ -157,7 +167,7 @@ def reconstruct(
 def _shown(
     scene: Scene, positions: Sequence[int], views: Views, rendering: Rendering, classes: ClassTable | None
 ) -> Shown:
-    """Views beside their renderings; labels of another table than the model's are not compared."""
+    """Views with their renderings and scores; labels with another class table than the model's are not scored."""
     comparable = views
     if views.labels is not None and views.classes != classes:
         comparable = views.changed(labels=None)
@@ -166,35 +176,37 @@ def _shown(
 
 
 def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | None) -> list[str]:
-    """What the user should know, a sentence each."""
+    """Notes for the user, a sentence each."""
     notes = []
     if not has_parallax(context):
         notes.append(
-            "No parallax: the context cameras stand at the same place, so depth is a prior of the model and not measured."
+            "No parallax: the input cameras are all at the same place, so depth is a guess of the model, not a measurement."
         )
     if names := [scene.frames[choice.context[view]].name for view in strangers(context)]:
         notes.append(
-            f"No overlap: {', '.join(names)} shows nothing that another input view can show between near and far, so depth is a prior "
-            "of the model and not measured."
+            f"No overlap: {', '.join(names)} shows nothing that another input view can show between near and far, so its depth is "
+            "a guess of the model, not a measurement."
         )
     if scene.origin.any():
         notes.append(
-            "The scene is far from the origin of its coordinates: positions in the PLY files are relative to "
-            f"({', '.join(f'{side:.0f}' for side in scene.origin)}), which is added to them for the scene's own."
+            "The scene is far from the origin of its coordinates, so positions in the PLY files are relative to "
+            f"({', '.join(f'{side:.0f}' for side in scene.origin)}). Add this point to get the scene's own coordinates."
         )
     if scene.unit != "metric":
         notes.append(
-            "The scale of this scene is unknown: lengths are in its own unit, and depth maps are floating-point TIFF files."
+            "The scale of this scene is unknown, so lengths are in its own unit and depth maps are floating-point TIFF files."
         )
     if classes is None:
-        notes.append("The model knows colour only: class maps, semantics.ply and the scores of classes are left out.")
+        notes.append(
+            "The model predicts colour only, so there are no class maps, no semantics.ply and no class scores."
+        )
     if not choice.targets:
-        notes.append("No frame is held out, so nothing here tells how well a new view comes out.")
+        notes.append("No frame is held out, so the scores do not show how good new views are.")
     return notes
 
 
 def _note_of_aspect(scene: Scene, choice: Choice, size: tuple[int, int]) -> list[str]:
-    """That pictures were cropped, if any were."""
+    """A note if images were cropped."""
     frames = [scene.frames[position] for position in (*choice.context, *choice.targets)]
     kept = {frame.name: kept_size(frame.lens.size, size) for frame in frames}
     changed = [frame for frame in frames if kept[frame.name] != frame.lens.size]
@@ -203,22 +215,22 @@ def _note_of_aspect(scene: Scene, choice: Choice, size: tuple[int, int]) -> list
     first = changed[0]
     (rows, columns), (height, width) = first.lens.size, kept[first.name]
     return [
-        f"{len(changed)} of {len(frames)} pictures have another aspect than {size[0]}x{size[1]} (height x width) and are cropped "
-        f"about the middle, their cameras with them; {first.name} from {rows}x{columns} to {height}x{width} before it is resized."
+        f"{len(changed)} of {len(frames)} images have another aspect ratio than {size[0]}x{size[1]} (height x width) and are centre-cropped "
+        f"with their cameras: {first.name}, for example, from {rows}x{columns} to {height}x{width} before it is resized."
     ]
 
 
 def _note_of_memory(planned: Plan | None) -> list[str]:
-    """That memory was short, if it was."""
+    """A note if memory was short."""
     if planned is None or not planned.short:
         return []
     return [
-        "Memory was short, so the network worked on fewer views at a time; that takes longer and changes nothing else."
+        "Memory was short, so the network processed fewer views at a time. This takes longer; the result is the same."
     ]
 
 
 def strangers(context: Views) -> list[int]:
-    """The views that have no point in their picture, at 16 depths from near to far, that is in that of another view."""
+    """The views that share no point with another view: points on a grid of pixels, at 16 depths from near to far, are tested."""
     grid = torch.diag(torch.tensor([GRID / context.size[1], GRID / context.size[0], 1.0], dtype=torch.float64))
     cameras = context.cameras.adjusted(grid, (GRID, GRID))
     near, far = context.depth_range[:, 0].min(), context.depth_range[:, 1].max()
@@ -232,7 +244,7 @@ def strangers(context: Views) -> list[int]:
 
 
 def has_parallax(context: Views) -> bool:
-    """Whether the context cameras are apart by more than `NO_PARALLAX` of the near bound."""
+    """Whether the context cameras are further apart than `NO_PARALLAX` times the near bound."""
     centres = context.cameras.centres
     spread = torch.cdist(centres, centres).max()
     return bool(spread > NO_PARALLAX * context.depth_range[:, 0].min())

@@ -1,15 +1,15 @@
-"""The folder of renders: a picture, class maps, depth and alpha of every view, in files that other programs read.
+"""The folder of renders: images, class maps, depth and alpha of every view, in common file formats.
 
 For a view at position 7 of the scene (`context_007_*` or `target_007_*`):
 
     input / truth       the photo, as read: of a context view / of a held-out view (RGB)
     image               the Gaussians seen from its camera, black behind them (RGB)
-    classes             the class map in the colours of the class table, hatched where nothing was seen (RGB)
+    classes             the class map in the colours of the class table, hatched where unseen (RGB)
     labels              the class map as numbers (8 bits): position in the class table, 255 where alpha < 0.5
-    depth               z-depth along the optical axis. Metric scenes: 16-bit PNG in millimetres, 0 where nothing was
-                        drawn or it is 65.5 m away or more. Other scenes: 32-bit float TIFF in the scene's own unit
-    alpha               how much light the Gaussians stopped (8 bits, 255 is all of it)
-    truth_labels, truth_depth     likewise, where a held-out view has labels or depth
+    depth               z-depth along the optical axis. Metric scenes: 16-bit PNG in millimetres, 0 for no
+                        depth or for 65.5 m and more. Other scenes: 32-bit float TIFF in the scene's own unit
+    alpha               opacity of the Gaussians (8 bits, 255 is opaque)
+    truth_labels, truth_depth     the same of the truth, if a held-out view has labels or depth
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from PIL import Image
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
-from semgs.figures.classes import class_picture, label_maps
+from semgs.figures.classes import class_picture
 from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.pictures import write_png
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.rendering.rendering import label_maps
 
 MILLIMETRES = 1000
-"""What a metre is worth in a 16-bit depth picture."""
+"""The value of one metre in a 16-bit depth image."""
 
 
 def write_renders(folder: Path, result: Reconstruction) -> None:
-    """Write the pictures of all context and target views into an existing folder.
+    """Write the images of all context and target views into an existing folder.
 
     Raises:
         OSError: a file cannot be written.
     """
-    _write(folder, "context", "input", result.context, result.classes, result.metric)
-    if result.target is not None:
-        _write(folder, "target", "truth", result.target, result.classes, result.metric)
+    for role, photo, shown in zip(("context", "target"), ("input", "truth"), result.shown, strict=False):
+        _write(folder, role, photo, shown, result.classes, result.metric)
 
 
 def millimetres(depths: Float[Tensor, "h w"]) -> np.ndarray:
-    """z-depths in metres as uint16 millimetres [h w]; 0 where there is none or it does not fit."""
+    """z-depths in metres as uint16 millimetres [h w]; 0 for no depth, and for depths that do not fit."""
     scaled = np.rint(MILLIMETRES * depths.double().numpy())
     return np.where((scaled > 0) & (scaled <= np.iinfo(np.uint16).max), scaled, 0).astype(np.uint16)
 
@@ -71,7 +71,7 @@ def _write(folder: Path, role: str, photo: str, shown: Shown, classes: ClassTabl
 
 
 def _write_depth(stem: Path, depths: Tensor, metric: bool) -> None:
-    """A depth map: millimetres where lengths are metres, else floating-point numbers that claim no unit."""
+    """A depth map: millimetres if lengths are metres, else floating-point numbers in the scene's unit."""
     if metric:
         write_png(stem.with_suffix(".png"), millimetres(depths))
         return

@@ -1,4 +1,4 @@
-"""The numbers of a reconstruction, as report.json holds them, and the list of the files that are written."""
+"""report.json of a reconstruction, and the list of its output files."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from semgs.data.classes import IGNORE
-from semgs.figures.classes import label_maps, legend
-from semgs.reconstruction.reconstruct import Reconstruction, Shown
+from semgs.figures.classes import legend
+from semgs.figures.page import Link
+from semgs.reconstruction.reconstruct import Reconstruction
 from semgs.reconstruction.scores import ViewScores, mean_scores
+from semgs.rendering.rendering import label_maps
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What made a reconstruction.
+    """How a reconstruction was made.
 
     Attributes:
         software: name and version.
-        weights: of the model, where they come from, in a sentence.
+        weights: where the model's weights come from, in a sentence.
         parameters: of the model.
-        device: that it ran on.
+        device: where it ran.
     """
 
     software: str
@@ -30,39 +32,29 @@ class Origin:
     device: str
 
 
-@dataclass(frozen=True)
-class Output:
-    """A file or folder of the result: its name, and what it is in a sentence."""
-
-    name: str
-    text: str
-
-
-def outputs(result: Reconstruction) -> tuple[Output, ...]:
-    """What is written for a reconstruction, in the order of importance."""
+def outputs(result: Reconstruction) -> tuple[Link, ...]:
+    """The output files of a reconstruction, the most important first."""
     depth = "16-bit depth in millimetres" if result.metric else "depth as 32-bit float TIFF in the scene's unit"
     maps = "" if result.classes is None else "class maps (coloured, and as numbers with 255 for unseen), "
     listed = [
-        Output("report.html", "the report to look at; one page that needs no network and no other file"),
-        Output("report.json", "all its numbers"),
-        Output("gaussians.ply", "the scene in colour, plain 3DGS: opens in every Gaussian splat viewer"),
-        Output("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
-        Output(
-            "scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"
-        ),
-        Output("renders/", f"pictures of every view: photo, render, {maps}{depth}, alpha"),
+        Link("report.html", "start here: the report, one page that needs no network and no other file"),
+        Link("report.json", "all numbers of the report"),
+        Link("gaussians.ply", "the scene in colour, plain 3DGS: opens in every Gaussian splat viewer"),
+        Link("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
+        Link("scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"),
+        Link("renders/", f"images of every view: photo, render, {maps}{depth}, alpha"),
     ]
     return tuple(one for one in listed if result.classes is not None or one.name != "semantics.ply")
 
 
 def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
-    """Everything that the report says in numbers, ready for JSON; what is not known is None.
+    """All numbers of the report, ready for JSON; unknown values are None.
 
-    Lengths are metres where `scene.unit` is "metric", else the scene's own unit. `scene.origin` is what to add to positions in the PLY
-    files and `scene.safetensors` for those in the scene's coordinates. `psnr` is in dB, None for equal pictures.
+    Lengths are in metres if `scene.unit` is "metric", else in the scene's own unit. Add `scene.origin` to positions in the PLY files and in
+    `scene.safetensors` to get the scene's coordinates. `psnr` is in dB, and None for equal images.
     """
     scene = result.scene
-    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in _all_shown(result)]
+    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in result.shown]
     pixels = np.concatenate([one.ravel() for one in maps]) if maps else np.zeros(0, np.uint8)
     return {
         "format": "semgs.report.reconstruct",
@@ -99,8 +91,7 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
         "gaussians": len(result.encoding.gaussians),
         "views": [
             {"role": role, "position": position, "name": name, **_rounded(score)}
-            for role, shown in (("context", result.context), ("target", result.target))
-            if shown is not None
+            for role, shown in zip(("context", "target"), result.shown, strict=False)
             for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True)
         ],
         "means": {
@@ -118,17 +109,12 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
 
 
 def rounded(value: float | None) -> float | None:
-    """A number to five significant digits; None for None and for what JSON has no word for."""
+    """A number rounded to five significant digits; None for None and for what JSON cannot express."""
     if value is None or not math.isfinite(value):
         return None
     return float(f"{value:.5g}")
 
 
-def _all_shown(result: Reconstruction) -> list[Shown]:
-    """The context views and, if there are any, the target views."""
-    return [result.context] if result.target is None else [result.context, result.target]
-
-
 def _rounded(score: ViewScores) -> dict[str, float | None]:
-    """The scores of a view by their names."""
+    """The scores of a view by name, rounded."""
     return {name: value if isinstance(value, int) else rounded(value) for name, value in asdict(score).items()}

@@ -1,4 +1,4 @@
-"""The scores of a reconstruction in words, as the report and the terminal print them."""
+"""The scores of a reconstruction, as the report and the terminal show them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
 
 DIGITS = 2
-"""After the point, of scores of a few views."""
+"""Digits after the point; more would mean little for a few views."""
 
 SEEN = "_seen"
-"""Ending of the measures that are over the pixels that were seen alone."""
+"""Suffix of measures over the seen pixels."""
 
 
 def scores_lead(result: Reconstruction) -> str:
-    """What the columns of the table of scores are."""
+    """Explains the columns of the table."""
     return " ".join(f"{TITLES[name]}: {text}." for name, text in MEANINGS.items() if name in _measures(result))
 
 
@@ -37,7 +37,7 @@ def score_table(result: Reconstruction) -> Table:
 
 
 def score_lines(result: Reconstruction) -> list[str]:
-    """The mean scores of the held-out views and of the input views, a line each, and of what was seen where much was not."""
+    """A line with mean scores for held-out views and for input views; another for the seen pixels if many were not seen."""
     lines = []
     for role, shown in _parts(result):
         means = mean_scores(shown.scores)
@@ -46,14 +46,13 @@ def score_lines(result: Reconstruction) -> list[str]:
         lines.append(f"{role} views: {_listed(overall, values)}")
         if means.coverage < MOSTLY_SEEN:
             seen = [name for name in values if name.endswith(SEEN)]
-            lines.append(f"{role} views, of which {100 * means.coverage:.0f} % is seen: {_listed(seen, values)}")
+            lines.append(f"{role} views, the {100 * means.coverage:.0f} % that is seen: {_listed(seen, values)}")
     return lines
 
 
 def _parts(result: Reconstruction) -> list[tuple[str, Shown]]:
-    """The views by their role, those that tell most first."""
-    held_out = [] if result.target is None else [("held-out", result.target)]
-    return [*held_out, ("input", result.context)]
+    """The views by role, held-out views first."""
+    return list(zip(("input", "held-out"), result.shown, strict=False))[::-1]
 
 
 def _measures(result: Reconstruction) -> list[str]:

@@ -1,30 +1,29 @@
-"""Scores of one rendered view against what its camera saw, as far as the truth is known."""
+"""Scores of rendered views against the true views."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from semgs.data.views import Views
-from semgs.figures.classes import SEEN_ALPHA
 from semgs.objectives.maps import Maps, map_scores
-from semgs.rendering.rendering import Rendering, likeliest
+from semgs.rendering.rendering import SEEN_ALPHA, Rendering, likeliest
 
 
 @dataclass(frozen=True)
 class ViewScores:
-    """How one view turned out. A pixel was seen if its alpha is at least 0.5.
+    """The scores of one view. A pixel is seen if its alpha is at least 0.5.
 
     Attributes:
-        psnr: of the picture against the photo, all pixels [dB]; infinite if they are equal.
-        coverage: share of the pixels that were seen, 0..1.
-        psnr_seen: as `psnr`, over the pixels that were seen; None if there are none.
-        depth_error: as `depth_abs_rel`, over the pixels that were seen; None without one that has a true depth.
-        accuracy: share of the labelled pixels whose likeliest class is the true one; None without labels.
-        miou: mean IoU over the classes that the true labels of this view show; None without labels.
-        accuracy_seen, miou_seen: the same over the pixels that were seen; None without a labelled one.
-        depth_abs_rel: mean of |z - truth| / truth over all pixels with a true depth; None without one.
-        depth_pixels, depth_pixels_seen: how many have a true depth, altogether and of those that were seen.
+        psnr: over all pixels [dB]; infinite if the images are equal.
+        coverage: share of seen pixels, 0..1.
+        psnr_seen: like `psnr`, over the seen pixels; None if there are none.
+        depth_error: like `depth_abs_rel`, over the seen pixels; None if none of them has a true depth.
+        accuracy: share of the labelled pixels whose likeliest class is correct; None without labels.
+        miou: mean IoU over the true classes of this view; None without labels.
+        accuracy_seen, miou_seen: the same over the seen pixels; None if none of them is labelled.
+        depth_abs_rel: mean of |z - truth| / truth over all pixels with a true depth; None if there are none.
+        depth_pixels, depth_pixels_seen: number of pixels with a true depth: all, and those seen.
     """
 
     psnr: float
@@ -43,36 +42,30 @@ class ViewScores:
 def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
     """The scores of each view of a scene.
 
-    Classes are compared as arg max of the distribution at every labelled pixel, whether it was seen or not, and once more at
-    those that were seen.
+    The class of a pixel is the arg max of its distribution. Classes are compared at every labelled pixel, and again at the seen ones.
 
     Args:
-        rendering: of `truth.cameras`, without a batch axis.
-        truth: what the cameras saw; its labels refer to the table of the rendering's classes.
+        rendering: from `truth.cameras`, without a batch axis.
+        truth: the true views; their labels have the class table of the rendering.
     """
     return tuple(_scores_of(rendering, truth, index) for index in range(len(truth)))
 
 
 def mean_scores(views: Sequence[ViewScores]) -> ViewScores:
-    """The mean of each score over the views that have it; errors of depth over all their pixels. There must be a view."""
-    pixels, pixels_seen = [view.depth_pixels for view in views], [view.depth_pixels_seen for view in views]
-    return ViewScores(
-        psnr=sum(view.psnr for view in views) / len(views),
-        coverage=sum(view.coverage for view in views) / len(views),
-        psnr_seen=_mean([view.psnr_seen for view in views]),
-        depth_error=_mean([view.depth_error for view in views], pixels_seen),
-        accuracy=_mean([view.accuracy for view in views]),
-        miou=_mean([view.miou for view in views]),
-        accuracy_seen=_mean([view.accuracy_seen for view in views]),
-        miou_seen=_mean([view.miou_seen for view in views]),
-        depth_abs_rel=_mean([view.depth_abs_rel for view in views], pixels),
-        depth_pixels=sum(pixels),
-        depth_pixels_seen=sum(pixels_seen),
-    )
+    """The mean of each score over the views that have it, of depth errors over all their pixels. Needs at least one view."""
+    weights = {"depth_error": "depth_pixels_seen", "depth_abs_rel": "depth_pixels"}
+
+    def mean(name: str) -> float | None:
+        found = [(getattr(view, name), getattr(view, weights[name]) if name in weights else 1) for view in views]
+        known = [(value, weight) for value, weight in found if value is not None]
+        return sum(value * weight for value, weight in known) / sum(weight for _, weight in known) if known else None
+
+    means = {one.name: mean(one.name) for one in fields(ViewScores)}
+    return ViewScores(**means | {name: sum(getattr(view, name) for view in views) for name in weights.values()})
 
 
 def by_measure(score: ViewScores) -> dict[str, float]:
-    """The scores that are known, by the names and in the order of `semgs.objectives.measures.TITLES`."""
+    """The known scores, with the names and in the order of `semgs.objectives.measures.TITLES`."""
     found = {
         "miou_per_image": score.miou,
         "miou_per_image_seen": score.miou_seen,
@@ -116,11 +109,3 @@ def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
         depth_pixels=0 if whole.depth is None else whole.depth.pixels,
         depth_pixels_seen=0 if part.depth is None else part.depth.pixels,
     )
-
-
-def _mean(values: Sequence[float | None], weights: Sequence[int] | None = None) -> float | None:
-    """The mean of what is known, None if nothing is."""
-    known = [
-        (value, weight) for value, weight in zip(values, weights or [1] * len(values), strict=True) if value is not None
-    ]
-    return sum(value * weight for value, weight in known) / sum(weight for _, weight in known) if known else None

@@ -1,4 +1,4 @@
-"""Stages: the parts of long work, announced as they begin and timed."""
+"""Stages of long work: each is shown when it begins, and timed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from time import perf_counter
 from semgs.geometry.compiling import watch_compiling
 
 COMPILE = "compile"
-"""The stage that compiling kernels counts as, wherever it happens. A run that finds them all on disk has no such stage."""
+"""The stage for compiling kernels, in whichever stage it happens. It is absent if all kernels are cached on disk."""
 
 
 class Stages:
-    """A stopwatch for the parts of a work.
+    """A stopwatch for stages.
 
         stages = Stages()
         with stages("read", "Reading 3 frames"):
@@ -21,11 +21,11 @@ class Stages:
         stages.seconds["read"]
 
     Args:
-        show: what stands around each stage, given its title: a spinner, say. Nothing is shown by default.
-        compiling: called once, when kernels begin to be compiled.
+        show: context manager around each stage, given its title, such as a spinner. By default nothing is shown.
+        compiling: called once, when the first kernel is compiled.
 
     Attributes:
-        seconds: wall-clock seconds of each stage that is done, without those of `COMPILE`; a stage that comes twice adds up.
+        seconds: wall-clock seconds of each finished stage, without those of `COMPILE`; repeated stages add up.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class Stages:
 
     @contextmanager
     def __call__(self, name: str, title: str) -> Iterator[None]:
-        """Run a stage: its name in `seconds`, its title for the reader."""
+        """Time a stage: `name` is its key in `seconds`, `title` is shown."""
         with self._show(title), watch_compiling(self._compiling_began) as compiled:
             start = perf_counter()
             yield
@@ -48,7 +48,7 @@ class Stages:
                 self.seconds[COMPILE] += compiled()
 
     def _compiling_began(self) -> None:
-        """Say so, the first time."""
+        """Report it, the first time."""
         if COMPILE not in self.seconds:
             self.seconds[COMPILE] = 0.0
             self._compiling()

@@ -7,9 +7,9 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from semgs.data.views import Views
-from semgs.figures.classes import class_picture, label_maps, true_class_picture
-from semgs.figures.depth import depth_limits, depth_picture
-from semgs.rendering.rendering import Rendering
+from semgs.figures.classes import class_picture, true_class_picture
+from semgs.files.colours import depth_limits, depth_picture
+from semgs.rendering.rendering import Rendering, label_maps
 
 
 def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:

@@ -6,16 +6,16 @@ from time import sleep
 
 import pytest
 
+from semgs.bench.bench_file import BenchResult, is_bench, numbers, read_bench
 from semgs.bench.measure import WHOLE, CannotMeasureError
-from semgs.bench.results import Result, is_bench, numbers, read_bench
-from semgs.bench.rows import Row, chosen_rows
-from semgs.bench.run import run_bench, steps
+from semgs.bench.rows import BenchRow, chosen_rows
+from semgs.bench.run_bench import run_bench, steps
 from semgs.bench.workloads import Run, Watch
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 
 
-def stand_in(row: Row) -> Run:
+def stand_in(row: BenchRow) -> Run:
     """Two milliseconds of sleep in place of what a row runs."""
     if row.device == "cuda":
         raise CannotMeasureError("no CUDA device")
@@ -78,7 +78,7 @@ def test_the_file_holds_what_was_found(tmp_path: Path) -> None:
 def test_rows_are_measured_in_turns() -> None:
     order: list[str] = []
 
-    def noted(row: Row) -> Run:
+    def noted(row: BenchRow) -> Run:
         return lambda watch: (order.append(row.kind), stand_in(row)(watch))[1]
 
     found("total_small_n2_float32", "render_n2", prepared=noted)
@@ -91,7 +91,7 @@ def test_a_file_of_an_older_version_is_read_without_what_is_no_longer_measured(t
     older = {"gflop": 29.2, "gflop_per_second": 143.0, "share_of_ceiling": 0.63, "details": {"pairs_colour": 7.0}}
     content = {"format": "semgs.bench", "version": 1, "machine": {"ceilings": {}}, "results": [entry | older]}
     path.write_text(json.dumps(content))
-    assert read_bench(path).results == (Result("cnn_base_n2", 0.2, 0.25, 5, 498.0),)
+    assert read_bench(path).results == (BenchResult("cnn_base_n2", 0.2, 0.25, 5, 498.0),)
 
 
 @pytest.mark.parametrize(
@@ -99,8 +99,8 @@ def test_a_file_of_an_older_version_is_read_without_what_is_no_longer_measured(t
     [
         ("{", "JSON file of semgs bench"),
         ('{"format": "semgs.report.evaluate", "version": 1}', "semgs.bench, version 1"),
-        ('{"format": "semgs.bench", "version": 1, "machine": {}}', "whole file"),
-        ('{"format": "semgs.bench", "version": 1, "machine": {}, "results": [{"name": "a"}]}', "whole file"),
+        ('{"format": "semgs.bench", "version": 1, "machine": {}}', "complete file"),
+        ('{"format": "semgs.bench", "version": 1, "machine": {}, "results": [{"name": "a"}]}', "complete file"),
     ],
 )
 def test_another_file_is_refused(tmp_path: Path, text: str, told: str) -> None:

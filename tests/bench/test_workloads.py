@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from semgs.bench.measure import WHOLE, CannotMeasureError
-from semgs.bench.memory import PeakWatch, forget_peak, peak_mb
-from semgs.bench.rows import STAGES, Row, every_row
+from semgs.bench.peak_memory import PeakWatch, forget_peak, peak_mb
+from semgs.bench.rows import STAGES, BenchRow, every_row
 from semgs.bench.scenes import context_views, generated_scene, network
 from semgs.bench.watches import Stopwatch
 from semgs.bench.workloads import command, prepare
@@ -22,7 +22,7 @@ TINY = (32, 48)
 ROWS = {row.name: row for row in every_row()}
 
 
-def tiny(name: str, **changes) -> Row:
+def tiny(name: str, **changes) -> BenchRow:
     return replace(ROWS[name], size=TINY, threads=1, **changes)
 
 

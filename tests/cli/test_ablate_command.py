@@ -45,7 +45,7 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
         return Outcome(settings.steps, True, 0)
 
     monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
-    monkeypatch.setattr("semgs.evaluation.run.report_page", lambda *given: "")
+    monkeypatch.setattr("semgs.evaluation.run.evaluation_page", lambda *given: "")
     monkeypatch.setattr("semgs.training.loop.train", train)
     monkeypatch.setattr("semgs.training.run.finished", lambda run: (run / "weights.safetensors").exists())
     return runs
@@ -74,7 +74,7 @@ def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped
 def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, labelled, trained, capsys):
     line = [*LINE.split(), "--out", str(tmp_path / "out")]
     assert main([*line, "--test", str(room)]) == 2
-    assert "scenes with labels" in capsys.readouterr().err.splitlines()[-1]
+    assert "labelled scenes" in capsys.readouterr().err.splitlines()[-1]
     assert main([*line, "--test", str(labelled), "--learning-rate", "0.5"]) == 2
     assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
 
@@ -101,11 +101,11 @@ def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_pa
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        ("--views 1", "--views is 1"),
-        ("--seeds 1 1", "one twice"),
+        ("--views 1", "--views: expected a whole number, 2 or more"),
+        ("--seeds 1 1", "a seed twice"),
         ("--losses.smoothness 0", "the full method lacks Sm-Loss"),
         ("--network.windows 1", "the full method lacks Sw-Trans"),
-        ("--minutes 0", "must be positive"),
+        ("--minutes 0", "--minutes: expected more than 0"),
         ("--test nowhere", "nowhere"),
     ],
 )
@@ -161,7 +161,7 @@ def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tm
     assert "is not finished" in capsys.readouterr().err
     save(tmp_path / "table1" / "weights.safetensors", start("small", "random"), {})
     assert main([*line, "--steps", "3"]) == 2
-    assert "is a run of other settings: steps = 2 there, 3 here" in " ".join(capsys.readouterr().err.split())
+    assert "has other settings: steps = 2 there, 3 here" in " ".join(capsys.readouterr().err.split())
     assert main(line) == 0
     assert [name for name, _ in trained] == ["none", "shared", "windows", "camera"]
     assert (tmp_path / "out/seed_0/full/evaluation/report.json").exists()

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from semgs.bench.results import Bench, Result, numbers
+from semgs.bench.bench_file import BenchReport, BenchResult, numbers
 from semgs.bench.rows import chosen_rows
 from semgs.cli.bench_tables import bench_table
 from semgs.cli.main import main
 
 
-def write(path: Path, *results: Result) -> Path:
-    path.write_text(json.dumps(numbers(Bench({}, results))))
+def write(path: Path, *results: BenchResult) -> Path:
+    path.write_text(json.dumps(numbers(BenchReport({}, results))))
     return path
 
 
@@ -46,13 +46,13 @@ def test_a_row_that_cannot_be_measured_here_is_no_error(tmp_path: Path, capsys: 
 
 
 def test_the_table_has_seconds_and_memory_and_says_what_was_not_measured() -> None:
-    absent = [Result(row.name, None, reason="no CUDA device") for row in chosen_rows() if row.device == "cuda"]
+    absent = [BenchResult(row.name, None, reason="no CUDA device") for row in chosen_rows() if row.device == "cuda"]
     measured = (
-        Result("total_base_n2_float32", 3.9, 4.0, 5, 1300.4),
-        Result("train_small_n2", None, reason="no room"),
-        Result("cnn_base_n2", 0.2, 0.2, 5),
+        BenchResult("total_base_n2_float32", 3.9, 4.0, 5, 1300.4),
+        BenchResult("train_small_n2", None, reason="no room"),
+        BenchResult("cnn_base_n2", 0.2, 0.2, 5),
     )
-    table = bench_table(Bench({}, (*measured, *absent)))
+    table = bench_table(BenchReport({}, (*measured, *absent)))
     lines = {line.split()[0]: line for line in table.splitlines() if line}
     assert lines["total_base_n2_float32"].split()[1:] == ["3.900", "4.000", "1,300"]
     assert lines["cnn_base_n2"].split()[1:] == ["0.2000", "0.2000", "–"]
@@ -62,8 +62,12 @@ def test_the_table_has_seconds_and_memory_and_says_what_was_not_measured() -> No
 
 
 def test_two_files_are_compared_row_by_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = write(tmp_path / "before.json", Result("render_n2", 0.2, peak_memory_mb=500.0), Result("cnn_base_n2", 1.0))
-    after = write(tmp_path / "after.json", Result("render_n2", 0.1, peak_memory_mb=450.0), Result("depth_base_n2", 1.0))
+    before = write(
+        tmp_path / "before.json", BenchResult("render_n2", 0.2, peak_memory_mb=500.0), BenchResult("cnn_base_n2", 1.0)
+    )
+    after = write(
+        tmp_path / "after.json", BenchResult("render_n2", 0.1, peak_memory_mb=450.0), BenchResult("depth_base_n2", 1.0)
+    )
     assert main(["compare", str(before), str(after)]) == 0
     told = capsys.readouterr().out
     row = next(line for line in told.splitlines() if line.startswith("render_n2"))
@@ -82,7 +86,7 @@ def test_two_files_are_compared_row_by_row(tmp_path: Path, capsys: pytest.Captur
 def test_what_cannot_be_compared_is_told(
     tmp_path: Path, names: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(tmp_path / "before.json", Result("render_n2", 0.2))
+    write(tmp_path / "before.json", BenchResult("render_n2", 0.2))
     (tmp_path / "other.json").write_text("{}")
     assert main(["compare", *(str(tmp_path / name) for name in names)]) == 2
     assert told in capsys.readouterr().err

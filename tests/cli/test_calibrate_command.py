@@ -49,11 +49,11 @@ def test_bad_input_is_one_line(scene: Path, tmp_path: Path, capsys: pytest.Captu
     restate(shipped("small"), seen, {SCENES: json.dumps(["office_0_Sequence_2"])})
     on_scene = ["--data", str(scene)]
     lines = {
-        "found a network of colour alone": [str(colour), *on_scene, "--out", str(new)],
-        "weights of semgs that know classes, found another file": [str(there), *on_scene, "--out", str(new)],
+        "found colour-only weights": [str(colour), *on_scene, "--out", str(new)],
+        "weights of semgs with classes, found another file": [str(there), *on_scene, "--out", str(new)],
         "found 1 that were": [str(seen), *on_scene, "--out", str(new)],
         "choose another name": ["small", *on_scene, "--out", str(there)],
-        "expected 2 or more": ["small", *on_scene, "--views", "1", "--out", str(new)],
+        "2 or more, found '1'": ["small", *on_scene, "--views", "1", "--out", str(new)],
     }
     for told, line in lines.items():
         assert main(["weights", "calibrate", *line]) == 2

@@ -179,7 +179,7 @@ def test_rooms_that_the_weights_were_trained_in_are_refused_or_told_of(done: tup
     assert not (tmp_path / "out").exists()
     code, told, _ = run(*command, "--allow-seen")
     assert code == 0
-    assert "The weights were trained in rooms that are scored here: scene0007_01." in told
+    assert "The weights were trained on rooms that are scored here: scene0007_01." in told
 
 
 def test_predictions_that_are_the_truth_score_exactly_one_and_pixels_without_one_do_not_count(
@@ -248,8 +248,8 @@ def refused(done: tuple[Path, str], tmp_path: Path) -> Refused:
 
 
 def test_neither_or_both_of_weights_and_predictions(refused: Refused, tmp_path: Path):
-    assert "expected WEIGHTS or --predictions" in refused()
-    assert "and not both" in refused("small", "--predictions", tmp_path)
+    assert "expected either WEIGHTS or --predictions" in refused()
+    assert "expected either" in refused("small", "--predictions", tmp_path)
     code, _, errors = run("evaluate", "small", "--out", tmp_path / "never")
     assert code == 2
     assert "--data" in errors
@@ -257,11 +257,11 @@ def test_neither_or_both_of_weights_and_predictions(refused: Refused, tmp_path: 
 
 def test_an_unknown_protocol_lists_the_known(refused: Refused):
     line = refused("small", "--protocol", "neighbors")
-    assert "'neighbors'; expected one of neighbours, peers, pinned FILE" in line
+    assert "expected one of neighbours, peers, pinned FILE, found 'neighbors'" in line
     assert "pinned FILE" in refused("small", "--protocol", "pinned")
     assert "expected one of" in refused("small", "--protocol", "peers", "7")
     assert "no such file" in refused("small", "--protocol", "pinned", "nowhere.json")
-    assert "peers alone" in refused("small", "--gsnerf-distance")
+    assert "--gsnerf-distance needs --protocol peers" in refused("small", "--gsnerf-distance")
 
 
 def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
@@ -277,8 +277,8 @@ def test_near_and_far_that_cannot_be(refused: Refused):
 
 
 def test_more_views_than_the_scene_has(refused: Refused):
-    assert "expected at least 4 frames to draw a target from, found 3" in refused("small", "--views", "2", "4")
-    assert "--views is 1" in refused("small", "--views", "1")
+    assert "expected at least 4 frames to render a target from, found 3" in refused("small", "--views", "2", "4")
+    assert "--views: expected a whole number, 2 or more" in refused("small", "--views", "1")
 
 
 def test_no_data(refused: Refused, tmp_path: Path):
@@ -334,7 +334,7 @@ def test_scenes_without_labels_are_scored_by_colour_and_it_is_said(room: Path, d
         "evaluate", weights, "--data", room, "--views", "2", "--size", "48x64", "--out", tmp_path / "out"
     )
     assert code == 0
-    assert "No labels in room: they count in metrics of colour and depth only." in told
+    assert "No labels in room: only metrics of colour and depth use these scenes." in told
     (result,) = numbers(tmp_path / "out")["results"]
     assert (result["miou"], result["per_class"], result["depth_abs_rel"]) == (None, [], None)
     assert result["psnr"] > 0
@@ -357,11 +357,11 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
         ((tmp_path / "nowhere.json",), "nothing there"),
         ((tmp_path / "other.json",), "expected a report of format semgs.report.evaluate"),
         ((tmp_path / "broken.json",), "KeyError: 'target'"),
-        ((tmp_path / "worded.json",), "'good' is no number"),
+        ((tmp_path / "worded.json",), "'good' is not a number"),
         ((report, tmp_path / "moved.json"), "contexts images/002.png, images/000.png of room/images/001.png"),
-        ((report, "--layout", "difference"), "needs two reports"),
+        ((report, "--layout", "difference"), "needs two or more reports"),
         ((report, "--layout", "sideways"), "sideways"),
-        ((report, "--layout", "data", "--published", "scannet"), "--published is for --layout paper alone"),
+        ((report, "--layout", "data", "--published", "scannet"), "--published needs --layout paper"),
     ):
         code, out, errors = run("compare", *arguments)
         assert (code, out) == (2, "")

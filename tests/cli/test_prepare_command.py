@@ -67,9 +67,11 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
     assert "found an empty list" in refused(capsys, scenes, out, "--scenes", tmp_path / "split.txt")
     assert "nothing there" in refused(capsys, tmp_path / "nowhere", out)
     assert "a scene or a folder of scenes" in refused(capsys, _made(tmp_path / "empty"), out)
-    assert "--every is 0" in refused(capsys, scenes, out, "--every", 0)
-    assert "--size is auto" in refused(capsys, scenes, out, "--size", "auto")
-    assert "--workers is -1" in refused(capsys, scenes, out, "--workers", -1)
+    assert "--every: expected a whole number, 1 or more" in refused(capsys, scenes, out, "--every", 0)
+    assert "--size: expected height x width in pixels, such as 240x320, found 'auto'" in refused(
+        capsys, scenes, out, "--size", "auto"
+    )
+    assert "--workers: expected a whole number, 0 or more" in refused(capsys, scenes, out, "--workers", -1)
     assert "depth_unit: expected a layout that leaves depth_unit open" in refused(
         capsys, scenes, out, "--depth-unit", 0.001
     )

@@ -36,12 +36,12 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["OUT", "--scenes", "0"], "--scenes is 0"),
-        (["OUT", "--size", "0x0"], "--size is 0x0"),
-        (["OUT", "--size", "auto"], "--size is auto"),
+        (["OUT", "--scenes", "0"], "--scenes: expected a whole number, 1 or more"),
+        (["OUT", "--size", "0x0"], "--size: expected sides from 32 to 4096 pixels, found 0x0"),
+        (["OUT", "--size", "auto"], "--size: expected height x width in pixels, such as 240x320, found 'auto'"),
         (["OUT", "--frames", "1"], "frames is 1"),
         (["OUT", "--seed", "-1"], "seed is -1"),
-        (["OUT", "--workers", "-1"], "--workers is -1"),
+        (["OUT", "--workers", "-1"], "--workers: expected a whole number, 0 or more"),
         (["OUT", "--style", "plain"], "invalid choice 'plain'"),
         (["OUT", "--render", "traced"], "there is no option --render"),
         (["OUT", "--assets", "/nowhere/at/all"], "no such folder"),

@@ -14,21 +14,21 @@ from PIL import Image
 
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
+from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.network import NetworkMethod
-from semgs.evaluation.frames.plan import Plan, make_plan
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.frames.saved import SavedPredictions
-from semgs.evaluation.page.report_page import report_page
+from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.run import write_results
 from semgs.evaluation.scoring.evaluate import Rows, evaluate
 from semgs.evaluation.scoring.records import record
 from semgs.evaluation.scoring.summary import summary
 from semgs.evaluation.tables.compare import BRIEF, check_comparable, difference_grids, overview_grid, paper_grid
 from semgs.evaluation.tables.environment import hardware, versions
+from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, Subject, evaluation_numbers, read_report
 from semgs.evaluation.tables.notes import notes
-from semgs.evaluation.tables.report import Evaluation, SavedReport, Subject, read_report, report_numbers
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.weights.load import load
@@ -63,24 +63,24 @@ class Oracle:
 
 
 @pytest.fixture
-def plan(make_scene: MakeScene) -> Plan:
+def plan(make_scene: MakeScene) -> FramePlan:
     scenes = [make_scene("attic", frames=4), make_scene("hall", frames=5)]
     return make_plan("neighbours", neighbours, scenes, (2, 3), (36, 48))
 
 
-def done(plan: Plan, rows: list[Rows], name: str = "oracle") -> Evaluation:
+def done(plan: FramePlan, rows: list[Rows], name: str = "oracle") -> Evaluation:
     subject = Subject(name, "weights", "known by heart", "0" * 64, 1)
     told = tuple(notes(plan, plan.scenes, rows, 0))
     return Evaluation(subject, "scenes", plan, tuple(rows), SCANNET20, versions(), hardware("cpu"), told)
 
 
-def report(folder: Path, plan: Plan, rows: list[Rows], name: str = "oracle") -> SavedReport:
+def report(folder: Path, plan: FramePlan, rows: list[Rows], name: str = "oracle") -> SavedReport:
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / "report.json", report_numbers(done(plan, rows, name)))
+    write_json(folder / "report.json", evaluation_numbers(done(plan, rows, name)))
     return read_report(folder)
 
 
-def test_the_truth_scores_exactly_one(plan: Plan, tmp_path: Path):
+def test_the_truth_scores_exactly_one(plan: FramePlan, tmp_path: Path):
     rows = evaluate(plan, Oracle(), tmp_path)
     assert [(one.views, len(one.method)) for one in rows] == [(2, 5), (3, 5)]
     for one in rows:
@@ -94,8 +94,8 @@ def test_the_truth_scores_exactly_one(plan: Plan, tmp_path: Path):
         assert found["psnr"] == float("inf")
 
 
-def test_saved_maps_give_the_reported_miou_to_ten_lines_of_anybodys(plan: Plan, tmp_path: Path):
-    numbers = report_numbers(done(plan, evaluate(plan, Oracle(wrong=9), tmp_path)))
+def test_saved_maps_give_the_reported_miou_to_ten_lines_of_anybodys(plan: FramePlan, tmp_path: Path):
+    numbers = evaluation_numbers(done(plan, evaluate(plan, Oracle(wrong=9), tmp_path)))
     for entry in numbers["results"]:
         pairs = [
             (np.array(Image.open(path)), np.array(Image.open(tmp_path / "truth" / path.parent.name / path.name)))
@@ -110,7 +110,7 @@ def test_saved_maps_give_the_reported_miou_to_ten_lines_of_anybodys(plan: Plan, 
         assert entry["miou"] < 0.9
 
 
-def test_a_copy_of_the_nearer_context_scores_as_the_trivial_row_does(plan: Plan, tmp_path: Path):
+def test_a_copy_of_the_nearer_context_scores_as_the_trivial_row_does(plan: FramePlan, tmp_path: Path):
     class Copier:
         name = "copier"
 
@@ -133,7 +133,7 @@ def test_a_copy_of_the_nearer_context_scores_as_the_trivial_row_does(plan: Plan,
         assert 0 < found["not_given"] < 0.2
 
 
-def test_a_method_is_given_neither_the_truth_nor_the_target(plan: Plan, tmp_path: Path):
+def test_a_method_is_given_neither_the_truth_nor_the_target(plan: FramePlan, tmp_path: Path):
     oracle = Oracle()
     evaluate(plan, oracle, tmp_path, save=False)
     for inputs in oracle.given:
@@ -157,12 +157,12 @@ def network() -> NetworkMethod:
     return NetworkMethod(load("small", "random").eval(), "cpu", "small")
 
 
-def test_evaluating_a_network_twice_gives_the_same_bits(plan: Plan, tmp_path: Path):
-    few = Plan(plan.protocol, plan.tasks[:2] + plan.tasks[-1:])
+def test_evaluating_a_network_twice_gives_the_same_bits(plan: FramePlan, tmp_path: Path):
+    few = FramePlan(plan.protocol, plan.tasks[:2] + plan.tasks[-1:])
     found = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
-        found.append(without_times(report_numbers(done(few, evaluate(few, network(), tmp_path / name)))))
+        found.append(without_times(evaluation_numbers(done(few, evaluate(few, network(), tmp_path / name)))))
     assert found[0] == found[1]
     files = sorted(path.relative_to(tmp_path / "first") for path in (tmp_path / "first").rglob("*.*"))
     assert len(files) == 3 * 4 + 3
@@ -170,8 +170,8 @@ def test_evaluating_a_network_twice_gives_the_same_bits(plan: Plan, tmp_path: Pa
         assert (tmp_path / "first" / path).read_bytes() == (tmp_path / "second" / path).read_bytes()
 
 
-def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: Plan, tmp_path: Path):
-    few = Plan(plan.protocol, plan.tasks[:1])
+def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: FramePlan, tmp_path: Path):
+    few = FramePlan(plan.protocol, plan.tasks[:1])
     rows = evaluate(few, network(), tmp_path)
     stem = tmp_path / "predictions/N2/attic/001"
     labels, unseen = (np.array(Image.open(f"{stem}{end}")) for end in (".png", ".unseen.png"))
@@ -185,7 +185,7 @@ def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: 
 
 
 @pytest.mark.long
-def test_two_workers_give_the_same_numbers(plan: Plan, tmp_path: Path):
+def test_two_workers_give_the_same_numbers(plan: FramePlan, tmp_path: Path):
     found = []
     for workers in (0, 2):
         (tmp_path / str(workers)).mkdir()
@@ -195,7 +195,7 @@ def test_two_workers_give_the_same_numbers(plan: Plan, tmp_path: Path):
         assert together == pytest.approx(alone, rel=1e-4)
 
 
-def test_progress_is_told_after_every_target_and_a_broken_file_ends_the_work(plan: Plan, tmp_path: Path):
+def test_progress_is_told_after_every_target_and_a_broken_file_ends_the_work(plan: FramePlan, tmp_path: Path):
     told: list[int] = []
     evaluate(plan, Oracle(), tmp_path, save=False, done=told.append)
     assert told == list(range(1, len(plan.tasks) + 1))
@@ -224,11 +224,11 @@ def test_scenes_without_labels_count_in_colour_and_depth_only_and_it_is_said(mak
     assert found["miou_per_image"] == expected["miou_per_image"]
     assert found["psnr"] != expected["psnr"]
     told = " ".join(notes(plan, scenes, [rows], 0))
-    assert "No labels in bare: they count in metrics of colour and depth only." in told
+    assert "No labels in bare: only metrics of colour and depth use these scenes." in told
     assert "No depth in bare" in told
 
 
-def test_a_report_survives_its_file(plan: Plan, tmp_path: Path):
+def test_a_report_survives_its_file(plan: FramePlan, tmp_path: Path):
     rows = evaluate(plan, Oracle(wrong=9), tmp_path)
     saved = report(tmp_path / "a", plan, rows)
     for one in rows:
@@ -248,7 +248,7 @@ def test_a_report_survives_its_file(plan: Plan, tmp_path: Path):
         assert text[key]
 
 
-def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(plan: Plan, tmp_path: Path):
+def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(plan: FramePlan, tmp_path: Path):
     saved = report(tmp_path / "a", plan, evaluate(plan, Oracle(wrong=9), tmp_path))
 
     def columns(unseen: float) -> set[str]:
@@ -261,7 +261,7 @@ def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(pl
     assert not {"PSNR (seen)", "depth error (seen)"} & columns(0.04)
 
 
-def test_a_report_from_before_the_scores_over_the_seen_pixels_is_read(plan: Plan, tmp_path: Path):
+def test_a_report_from_before_the_scores_over_the_seen_pixels_is_read(plan: FramePlan, tmp_path: Path):
     report(tmp_path / "a", plan, evaluate(plan, Oracle(wrong=9), tmp_path))
     path = tmp_path / "a/report.json"
     text = json.loads(path.read_text())
@@ -276,7 +276,7 @@ def test_a_report_from_before_the_scores_over_the_seen_pixels_is_read(plan: Plan
     assert old.frames[0].depth_seen is None
 
 
-def test_a_score_below_the_copy_is_marked(plan: Plan, tmp_path: Path):
+def test_a_score_below_the_copy_is_marked(plan: FramePlan, tmp_path: Path):
     rows = evaluate(plan, Oracle(wrong=30), tmp_path)
     saved = report(tmp_path / "a", plan, rows)
     found = saved.results[2]
@@ -290,17 +290,19 @@ def test_a_score_below_the_copy_is_marked(plan: Plan, tmp_path: Path):
     assert "worse than the oracle that copies the nearest input view" in " ".join(notes(plan, plan.scenes, rows, 0))
 
 
-def test_reports_of_other_frames_sizes_or_truth_are_not_compared(plan: Plan, make_scene: MakeScene, tmp_path: Path):
-    def of(plan: Plan, name: str) -> SavedReport:
+def test_reports_of_other_frames_sizes_or_truth_are_not_compared(
+    plan: FramePlan, make_scene: MakeScene, tmp_path: Path
+):
+    def of(plan: FramePlan, name: str) -> SavedReport:
         return report(tmp_path / name, plan, evaluate(plan, Oracle(), tmp_path, save=False), name)
 
     base = of(plan, "base")
-    check_comparable([base, of(Plan("pinned: neighbours", plan.of(2)), "some")])
+    check_comparable([base, of(FramePlan("pinned: neighbours", plan.of(2)), "some")])
     tasks = plan.tasks
     with pytest.raises(InputError, match="4 targets instead of 5"):
-        check_comparable([base, of(Plan("n", tasks[1:5]), "fewer")])
+        check_comparable([base, of(FramePlan("n", tasks[1:5]), "fewer")])
     with pytest.raises(InputError, match=r"target attic/images/002\.png instead of attic/images/001\.png"):
-        check_comparable([base, of(Plan("n", (tasks[1], tasks[0], *tasks[2:5])), "other")])
+        check_comparable([base, of(FramePlan("n", (tasks[1], tasks[0], *tasks[2:5])), "other")])
     labels = tasks[0].scene.frames[1].labels.path
     assert labels is not None
     Image.fromarray(np.zeros((36, 48), np.uint8)).save(labels)
@@ -308,7 +310,7 @@ def test_reports_of_other_frames_sizes_or_truth_are_not_compared(plan: Plan, mak
         check_comparable([base, of(plan, "changed")])
 
 
-def test_tables_of_several_reports(plan: Plan, tmp_path: Path):
+def test_tables_of_several_reports(plan: FramePlan, tmp_path: Path):
     reports = [
         report(tmp_path / name, plan, evaluate(plan, Oracle(wrong), tmp_path, save=False), "oracle")
         for name, wrong in (("poor", 18), ("good", 4))
@@ -331,9 +333,9 @@ def test_tables_of_several_reports(plan: Plan, tmp_path: Path):
     assert first[4].marked
 
 
-def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: Plan, tmp_path: Path):
+def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: FramePlan, tmp_path: Path):
     rows = evaluate(plan, Oracle(wrong=9), tmp_path)
-    page = report_page(done(plan, rows), report(tmp_path / "a", plan, rows))
+    page = evaluation_page(done(plan, rows), report(tmp_path / "a", plan, rows))
     assert page.count('class="bars"') == page.count('class="matrix"') == 2
     assert page.count('class="gallery"') == 10
     for text in (
@@ -345,7 +347,7 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
     assert "http" not in page
 
 
-def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: Plan, tmp_path: Path):
+def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: FramePlan, tmp_path: Path):
     """To the last number, infinite PSNR of the oracle included."""
     evaluation = done(plan, evaluate(plan, Oracle(), tmp_path))
     handed = write_results(tmp_path, evaluation)
@@ -355,10 +357,10 @@ def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: Plan, tmp_pat
         assert handed.results[views].numbers == result.numbers
         assert [record(frame) for frame in handed.results[views].frames] == [record(frame) for frame in result.frames]
     page = (tmp_path / "report.html").read_text()
-    assert page == report_page(evaluation, read)
+    assert page == evaluation_page(evaluation, read)
 
 
-def test_what_is_shown_of_the_best_and_worst_is_what_was_predicted(plan: Plan, tmp_path: Path):
+def test_what_is_shown_of_the_best_and_worst_is_what_was_predicted(plan: FramePlan, tmp_path: Path):
     rows = evaluate(plan, Oracle(wrong=9), tmp_path)
     saved = SavedPredictions(tmp_path / "predictions", "x")
     for one in rows:

@@ -97,13 +97,13 @@ def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) ->
 
     with pytest.raises(InputError, match="version 9"):
         load_scene(write({"format": "semgs.scene", "version": 9}, {"a": torch.zeros(1)}))
-    with pytest.raises(InputError, match="classes, as every scene file has"):
+    with pytest.raises(InputError, match="a scene file with classes"):
         load_scene(write({"format": "semgs.scene", "version": 1}, {"a": torch.zeros(1)}))
     save_scene(tmp_path / "b", some_scene())
     with safe_open(tmp_path / "b", framework="pt") as file:
         header = json.loads(file.metadata()["semgs"])
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    with pytest.raises(InputError, match="means, as every scene file has"):
+    with pytest.raises(InputError, match="a scene file with means"):
         load_scene(write(header, {name: tensor for name, tensor in tensors.items() if name != "means"}))
     with pytest.raises(InputError, match="opacities"):
         load_scene(write(header, tensors | {"opacities": tensors["opacities"][:-1]}))
@@ -151,10 +151,10 @@ def test_what_would_not_have_been_written_is_not_read(tmp_path: Path) -> None:
             r"colour\.quaternions hold \[0\.0, 0\.0, 0\.0, 0\.0\]; expected a length of 1",
         ),
         ("semantic.quaternions", (5,), 2.0, r"expected a length of 1"),
-        ("depth_range", (0, 0), -0.7, "depth_range hold a number that cannot be; expected 0 < near < far"),
+        ("depth_range", (0, 0), -0.7, "depth_range contain an invalid number; expected 0 < near < far"),
         ("depth_range", (1, 1), 0.5, "expected 0 < near < far"),
-        ("depths", (0, 1, 1), -1.0, "depths hold"),
-        ("confidences", (0, 1, 1), float("nan"), "confidences hold"),
+        ("depths", (0, 1, 1), -1.0, "depths contain"),
+        ("confidences", (0, 1, 1), float("nan"), "confidences contain"),
     ):
         changed = tensors[name].clone()
         changed[index] = value

@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from semgs.data.classes import SCANNET20
-from semgs.figures.classes import HATCH, class_picture, label_maps, legend, overlay, true_class_picture
-from semgs.rendering.rendering import Rendering, likeliest
+from semgs.figures.classes import class_picture, legend, overlay, true_class_picture
+from semgs.files.colours import HATCH
+from semgs.rendering.rendering import Rendering, label_maps, likeliest
 
 FLOOR, CHAIR = SCANNET20.index("floor"), SCANNET20.index("chair")
 

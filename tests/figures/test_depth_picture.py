@@ -3,16 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semgs.figures.depth import (
-    NOTHING,
-    WORST_ERROR,
-    depth_bar,
-    depth_error_bar,
-    depth_error_picture,
-    depth_limits,
-    depth_picture,
-    depth_ticks,
-)
+from semgs.figures.depth import WORST_ERROR, depth_bar, depth_error_bar, depth_error_picture, depth_ticks
+from semgs.files.colours import NOTHING, depth_limits, depth_picture
 
 
 def test_limits_span_what_has_depth_and_a_few_outliers_do_not_move_them() -> None:
@@ -35,14 +27,14 @@ def test_the_ticks_stand_where_the_bar_has_the_colour_of_their_depth() -> None:
     ticks = depth_ticks(limits, 5)
     assert ticks == pytest.approx((0.5, 1, 2, 4, 8))
     colours = depth_picture(np.array([ticks]), limits)[0]
-    assert (colours == depth_bar(257)[0, ::64]).all()
+    assert (colours == depth_bar()[0, np.rint(np.linspace(0, 255, 5)).astype(int)]).all()
 
 
 def test_equal_depths_look_equal_nothing_is_grey_and_the_bar_has_the_same_colours() -> None:
     depths = np.array([[1.0, 2.0, 3.0], [0.0, 99.0, 1e-3]])
     picture = depth_picture(depths, (1.0, 3.0))
-    bar = depth_bar(256, 4)
-    assert bar.shape == (4, 256, 3)
+    bar = depth_bar()
+    assert bar.shape == (1, 256, 3)
     assert (picture[0, 0] == bar[0, 0]).all()
     assert (picture[0, 2] == bar[0, 255]).all()
     assert (picture[1, 1] == bar[0, 255]).all()  # clamped

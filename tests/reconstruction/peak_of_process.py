@@ -11,7 +11,7 @@ import json
 import sys
 from dataclasses import asdict
 
-from semgs.bench.memory import peak_mb
+from semgs.bench.peak_memory import peak_mb
 from semgs.bench.scenes import network
 from semgs.data.choice import given
 from semgs.data.scenes import open_scene

@@ -10,9 +10,9 @@ import torch
 
 from semgs.cli.main import main
 from semgs.data.scene import Scene
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.network import NetworkMethod
-from semgs.evaluation.frames.plan import Task
-from semgs.evaluation.frames.protocols import Sample
+from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.model import plan as planning
 from semgs.model.chunks import Chunks
@@ -22,7 +22,7 @@ from semgs.weights.load import load
 
 def task_of(scene: Scene) -> Task:
     """The second frame of a scene from the first and the last."""
-    return Task(scene, (32, 48), Sample((0, 3), 1))
+    return Task(scene, (32, 48), TargetSample((0, 3), 1))
 
 
 def test_an_evaluation_takes_as_few_views_at_a_time_as_memory_asks_for(

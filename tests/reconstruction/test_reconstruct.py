@@ -11,7 +11,7 @@ from reconstruction.conftest import SIZE, TURN, WALL
 from safetensors import safe_open
 
 from semgs import load
-from semgs.cli.results import saved
+from semgs.cli.reconstruction_files import saved
 from semgs.data.choice import choose, given
 from semgs.data.scene import Scene
 from semgs.data.views import Views
@@ -53,8 +53,8 @@ def test_pictures_of_another_aspect_are_cropped_and_it_is_said(
     scene = wall_scene()
     result = reconstruct(scene, given(scene, [0, 3]), oracle, (32, 32))
     assert [note for note in result.notes if "aspect" in note] == [
-        "4 of 4 pictures have another aspect than 32x32 (height x width) and are cropped about the middle, their cameras with them; "
-        f"{scene.frames[0].name} from 40x56 to 40x40 before it is resized."
+        "4 of 4 images have another aspect ratio than 32x32 (height x width) and are centre-cropped with their cameras: "
+        f"{scene.frames[0].name}, for example, from 40x56 to 40x40 before it is resized."
     ]
     (fx, fy), (old_fx, old_fy) = result.context.views.cameras.focal_px[0], scene.cameras[0].focal_px
     assert (fx / old_fx, fy / old_fy) == pytest.approx((0.8, 0.8))
@@ -148,7 +148,7 @@ def test_a_scene_far_from_its_origin_is_reconstructed_as_well_as_near_it(wall_sc
             assert score.psnr > 15
             assert score.psnr == pytest.approx(wanted.psnr, abs=0.01)
             assert score.depth_error == pytest.approx(wanted.depth_error, abs=1e-3)
-    assert any("relative to (5000003, -4000001, 300001), which is added" in note for note in after.notes)
+    assert any("relative to (5000003, -4000001, 300001). Add this point" in note for note in after.notes)
     assert not any("relative to" in note for note in before.notes)
 
 

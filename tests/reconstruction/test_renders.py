@@ -9,10 +9,10 @@ from PIL import Image
 
 from semgs.data.choice import given
 from semgs.data.scene import Scene
-from semgs.figures.classes import label_maps
 from semgs.files.pictures import read_rgb, read_uint8, read_uint16
 from semgs.reconstruction.reconstruct import Network, reconstruct
 from semgs.reconstruction.renders import millimetres, write_renders
+from semgs.rendering.rendering import label_maps
 
 
 def test_each_view_has_its_files_and_they_hold_what_was_rendered(

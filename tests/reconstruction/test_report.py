@@ -90,14 +90,14 @@ def test_where_much_is_not_seen_the_scores_over_the_seen_pixels_have_a_line_of_t
     scene = wall_scene(shifts=(0.0, 0.08))
     result = reconstruct(scene, given(scene, [0, 1]), colour_oracle)
     lines = score_lines(replace(result, target=replace(result.context, scores=(ViewScores(9.7, 0.66, 19.1),) * 2)))
-    assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, of which 66 % is seen: PSNR (seen) 19.10 dB"]
+    assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, the 66 % that is seen: PSNR (seen) 19.10 dB"]
 
 
 def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
     html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
     assert re.findall(r"<h2>([^<]*)</h2>", html) == [
-        "Please note", "Input views", "Held-out views", "Scores", "Files", "What was read and chosen", "Time",
+        "Please note", "Input views", "Held-out views", "Scores", "Files", "Details", "Time",
     ]  # fmt: skip
     assert len(re.findall(r"<details>\s*<summary><h2>", html)) == 2
     captions = [re.findall(r"<figcaption>([^<]+)</figcaption>", view) for view in html.split('<div class="view">')[1:]]

@@ -18,7 +18,7 @@ from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch
 from semgs.evaluation.frames import protocols
-from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches

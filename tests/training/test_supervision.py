@@ -15,7 +15,7 @@ from posed import posed_views
 from torch import nn
 
 from semgs.data.views import Batch, Views
-from semgs.figures.depth import NOTHING
+from semgs.files.colours import NOTHING
 from semgs.model.depth import CoarseDepth
 from semgs.model.semantic import ClassMaps
 from semgs.objectives.losses import losses

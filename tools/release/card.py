@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from semgs.evaluation.tables.card import card_grids
+from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.evaluation.tables.grid import printed
-from semgs.evaluation.tables.report import read_report
 from semgs.files.atomic import write_json
 from semgs.files.strict_json import read_json
 from tools.release.pages import CARD, SCORES, write_between
@@ -21,11 +21,11 @@ def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
     """A report without what it says of single targets, small enough to keep beside the card.
 
     Args:
-        content: of a `report.json`, as `semgs.evaluation.tables.report.report_numbers` made it.
+        content: of a `report.json`, as `semgs.evaluation.tables.evaluation_report.report_numbers` made it.
         title: what its data are called, in place of their path.
 
     Returns:
-        What `semgs.evaluation.tables.report.read_report` reads, with no frames.
+        What `semgs.evaluation.tables.evaluation_report.read_report` reads, with no frames.
     """
     frames = [{"scene": one["scene"], "size": one["size"], "samples": []} for one in content["frames"]["scenes"]]
     return {

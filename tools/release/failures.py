@@ -17,17 +17,17 @@ from PIL import Image
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.scenes import open_scenes
-from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.page.figure import Compared, FigurePart, comparison_legend
 from semgs.evaluation.run import network_candidate
-from semgs.evaluation.scoring.scores import FrameScores, score
+from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.summary import summary, total_confusion
 from semgs.figures.classes import class_picture, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, comparison
-from semgs.figures.depth import depth_limits, depth_picture
 from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
+from semgs.files.colours import depth_limits, depth_picture
 from semgs.files.errors import InputError
 from semgs.rooms.sets.dataset import Recipe, write_dataset
 from semgs.training.settings import VALIDATION_SEED
@@ -127,7 +127,7 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
             candidate = network_candidate(weights, classes, "cpu")
         except ValueError as error:
             raise InputError(weights, "weights", str(error)) from error
-        found = judged(FigurePart("", plan, (candidate.method,), classes).compare())
+        found = judged(tuple(FigurePart("", plan, (candidate.method,), classes).compare()))
     if not found:
         raise InputError(data or drawn, "labelled scenes", "none with labels")
     return found, str(candidate.subject.sha256)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from semgs.data.terms import Terms, terms_text
 from semgs.evaluation.tables.card import figures
-from semgs.evaluation.tables.report import SavedReport, read_report
+from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.weights.file import restate

@@ -1,1 +1,1 @@
-"""Which frames are compared, and what methods say of them, in memory and in files."""
+"""Which frames are compared, and what methods predict for them, in memory and in files."""

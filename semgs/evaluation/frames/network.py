@@ -7,13 +7,12 @@ import pickle
 import torch
 
 from semgs.evaluation.frames.predictions import Inputs, Prediction
-from semgs.figures.classes import SEEN_ALPHA
 from semgs.reconstruction.encode import Network, encode, now
-from semgs.rendering.rendering import likeliest
+from semgs.rendering.rendering import SEEN_ALPHA, likeliest
 
 
 class NetworkMethod:
-    """A network as a method: encode the contexts, draw the target.
+    """A network as a method: encodes the contexts, renders the target.
 
     Args:
         network: in evaluation mode.
@@ -28,14 +27,14 @@ class NetworkMethod:
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
-        """Encode, then render; each timed by itself, without the reading of files.
+        """Encode, then render. Each is timed separately, without reading files.
 
         Raises:
             NotEnoughMemoryError: it would not fit into memory.
         """
         if isinstance(self._network, torch.nn.Module):
             self._network.to(self._device)
-        encoded = encode(self._network, inputs.contexts, device=None)  # what renders on a GPU finds it there
+        encoded = encode(self._network, inputs.contexts, device=None)  # the GPU back-end renders where the result is
         start = now()
         rendering = encoded.encoding.render(inputs.camera)
         seconds = now() - start
@@ -50,9 +49,9 @@ class NetworkMethod:
         )
 
     def __getstate__(self) -> dict[str, object]:
-        """How it travels to a worker process: the network as bytes.
+        """How it is sent to a worker process: the network as bytes.
 
-        As tensors, each of its hundreds would travel as an open file, of which a new process accepts 256.
+        If sent as tensors, each of its hundreds of tensors would need an open file, and a new process accepts only 256.
         """
         return vars(self) | {"_network": pickle.dumps(self._network)}
 

@@ -1,15 +1,15 @@
-"""Predictions: what a method says of a target, in memory and in files that any method can write.
+"""Predictions: what a method gives for a target, in memory and in files that any method can write.
 
-Of a target "images/0001.jpg" of the scene "living", drawn from two views (`N2/living/0001`):
+Files of target "images/0001.jpg" of scene "living", from two views (`N2/living/0001`):
 
-    .png            class of each pixel, 8 bits, position in the class table; 255 = none given
-    .colour.png     picture, 8-bit RGB
+    .png            class of each pixel, 8 bits, position in the class table; 255 = no prediction
+    .colour.png     image, 8-bit RGB
     .depth.png      z-depth in millimetres, 16 bits, 0 = none; or
     .depth.npy      z-depth in the scene's unit, floating point [h w]
     .unseen.png     255 where the method saw nothing, else 0; never read
-    N2/timing.json  {"seconds_encode": ..., "seconds_render": ...} a target
+    N2/timing.json  {"seconds_encode": ..., "seconds_render": ...} per target
 
-All are at the size of the evaluation. `semgs evaluate` writes its own in the same form, so they can be scored again.
+All have the size of the evaluation. `semgs evaluate` writes its own predictions in this format, so they can be scored again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from semgs.data.views import Views
-from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.pictures import write_png
@@ -34,11 +34,11 @@ from semgs.reconstruction.renders import millimetres
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What a method is given for one target.
+    """What a method gets for one target.
 
     Attributes:
-        task: that it is of.
-        contexts: pictures, cameras and bounds of the contexts in the order of the protocol; neither labels nor depths.
+        task: the target.
+        contexts: images, cameras and bounds of the contexts in the order of the protocol, without labels and depths.
         camera: of the target [1].
     """
 
@@ -49,14 +49,14 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a method says of one target; None where it says nothing.
+    """What a method predicts for one target; None for what it does not predict.
 
     Attributes:
-        labels: the class of each pixel, 255 = none given.
-        image: RGB, 0..1 (clamped when it is compared).
+        labels: the class of each pixel, 255 = no prediction.
+        image: RGB, 0..1 (clamped for the comparison).
         depths: z-depth, 0 = none [m, or the scene's unit].
-        unseen: where it saw nothing, whatever it says there.
-        seconds_encode: from its inputs to its scene; None where it was not measured.
+        unseen: where the method saw nothing, whatever it predicts there.
+        seconds_encode: from its inputs to its scene; None if not measured.
         seconds_render: from its scene to this view.
     """
 
@@ -68,28 +68,28 @@ class Prediction:
     seconds_render: float | None = None
 
     def copy(self) -> Prediction:
-        """The same in memory of its own."""
+        """A copy with its own memory."""
         held: dict[str, Any] = {name: value.clone() for name, value in vars(self).items() if isinstance(value, Tensor)}
         return replace(self, **held)
 
 
 @runtime_checkable
 class Method(Protocol):
-    """What is evaluated.
+    """A method to evaluate.
 
     Attributes:
-        name: to call it by in tables.
+        name: in tables.
     """
 
     name: str
 
     def predict(self, inputs: Inputs) -> Prediction:
-        """What it says of a target."""
+        """Its prediction for a target."""
         ...
 
 
 def write_prediction(folder: Path, task: Task, prediction: Prediction) -> None:
-    """Write what is predicted of a target below a folder of predictions.
+    """Write the prediction for a target into a predictions folder.
 
     Raises:
         OSError: a file cannot be written.
@@ -100,7 +100,7 @@ def write_prediction(folder: Path, task: Task, prediction: Prediction) -> None:
 
 
 def write_maps(folder: Path, stem: str, maps: Prediction, metric: bool) -> None:
-    """Write labels, picture and depth, each where there is one.
+    """Write labels, image and depth, each if it is given.
 
     Raises:
         OSError: a file cannot be written.

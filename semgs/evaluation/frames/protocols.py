@@ -1,7 +1,7 @@
-"""Protocols: which frames of a scene are compared, and from which others each of them is drawn.
+"""Protocols: which frames of a scene are targets, and the input views of each.
 
-A protocol is a function from a scene and a number of views to a list of samples. What it chose is saved by frame names
-(`semgs.evaluation.frames.plan`), so that others can take the same frames without its code.
+A protocol is a function from a scene and a number of views to a list of samples. The chosen frames are saved by name
+(`semgs.evaluation.frames.frame_plan`), so that others can use the same frames without this code.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
 PEERS_SPAN = 700
-"""The peers look at no frame behind this one."""
+"""S-Ray and GSNeRF use only this many frames of a scene."""
 PEERS_SOURCE_STEP = 5
 PEERS_FIRST_TARGET = 2
 PEERS_TARGET_STEP = 20
@@ -24,39 +24,39 @@ PEERS_TARGETS = 10
 
 
 @dataclass(frozen=True)
-class Sample:
-    """A view to compare and those that a method is given; positions among the usable frames of a scene.
+class TargetSample:
+    """A target view and its input views, as positions among the usable frames of a scene.
 
     Attributes:
-        contexts: the input frames, in the order in which they are given.
-        target: the frame to draw and compare.
+        contexts: the input frames, in order.
+        target: the frame to predict.
     """
 
     contexts: tuple[int, ...]
     target: int
 
 
-def neighbours(scene: Scene, views: int) -> list[Sample]:
-    """Each inner frame of a scene (all but the first and the last) from the `views` nearest in file order.
+def neighbours(scene: Scene, views: int) -> list[TargetSample]:
+    """Each inner frame of a scene (all but the first and the last), with the `views` nearest frames in file order as contexts.
 
-    Contexts are taken alternately before and after: t-1, t+1, t-2, t+2, ...; where one side ends, the other fills.
+    Contexts alternate between before and after: t-1, t+1, t-2, t+2, ...; if one side ends, the rest comes from the other.
 
     Raises:
-        InputError: the scene has fewer than three usable frames, or fewer than `views` beside a target.
+        InputError: the scene has fewer than three usable frames, or too few for `views` contexts.
     """
     _check(scene, views, sources=len(scene) - 1, least=3)
-    return [Sample(around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
+    return [TargetSample(around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
 
 
-def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray") -> list[Sample]:
-    """The test frames of S-Ray and GSNeRF: targets 2, 22, ..., 182, each from the nearest of the frames 0, 5, ..., 695.
+def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray") -> list[TargetSample]:
+    """The test frames of S-Ray and GSNeRF: targets 2, 22, ..., 182, each with the nearest of the frames 0, 5, ..., 695 as contexts.
 
     Args:
-        scene: whose usable frames are, in file order, those that the peers' code counts (frames with a finite pose).
+        scene: its usable frames, in file order, are those that their code counts (frames with a finite pose).
         views: number of contexts, the nearest first.
-        distance: what is near. "sray" is the distance of camera centres. "gsnerf" is what GSNeRF's code ranks by: it
-            hands camera-to-world poses to a formula made for world-to-camera ones, so that the distance is that of the
-            translations of the world-to-camera poses, and depends on where the world's origin is.
+        distance: how near is measured. "sray": distance of the camera centres. "gsnerf": as in GSNeRF's code, which passes
+            camera-to-world poses to a formula for world-to-camera ones. The distance is then that between the translations
+            of the world-to-camera poses, and depends on the world's origin.
 
     Raises:
         InputError: the scene has fewer than three usable frames, or fewer than `views` source frames.
@@ -72,29 +72,25 @@ def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray"
     for target in span[PEERS_FIRST_TARGET::PEERS_TARGET_STEP][:PEERS_TARGETS]:
         distances = np.linalg.norm(places[sources] - places[target], axis=1)
         nearest = sources[np.argsort(distances, kind="stable")[:views]]
-        samples.append(Sample(tuple(int(source) for source in nearest), target))
+        samples.append(TargetSample(tuple(int(source) for source in nearest), target))
     return samples
 
 
-def nearest_first(scene: Scene, sample: Sample) -> tuple[int, ...]:
-    """The contexts of a sample by the distance of their camera centres to the target's; of equal ones the first given."""
+def nearest_first(scene: Scene, sample: TargetSample) -> tuple[int, ...]:
+    """The contexts of a sample, sorted by the distance of their camera centres to the target's; equal ones keep their order."""
     centres = np.stack([scene.frames[index].world_from_camera[:3, 3] for index in (*sample.contexts, sample.target)])
     order = np.argsort(np.linalg.norm(centres[:-1] - centres[-1], axis=1), kind="stable")
     return tuple(sample.contexts[index] for index in order)
 
 
 def _check(scene: Scene, views: int, sources: int, least: int) -> None:
-    """Refuse a scene that is too small.
-
-    Raises:
-        InputError: it has fewer than `least` usable frames, or fewer than `views` that a target can be drawn from.
-    """
+    """Refuse a scene with fewer than `least` usable frames, or with fewer than `views` frames to choose contexts from."""
     if len(scene) < least:
         raise InputError(scene.path, f"at least {least} usable frames", f"{len(scene)}")
     if views > sources:
         raise InputError(
             scene.path,
-            f"at least {views} frames to draw a target from",
+            f"at least {views} frames to render a target from",
             f"{sources} ({len(scene)} usable frames)",
-            advice=f"ask for at most {sources} views",
+            advice=f"use at most {sources} views",
         )

@@ -1,6 +1,6 @@
-"""Saved predictions as a method: label maps, pictures and depths that anybody wrote, checked before they are scored.
+"""Saved predictions as a method: label maps, images and depths from any source, checked before they are scored.
 
-`semgs.evaluation.frames.predictions` says which files they are.
+See `semgs.evaluation.frames.predictions` for the files.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.data.maps import read_labels
-from semgs.evaluation.frames.plan import Plan, Task
+from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_header, read_rgb, read_uint16
 from semgs.files.strict_json import read_json
@@ -24,32 +25,32 @@ from semgs.files.text import listed
 from semgs.reconstruction.renders import MILLIMETRES
 
 KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
-"""What can be predicted, and the endings of its files, in the order in which they are looked for."""
+"""What can be predicted, and the file endings, in the order in which they are tried."""
 
 TIMING = "timing.json"
 
 
 class SavedPredictions:
-    """Predictions that somebody wrote into files, as a method.
+    """Predictions in files, as a method.
 
     Args:
-        folder: that holds N2/, N3/, ...
-        name: to call the method by in tables.
+        folder: contains N2/, N3/, ...
+        name: of the method in tables.
     """
 
     def __init__(self, folder: str | Path, name: str) -> None:
         self.folder = Path(folder)
         self.name = name
 
-    def check(self, plan: Plan) -> None:
-        """Refuse predictions that are incomplete or of wrong size before any is scored.
+    def check(self, plan: FramePlan) -> None:
+        """Refuse incomplete predictions, or predictions of the wrong size, before any is scored.
 
-        Each kind (labels, colour, depth) may be left out as a whole; classes and depths are not asked for of scenes
-        that have no truth of them.
+        A kind (labels, colour, depth) may be missing for all targets. Classes and depths are not needed for scenes without
+        true classes or depths.
 
         Raises:
-            InputError: a kind is there for some targets and not for others, none is there at all, or a picture has
-                another size than the evaluation; the frames are named.
+            InputError: a kind exists for some targets only, there are no predictions at all, or an image has another size than
+                the evaluation. The error names the frames.
         """
         for views in plan.views:
             missing = {kind: self._missing(kind, plan.of(views)) for kind in KINDS}
@@ -72,18 +73,18 @@ class SavedPredictions:
         if wrong:
             sizes = sorted({f"{task.size[0]}x{task.size[1]}" for task in plan.tasks})
             raise InputError(
-                self.folder, f"pictures of {' and '.join(sizes)} pixels (height x width)", f"others: {listed(wrong, 6)}"
+                self.folder, f"images of {' and '.join(sizes)} pixels (height x width)", f"others: {listed(wrong, 6)}"
             )
 
     def predict(self, inputs: Inputs) -> Prediction:
-        """What the files say of a target; errors as `read`."""
+        """The prediction in the files; raises as `read`."""
         return self.read(inputs.task)
 
     def read(self, task: Task) -> Prediction:
-        """What the files say of the target of a task.
+        """Read the prediction for the target of a task.
 
         Raises:
-            InputError: a file cannot be used, or holds a label outside the table of the scene.
+            InputError: a file cannot be used, or contains a label outside the scene's class table.
         """
         labels, colour, depth = (self._file(kind, task) for kind in KINDS)
         seconds = _timing(self.folder / f"N{task.views}" / TIMING)
@@ -96,12 +97,12 @@ class SavedPredictions:
         )
 
     def _file(self, kind: str, task: Task) -> Path | None:
-        """The file of a kind, None where there is none."""
+        """The file of a kind; None if there is none."""
         paths = (self.folder / f"{task.stem}{ending}" for ending in KINDS[kind])
         return next((path for path in paths if path.is_file()), None)
 
     def _missing(self, kind: str, tasks: tuple[Task, ...]) -> tuple[int, list[str]]:
-        """Of how many targets a kind is asked for, and the files that are absent."""
+        """For how many targets a kind is needed, and which files are missing."""
         if kind != "colour":
             attribute = "labels" if kind == "labels" else "depth"
             tasks = tuple(task for task in tasks if getattr(task.scene.frames[task.sample.target], attribute))
@@ -109,10 +110,10 @@ class SavedPredictions:
 
 
 def views_in(folder: Path) -> tuple[int, ...]:
-    """The numbers of views that a folder of predictions has folders for, ascending.
+    """The numbers of views for which a predictions folder has a subfolder, ascending.
 
     Raises:
-        InputError: it is no folder, or has none.
+        InputError: it is no folder, or has no such subfolder.
     """
     if not folder.is_dir():
         raise InputError(folder, "a folder of predictions", "a file" if folder.exists() else "nothing there")
@@ -124,61 +125,38 @@ def views_in(folder: Path) -> tuple[int, ...]:
 
 
 def _labels(path: Path, task: Task, classes: ClassTable) -> UInt8[Tensor, "h w"]:
-    """Predicted labels.
-
-    Raises:
-        InputError: the file cannot be used, or holds a label outside the table.
-    """
+    """Predicted labels."""
     labels = read_labels(path, classes, key=f"target {task.target} of {task.scene.name}")
     return torch.from_numpy(_of_size(path, labels, task))
 
 
 def _picture(path: Path, task: Task) -> Float[Tensor, "3 h w"]:
-    """A predicted picture.
-
-    Raises:
-        InputError: the file cannot be used.
-    """
+    """A predicted image."""
     return torch.from_numpy(read_rgb(path, task.size)).permute(2, 0, 1).float() / 255
 
 
 def _depths(path: Path, task: Task) -> Float[Tensor, "h w"]:
-    """A predicted depth map; what is not finite or negative is none.
-
-    Raises:
-        InputError: the file cannot be used.
-    """
+    """A predicted depth map; depths that are negative or not finite become 0."""
     if path.suffix == ".png":
         depths = read_uint16(path).astype(np.float32) / MILLIMETRES
     else:
-        try:
-            loaded = np.load(path, allow_pickle=False)
-        except (OSError, ValueError, EOFError) as error:
-            raise InputError(path, "an array of depths", str(error)) from error
-        if not isinstance(loaded, np.ndarray) or loaded.dtype.kind != "f":
-            raise InputError(path, "a floating-point array [height width]", f"{getattr(loaded, 'dtype', loaded)}")
+        loaded = read_array(path)
+        if loaded.dtype.kind != "f":
+            raise InputError(path, "a floating-point array [height width]", f"{loaded.dtype}")
         depths = loaded.astype(np.float32)
     depths = _of_size(path, depths, task)
     return torch.from_numpy(np.where(np.isfinite(depths) & (depths > 0), depths, np.float32(0)))
 
 
 def _of_size(path: Path, values: np.ndarray, task: Task) -> np.ndarray:
-    """The array, if it has the size of the evaluation.
-
-    Raises:
-        InputError: it has not.
-    """
+    """The array, if it has the size of the evaluation."""
     if values.shape != task.size:
         raise InputError(path, f"{task.size} (height, width)", f"{values.shape}")
     return values
 
 
 def _timing(path: Path) -> dict[str, float]:
-    """The seconds in a timing file, none where there is no file.
-
-    Raises:
-        InputError: it is no JSON object of positive numbers under the two known names.
-    """
+    """The seconds in a timing file; empty if there is no file."""
     if not path.is_file():
         return {}
     content = read_json(path, "a JSON object")

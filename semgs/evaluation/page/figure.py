@@ -1,8 +1,8 @@
-"""The paper's comparison figures: what each method says of some targets, beside the inputs and the truth."""
+"""The paper's comparison figures: the predictions of several methods for some targets, with the inputs and the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,11 +12,11 @@ from torch import Tensor
 
 from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.views import Views
-from semgs.evaluation.frames.plan import Plan, Task
+from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction
 from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.scoring.frame_scores import score
 from semgs.evaluation.scoring.records import finite
-from semgs.evaluation.scoring.scores import score
 from semgs.evaluation.scoring.summary import summary
 from semgs.figures.classes import LegendEntry, class_picture, legend, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, mosaic
@@ -24,19 +24,19 @@ from semgs.figures.views import as_bytes
 from semgs.files.errors import InputError
 
 VISIBLE = 0.001
-"""Classes on a smaller part of all maps are not in the legend."""
+"""Classes with a smaller share of all pixels are not in the legend."""
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """One target with what every method says of it.
+    """One target with the predictions of all methods.
 
     Attributes:
-        task: which target.
-        contexts: the input pictures, in order.
-        target: one view, the truth.
+        task: the target.
+        contexts: the input views, in order.
+        target: the truth, one view.
         predictions: of each method, in the order of the columns.
-        classes: the table that they are in.
+        classes: their class table.
     """
 
     task: Task
@@ -46,22 +46,22 @@ class Compared:
     classes: ClassTable
 
 
-def chosen_tasks(plan: Plan, rows: int, wanted: Sequence[str] = ()) -> tuple[Task, ...]:
+def chosen_tasks(plan: FramePlan, rows: int, wanted: Sequence[str] = ()) -> tuple[Task, ...]:
     """The targets that a figure shows.
 
     Args:
         plan: of one number of views.
-        rows: how many targets, evenly spread over all of the plan, so that nobody chooses them.
-        wanted: targets by name ("scene0160_00/22") in place of that.
+        rows: how many targets; they are spread evenly over the plan, so they are not hand-picked.
+        wanted: names of targets ("scene0160_00/22") to show instead.
 
     Raises:
-        ValueError: a name is no target of the plan.
+        ValueError: the plan has no target of a given name.
     """
     if wanted:
         known = {task.truth_stem: task for task in plan.tasks}
         for name in wanted:
             if name not in known:
-                raise ValueError(f"{name!r} is no target; the first is {next(iter(known))!r}")
+                raise ValueError(f"there is no target {name!r}; the first one is {next(iter(known))!r}")
         return tuple(known[name] for name in wanted)
     places = np.linspace(0, len(plan.tasks) - 1, min(rows, len(plan.tasks))).round().astype(int)
     return tuple(plan.tasks[place] for place in dict.fromkeys(places.tolist()))
@@ -70,16 +70,16 @@ def chosen_tasks(plan: Plan, rows: int, wanted: Sequence[str] = ()) -> tuple[Tas
 def compared(
     task: Task, methods: Sequence[Method], classes: ClassTable, depth_range: tuple[float, float] | None = None
 ) -> Compared:
-    """Ask every method for a target.
+    """Predict a target with every method.
 
     Args:
-        task: which target; its scene may be without labels.
+        task: the target; its scene may have no labels.
         methods: the columns.
-        classes: the table that all are in.
-        depth_range: near and far to give them, None is what the scene knows.
+        classes: the class table of all methods.
+        depth_range: near and far to give them; None uses the bounds of the scene.
 
     Raises:
-        InputError: a file of the frames or of a prediction cannot be used, or a method gives no classes.
+        InputError: a file cannot be used, or a method predicts no classes.
     """
     labelled = task.scene.classes is not None
     if not labelled:
@@ -101,11 +101,11 @@ class FigurePart:
         title: of the data.
         plan: the targets.
         methods: in the order of the columns.
-        classes: the table of all.
+        classes: the class table of all methods.
     """
 
     title: str
-    plan: Plan
+    plan: FramePlan
     methods: tuple[Method, ...]
     classes: ClassTable
 
@@ -114,24 +114,17 @@ class FigurePart:
         """The headings of the methods."""
         return tuple(method.name for method in self.methods)
 
-    def compare(self, done: Callable[[int], object] = lambda count: None) -> list[Compared]:
-        """What every method says of the targets; `done` is told after each how many there have been.
-
-        Raises:
-            InputError: as `compared`.
-        """
-        frames: list[Compared] = []
+    def compare(self) -> Iterator[Compared]:
+        """Predict the targets with every method, one target after the other; raises as `compared`."""
         for task in self.plan.tasks:
-            frames.append(compared(task, self.methods, self.classes, self.plan.depth_range))
-            done(len(frames))
-        return frames
+            yield compared(task, self.methods, self.classes, self.plan.depth_range)
 
 
 def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str]) -> Block:
-    """The block of some targets: inputs, each method, truth; where nothing is labelled, the target's photo in its place.
+    """The block of some targets: inputs, each method, truth. If no target is labelled, its photo replaces the truth.
 
     Args:
-        title: above it.
+        title: of the block.
         frames: at least one.
         names: of the methods.
     """
@@ -152,7 +145,7 @@ def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str
 
 
 def comparison_legend(frames: Sequence[Compared]) -> tuple[LegendEntry, ...]:
-    """The classes that cover a visible part of truth and predictions, the most frequent first; none where there are no frames."""
+    """The classes with a visible share of truth and predictions, the most frequent first; empty without frames."""
     maps = [
         prediction.labels.numpy() for one in frames for prediction in one.predictions if prediction.labels is not None
     ]
@@ -161,10 +154,7 @@ def comparison_legend(frames: Sequence[Compared]) -> tuple[LegendEntry, ...]:
 
 
 def comparison_numbers(frames: Sequence[Compared], names: Sequence[str]) -> list[dict[str, Any]]:
-    """What the figure shows in numbers, ready for JSON: for each target, of each method mIoU, accuracy and torn neighbours.
-
-    None where there is no truth.
-    """
+    """The scores of each method for each target of a figure, ready for JSON: mIoU, accuracy and `torn`; None without truth."""
     listed = []
     for one in frames:
         methods = {}
@@ -176,24 +166,19 @@ def comparison_numbers(frames: Sequence[Compared], names: Sequence[str]) -> list
                 "accuracy": finite(values.get("accuracy")),
                 "torn": None if one.target.labels is None else torn(prediction.labels, one.target.labels[0]),
             }
-        listed.append(
-            {
-                "scene": one.task.scene.name,
-                "target": one.task.target,
-                "contexts": list(one.task.contexts),
-                "methods": methods,
-            }
-        )
+        task = one.task
+        contexts = list(task.contexts)
+        listed.append({"scene": task.scene.name, "target": task.target, "contexts": contexts, "methods": methods})
     return listed
 
 
 def torn(predicted: UInt8[Tensor, "h w"], truth: UInt8[Tensor, "h w"]) -> float | None:
-    """How noisy a class map is inside true regions: the share of neighbours of one true class that are given different ones.
+    """How noisy a class map is: the share of neighbouring pixels with the same true class that have different predicted classes.
 
-    Neighbours down and right, the pairs that the paper's regional smoothness sums over; none are counted where the truth is unknown.
+    Neighbours are below and to the right, as in the paper's regional smoothness. Pixels with unknown truth do not count.
 
     Returns:
-        0 (regions are of one piece each) to 1, or None where no two neighbours share a true class.
+        0 (no noise) to 1; None if no two neighbours have the same true class.
     """
     pairs = different = 0
     for axis in (0, 1):

@@ -1,1 +1,1 @@
-"""Scores of single targets, their summaries with intervals, and the simple baselines."""
+"""Scores of single targets, summaries with intervals, and simple baselines."""

@@ -1,8 +1,8 @@
-"""Trivial rows of every table: what is reached without any reconstruction, by knowing what a method may not know.
+"""Simple baselines for every table. They reconstruct nothing and use ground truth that no method gets.
 
-- copy: the nearest context's picture, true labels and true depth, pixel by pixel, as if the camera had not moved.
-- warp: the contexts' pictures and true labels, moved to the target by the target's true depth.
-- majority: the class that most true pixels of the whole set have, everywhere.
+- copy: image, true labels and true depth of the nearest context, as if the camera had not moved.
+- warp: images and true labels of the contexts, warped to the target with the target's true depth.
+- majority: the most frequent true class of the whole set, everywhere.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from semgs.evaluation.frames.predictions import Prediction
 from semgs.geometry.cameras import back_project, project
 
 SAME_SURFACE = 0.05
-"""A context sees a point if its own true depth there agrees to this part of it."""
+"""A context sees a point if its own true depth there agrees within this share of the depth."""
 
 NAMES = {
-    "copy": "oracle: the nearest input view copied (its picture, its true labels), as if the camera had not moved",
-    "warp": "oracle: input views warped with true depth (their pictures, their true labels)",
+    "copy": "oracle: the nearest input view copied (its image, its true labels), as if the camera had not moved",
+    "warp": "oracle: input views warped with true depth (their images, their true labels)",
     "majority": "most frequent class of all true pixels, everywhere",
 }
 
 
 def copied(nearest: Views) -> Prediction:
-    """What the nearest context shows, its true labels and its true depth, taken for the target's."""
+    """Image, true labels and true depth of the nearest context, used as a prediction for the target."""
     return Prediction(
         labels=None if nearest.labels is None else nearest.labels[0],
         image=nearest.images[0],
@@ -39,17 +39,17 @@ def copied(nearest: Views) -> Prediction:
 
 
 def warped(contexts: Sequence[Views], target: Views) -> Prediction | None:
-    """The contexts' pictures and true labels where the target's true depth says that they show the same point.
+    """The contexts' images and true labels, warped to the target with its true depth.
 
-    A pixel takes the nearest context that sees its point; where none does, or its depth is unknown, it takes what `copied`
-    says there, and counts as unseen. Colours are interpolated linearly, labels are those of the pixel that the point lies in.
+    Each pixel comes from the nearest context that sees its point. If none does, or the depth is unknown, it comes from `copied`
+    and counts as unseen. Colours are interpolated linearly; labels come from the pixel that contains the point.
 
     Args:
         contexts: single views, the nearest first.
         target: a single view.
 
     Returns:
-        None where the target or a context has no true depth.
+        None if the target or a context has no true depth.
     """
     if target.depths is None or any(one.depths is None for one in contexts):
         return None
@@ -70,7 +70,7 @@ def warped(contexts: Sequence[Views], target: Views) -> Prediction | None:
 
 
 def majority(truths: Sequence[Int64[np.ndarray, " class"]]) -> list[Int64[np.ndarray, "class class"]]:
-    """The confusion matrix of each image if every pixel had the class that is the most frequent over all images.
+    """The confusion matrix of each image if every pixel is predicted as the most frequent class of all images.
 
     Args:
         truths: pixels of each image by true class.
@@ -83,7 +83,7 @@ def majority(truths: Sequence[Int64[np.ndarray, " class"]]) -> list[Int64[np.nda
 
 
 def _sees(context: Views, positions: Float[Tensor, "h w 3"]) -> Bool[Tensor, "h w"]:
-    """Whether points at (x, y, z) of a context are inside its picture and not behind what it shows there."""
+    """Whether points at (x, y, z) of a context are inside its image and not behind the surface it shows there."""
     assert context.depths is not None
     x, y, z = positions.unbind(-1)
     height, width = context.size
@@ -94,14 +94,14 @@ def _sees(context: Views, positions: Float[Tensor, "h w 3"]) -> Bool[Tensor, "h 
 
 
 def _pixels(context: Views, positions: Float[Tensor, "h w 3"]) -> tuple[Tensor, Tensor]:
-    """Row and column of the pixels that positions lie in; those outside are moved to the border."""
+    """Row and column of the pixels that contain the positions; positions outside are moved to the border."""
     height, width = context.size
     place = positions[..., :2].nan_to_num(0).clamp(-1, max(height, width)).floor().long()
     return place[..., 1].clamp(0, height - 1), place[..., 0].clamp(0, width - 1)
 
 
 def _interpolated(context: Views, positions: Float[Tensor, "h w 3"]) -> Float[Tensor, "3 h w"]:
-    """The picture of a context at positions, linear between pixel centres."""
+    """The image of a context at some positions, interpolated linearly."""
     height, width = context.size
     grid = 2 * positions[..., :2].nan_to_num(0) / torch.tensor([width, height], dtype=torch.float64) - 1
     sampled = grid_sample(

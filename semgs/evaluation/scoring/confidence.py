@@ -1,4 +1,4 @@
-"""How sure a network is against how right it is: what it says of labelled pixels, and the temperatures that fit it."""
+"""Calibration of a network: its confidence on labelled pixels, and the temperatures that match confidence to accuracy."""
 
 from __future__ import annotations
 
@@ -10,27 +10,21 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from semgs.data.classes import IGNORE
-from semgs.evaluation.frames.plan import Plan
+from semgs.evaluation.frames.frame_plan import FramePlan
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
-from semgs.objectives.calibration import (
-    Bin,
-    expected_calibration_error,
-    fitted_temperature,
-    reliability,
-    tempered,
-)
+from semgs.objectives.calibration import Bin, expected_calibration_error, fitted_temperature, reliability, tempered
 from semgs.reconstruction.encode import encode
 from semgs.weights.temperatures import DIGITS, KINDS
 
 PIXELS = 2048
-"""Labelled pixels that are taken of each view, at random: neighbours say the same."""
+"""Labelled pixels sampled from each view; more would add little, because neighbours are alike."""
 
 
 @dataclass(frozen=True, eq=False)
 class Statements:
-    """Distributions over classes, and the true class of each."""
+    """Predicted class distributions, and the true class of each."""
 
     distributions: Float[Tensor, "n class"]
     labels: Int[Tensor, " n"]
@@ -38,10 +32,10 @@ class Statements:
 
 @dataclass(frozen=True)
 class TemperatureEffect:
-    """How far confidence is from accuracy, before and after a temperature.
+    """Calibration before and after a temperature is applied.
 
     Attributes:
-        temperature: that was applied.
+        temperature: the temperature.
         error_before, error_after: expected calibration error.
         bins_before, bins_after: of the reliability plot.
     """
@@ -54,21 +48,21 @@ class TemperatureEffect:
 
 
 def statements(
-    plan: Plan,
+    plan: FramePlan,
     network: SemGS,
     *,
     pixels: int = PIXELS,
     seed: int = 0,
     done: Callable[[int], object] = lambda count: None,
 ) -> dict[str, Statements]:
-    """What a network says of a plan's scenes: "rendered", of the targets' pixels; "gaussians", of the contexts' pixels, by their own Gaussians.
+    """A network's class distributions on the scenes of a plan: "rendered" for target pixels, "gaussians" for the Gaussians of context pixels.
 
     Args:
-        plan: labelled targets; those without labels add nothing.
+        plan: the targets; those without labels add nothing.
         network: on the CPU, in evaluation mode.
-        pixels: taken of each view.
-        seed: of which pixels.
-        done: told after each target how many there have been.
+        pixels: how many are sampled from each view.
+        seed: of the sampling.
+        done: called after each target with the number of finished targets.
 
     Raises:
         InputError: a frame cannot be used.
@@ -91,11 +85,11 @@ def statements(
 
 
 def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]:
-    """The distribution over classes of every context pixel by its own Gaussian: what `SemGS.classify` gives, to rounding.
+    """The class distribution of each context pixel's own Gaussian: equals `SemGS.classify` up to rounding.
 
     Args:
-        encoding: of one scene, by a network that knows classes.
-        stride: pixels of a side for which a Gaussian stands.
+        encoding: of one scene, by a network with classes.
+        stride: side of the square of pixels that share a Gaussian.
     """
     assert encoding.gaussians.semantic is not None
     views, height, width = encoding.depths.shape
@@ -105,10 +99,10 @@ def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]
 
 
 def temperature_effect(said: Statements, temperature: float | None = None) -> TemperatureEffect:
-    """The error with and without a temperature; None fits it to these very statements, to the digits that a header keeps.
+    """The calibration error with and without a temperature. None fits it to these statements, rounded as in a header.
 
     Raises:
-        ValueError: there are no statements to fit to.
+        ValueError: there are no statements.
     """
     if temperature is None:
         temperature = round(fitted_temperature(said.distributions, said.labels), DIGITS)
@@ -125,7 +119,7 @@ def temperature_effect(said: Statements, temperature: float | None = None) -> Te
 def _drawn(
     distributions: Float[Tensor, "v class h w"], labels: list[Tensor | None], pixels: int, generator: torch.Generator
 ) -> list[Statements]:
-    """Some labelled pixels of each view that has labels."""
+    """Sampled pixels of each labelled view."""
     result = []
     for one, truth in zip(distributions, labels, strict=True):
         if truth is None:
@@ -138,7 +132,7 @@ def _drawn(
 
 
 def _joined(some: list[Statements], classes: int) -> Statements:
-    """All of them as one."""
+    """All of them concatenated."""
     if not some:
         return Statements(torch.zeros(0, classes), torch.zeros(0, dtype=torch.long))
     return Statements(torch.cat([one.distributions for one in some]), torch.cat([one.labels for one in some]))

@@ -1,48 +1,46 @@
-"""Evaluate: a plan and a method in; scores of every target, its own and those of the trivial rows, out."""
+"""Scores a method and the simple baselines on every target of a plan."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.views import Views
-from semgs.data.workers import settle_worker
-from semgs.evaluation.frames.plan import Plan, Task
+from semgs.data.workers import outcomes
+from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.evaluation.scoring.baselines import copied, majority, warped
-from semgs.evaluation.scoring.scores import FrameScores, score
-from semgs.evaluation.scoring.similarity import perceptual_distance
+from semgs.evaluation.scoring.frame_scores import FrameScores, score
+from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import extremes
-from semgs.files.errors import InputError
-from semgs.model.plan import NotEnoughMemoryError
 
 PREDICTIONS = "predictions"
-"""Folder of what a method said, in the form that `--predictions` reads."""
+"""Folder of the method's predictions, in the format of `--predictions`."""
 TRUTH = "truth"
 """Folder of the true labels at the size of the evaluation."""
 SHOWN = 10
-"""So many of the best targets and of the worst are shown in the report, for each number of views."""
+"""The report shows this many of the best and of the worst targets, for each number of views."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The scores of all targets of one number of views, in the order of the plan.
+    """The scores of all targets for one number of views, in the order of the plan.
 
     Attributes:
         views: the number of contexts.
-        method: the scores of what is evaluated.
-        trivial: those of the trivial rows, by the names of `semgs.evaluation.scoring.baselines.NAMES`; a row that some scene
-            lacks the truth for has fewer targets, or is absent.
-        truth: a hash of the true labels and depths that the targets were compared with; not of the pictures, whose
-            resizing may differ in the last bit between machines.
-        shown: what the method said of the `SHOWN` best and worst targets, by scene and target.
+        method: the scores of the method.
+        trivial: the scores of the baselines, by their names in `semgs.evaluation.scoring.baselines.NAMES`. A baseline that
+            needs truth that some scenes lack has fewer targets, or is absent.
+        truth: a hash of the true labels and depths. Images are left out, because their resizing may differ in the last bit
+            between machines.
+        shown: the predictions for the `SHOWN` best and worst targets, by scene and target.
     """
 
     views: int
@@ -53,7 +51,7 @@ class Rows:
 
 
 def evaluate(
-    plan: Plan,
+    plan: FramePlan,
     method: Method,
     folder: Path,
     *,
@@ -61,40 +59,34 @@ def evaluate(
     workers: int = 0,
     done: Callable[[int], object] = lambda count: None,
 ) -> list[Rows]:
-    """Score a method and the trivial rows on every target of a plan.
+    """Score a method and the baselines on every target of a plan.
 
     Args:
-        plan: what to compare.
-        method: what to evaluate.
-        folder: existing; true labels are written to `truth/` in it and, with `save`, predictions to `predictions/`.
-        save: write what the method says.
-        workers: processes that evaluate targets side by side, each on one thread; 0 uses this process and its threads.
-        done: told after each target how many there have been.
+        plan: the targets.
+        method: the method.
+        folder: an existing folder; gets true labels in `truth/` and, with `save`, predictions in `predictions/`.
+        save: write the predictions.
+        workers: parallel processes, each with one thread; 0 uses this process and its threads.
+        done: called after each target with the number of finished targets.
 
     Raises:
         InputError: a frame or prediction cannot be used.
         NotEnoughMemoryError: the network needs more memory than there is.
         OSError: the disk is full.
     """
-    targets = DataLoader(
-        _Targets(plan, method, folder, save),
-        batch_size=None,
-        num_workers=workers,
-        # A forked process in which numba has run its threads dies at its next kernel.
-        multiprocessing_context="forkserver" if workers else None,
-        worker_init_fn=settle_worker,
-    )
+    judge = _Judge(method, plan.depth_range, folder, save, perceptual_distance())
     judged: dict[int, list[_Judged]] = {views: [] for views in plan.views}
     shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
-    for count, one in enumerate(targets, 1):
-        if isinstance(one, Exception):
-            raise one
-        found, prediction = one
-        views = len(found.method.contexts)
-        judged[views].append(found)
-        # A copy: what another process sent stays a file of shared memory, which would be kept open.
-        shown[views] = _kept([*shown[views], (found.method, prediction.copy())])
-        done(count)
+    with closing(outcomes(judge, plan.tasks, workers)) as found:
+        for count, outcome in enumerate(found, 1):
+            if isinstance(outcome, Exception):
+                raise outcome
+            one, prediction = outcome
+            views = len(one.method.contexts)
+            judged[views].append(one)
+            # A copy, because tensors from another process keep a file of shared memory open.
+            shown[views] = _kept([*shown[views], (one.method, prediction.copy())])
+            done(count)
     return [_rows(views, judged[views], shown[views]) for views in plan.views]
 
 
@@ -108,54 +100,44 @@ class _Judged:
     truth: str
 
 
-class _Targets(Dataset):
-    """The targets of a plan, judged when they are asked for.
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """Judges a target: reads its frames, predicts, writes the maps and scores them."""
 
-    A file that cannot be used, a full disk, or too little memory is returned and not raised: a loader hands on no more than an error's text.
-    """
+    method: Method
+    depth_range: tuple[float, float] | None
+    folder: Path
+    save: bool
+    perceptual: PerceptualDistance | None
 
-    def __init__(self, plan: Plan, method: Method, folder: Path, save: bool) -> None:
-        self._plan, self._method, self._folder, self._save = plan, method, folder, save
-        self._perceptual = perceptual_distance()
-
-    def __len__(self) -> int:
-        return len(self._plan.tasks)
-
-    def __getitem__(self, index: int) -> tuple[_Judged, Prediction] | InputError | OSError | NotEnoughMemoryError:
-        """Judge a target: its scores, and what the method said."""
-        try:
-            return self._judge(self._plan.tasks[index])
-        except (InputError, OSError, NotEnoughMemoryError) as error:
-            return error
-
-    def _judge(self, task: Task) -> tuple[_Judged, Prediction]:
-        """Read, predict, write, score."""
-        views = read_views(task, self._plan.depth_range)
+    def __call__(self, task: Task) -> tuple[_Judged, Prediction]:
+        """The scores of a target, and the prediction."""
+        views = read_views(task, self.depth_range)
         target = views[task.sample.target]
-        prediction = self._method.predict(inputs_of(task, views))
-        if self._save:
-            write_prediction(self._folder / PREDICTIONS, task, prediction)
+        prediction = self.method.predict(inputs_of(task, views))
+        if self.save:
+            write_prediction(self.folder / PREDICTIONS, task, prediction)
         if target.labels is not None:
-            write_maps(self._folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
+            write_maps(self.folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
         ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
         moved = warped(ordered, target)
         judged = _Judged(
-            method=score(task, prediction, target, self._perceptual),
-            copy=score(task, copied(ordered[0]), target, self._perceptual),
-            warp=None if moved is None else score(task, moved, target, self._perceptual),
+            method=score(task, prediction, target, self.perceptual),
+            copy=score(task, copied(ordered[0]), target, self.perceptual),
+            warp=None if moved is None else score(task, moved, target, self.perceptual),
             truth=_digest(target),
         )
         return judged, prediction
 
 
 def _kept(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
-    """Those of the frames so far that may be shown at the end."""
+    """The frames so far that may still be among those shown."""
     best, worst = extremes([frame for frame, _ in frames], SHOWN)
     return [frames[position] for position in sorted([*best, *worst])]
 
 
 def _rows(views: int, judged: Sequence[_Judged], shown: Sequence[tuple[FrameScores, Prediction]]) -> Rows:
-    """The rows of one number of views."""
+    """The scores for one number of views."""
     trivial = {"copy": tuple(one.copy for one in judged)}
     if any(one.warp is not None for one in judged):
         trivial["warp"] = tuple(one.warp for one in judged if one.warp is not None)

@@ -1,7 +1,7 @@
-"""Bootstrap intervals: how far a number would move with other scenes, or at least with other frames of the same ones.
+"""Bootstrap intervals: how much a number would change with other scenes, or at least with other frames of the same scenes.
 
-Scenes are drawn with replacement, from five on; with fewer, single targets are, which says less: targets of one scene are
-alike, so that such an interval is too narrow for other scenes. The same seed is used everywhere, so that numbers repeat.
+With five or more scenes, scenes are resampled; with fewer, single targets. The latter says less: targets of one scene are
+similar, so the interval is too narrow for other scenes. The seed is fixed, so numbers repeat.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import bootstrap
 
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.summary import MetricGroup, metric_groups
 
 LEVEL = 0.95
@@ -21,7 +21,7 @@ RESAMPLES = 5000
 FEWEST_SCENES = 5
 SEED = 0
 _BATCH = 500
-"""Resamples at a time, which bounds the memory for matrices of many classes."""
+"""Resamples processed at a time; limits the memory for matrices of many classes."""
 
 Over = Literal["scenes", "frames"]
 
@@ -36,7 +36,7 @@ class Interval:
 
 
 def units(frames: Sequence[FrameScores]) -> Over:
-    """What is drawn: scenes where there are five or more, else frames."""
+    """What is resampled: scenes if there are five or more, else frames."""
     return "scenes" if len({frame.scene for frame in frames}) >= FEWEST_SCENES else "frames"
 
 
@@ -50,7 +50,7 @@ def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:
 
 
 def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScores]) -> dict[str, Interval]:
-    """Second minus first of every metric that both have, with intervals from drawing the same scenes or frames for both.
+    """Second minus first for every metric that both have, with intervals from resampling the same scenes or frames in both.
 
     Args:
         first, second: of the same targets in the same order.
@@ -59,7 +59,7 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
         ValueError: the targets differ.
     """
     if [(one.scene, one.target) for one in first] != [(one.scene, one.target) for one in second]:
-        raise ValueError("the two are scores of different targets; expected the same ones in the same order")
+        raise ValueError("the scores are of different targets; expected the same targets in the same order")
     over = units(first)
     others = {group.names: group for group in metric_groups(second)}
     found: dict[str, Interval] = {}
@@ -71,14 +71,14 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
 
 
 def _intervals(group: MetricGroup, over: Over, values: Callable[..., np.ndarray]) -> dict[str, Interval]:
-    """The intervals of the metrics of a group; none for a single scene or frame, or where a metric is infinite."""
+    """The intervals of a group of metrics; none for a single scene or frame, or if a metric is infinite."""
     scenes = int(group.scene_of.max()) + 1
     count = scenes if over == "scenes" else len(group.scene_of)
     if count < 2:
         return {}
 
     def statistic(drawn: np.ndarray, axis: int = -1) -> np.ndarray:
-        """The metrics [metric ...] of units drawn [... count]."""
+        """The metrics [metric ...] of resampled units [... count]."""
         flat = drawn.reshape(-1, count)
         times = np.zeros((len(flat), count), np.int64)
         np.add.at(times, (np.arange(len(flat))[:, None], flat), 1)

@@ -1,20 +1,21 @@
-"""Scores of single targets as JSON and back: what a report keeps so that others can be compared with it in pairs."""
+"""Scores of single targets as JSON and back; a report stores them for paired comparisons."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Int64
 
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
 
 
 def finite(value: float | None) -> float | None:
-    """A number, or None for what JSON has no word for."""
+    """A number, or None if JSON cannot express it."""
     return None if value is None or not math.isfinite(value) else value
 
 
@@ -41,8 +42,7 @@ def record(frame: FrameScores) -> dict[str, Any]:
     found["unseen"] = frame.unseen
     found |= {"miou_seen": frame.miou_seen, "accuracy_seen": frame.accuracy_seen, "psnr_seen": finite(frame.psnr_seen)}
     if frame.depth_seen is not None:
-        seen = frame.depth_seen
-        found["depth_seen"] = {"abs_rel": seen.abs_rel, "delta": seen.delta, "pixels": seen.pixels}
+        found["depth_seen"] = asdict(frame.depth_seen)
     found["seconds_encode"] = seconds(frame.seconds_encode)
     found["seconds_render"] = seconds(frame.seconds_render)
     if frame.confusion is not None and frame.truth is not None:
@@ -52,7 +52,7 @@ def record(frame: FrameScores) -> dict[str, Any]:
 
 
 def seconds(value: float | None) -> float | None:
-    """A time to a tenth of a millisecond."""
+    """A time, rounded to a tenth of a millisecond."""
     return None if value is None else round(value, 4)
 
 
@@ -60,11 +60,11 @@ def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
     """The scores of a target from JSON.
 
     Args:
-        entry: as `record` made it.
-        classes: of the table that its labels refer to.
+        entry: made by `record`.
+        classes: the number of classes.
 
     Raises:
-        KeyError, TypeError, ValueError: it was made by something else.
+        KeyError, TypeError, ValueError: it was not made by `record`.
     """
     depth = None
     if entry.get("depth_abs_rel") is not None:
@@ -98,24 +98,20 @@ def number(value: object) -> float | None:
         return None
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
-    raise TypeError(f"{value!r:.40} is no number")
+    raise TypeError(f"{value!r:.40} is not a number")
 
 
 def _sparse(counts: Int64[np.ndarray, ...]) -> str:
-    """The entries that are not 0, each as its place and its count."""
+    """The non-zero entries, each as indices and count."""
     return ", ".join(" ".join(map(str, (*place, counts[tuple(place)]))) for place in np.argwhere(counts).tolist())
 
 
 def _dense(text: str, shape: tuple[int, ...]) -> Int64[np.ndarray, ...]:
-    """The array of that shape with these entries.
-
-    Raises:
-        ValueError, IndexError: an entry is none, or lies outside.
-    """
+    """The array of a shape with these entries; ValueError or IndexError if an entry is invalid."""
     counts = np.zeros(shape, np.int64)
     for entry in text.split(", ") if text else ():
         *place, count = map(int, entry.split())
         if len(place) != len(shape) or min(*place, count) < 0:
-            raise ValueError(f"{entry!r} is no place and count of {shape}")
+            raise ValueError(f"{entry!r} is not an index and count for shape {shape}")
         counts[tuple(place)] = count
     return counts

@@ -1,16 +1,16 @@
-"""Summaries: from the scores of single targets to the numbers of a table, for any choice of targets.
+"""Summaries: the metrics of a table, from the scores of any set of targets.
 
 | name | what |
 |---|---|
-| miou, class_accuracy, accuracy | of one confusion matrix of all targets |
-| miou_per_image, class_accuracy_per_image, accuracy_per_image | of each target, mean over targets, then over scenes |
-| psnr, ssim, lpips | of each target, mean over targets |
+| miou, class_accuracy, accuracy | from one confusion matrix over all targets |
+| miou_per_image, class_accuracy_per_image, accuracy_per_image | for each target; mean over targets, then over scenes |
+| psnr, ssim, lpips | for each target; mean over targets |
 | depth_abs_rel, depth_delta_125 | over all pixels of all targets that have a true depth |
-| miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the pixels that the method saw |
+| miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the seen pixels |
 | unseen | share of all pixels |
-| not_given | share of the pixels with a true label for which no class is given |
+| not_given | share of the labelled pixels without a predicted class |
 
-Means over classes are over those that the truth shows: in the whole set, or in the one image.
+Means over classes use the classes that occur in the truth, of the whole set or of the image.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int, Int64
 
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.objectives.measures import TITLES
 from semgs.objectives.metrics import accuracy, class_accuracy, intersection_over_union, miou
 
@@ -33,7 +34,7 @@ CLASS_METRICS = (
 PICTURE_METRICS = ("psnr", "ssim", "lpips")
 DEPTH_METRICS = ("depth_abs_rel", "depth_delta_125")
 SEEN_METRICS = ("miou_per_image_seen", "accuracy_per_image_seen", "psnr_seen", "depth_abs_rel_seen")
-"""Over the pixels that a method saw: others saw other ones, so these say how it does, and not whether it is better."""
+"""Metrics over the pixels that a method saw. Methods see different pixels, so these do not rank methods."""
 
 METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 """All names, in the order of tables."""
@@ -41,20 +42,24 @@ METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given")
 
 
+Values = Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
+"""Computes metrics from how often each target and each scene counts."""
+
+
 @dataclass(frozen=True, eq=False)
 class MetricGroup:
-    """Metrics that are of the same targets, as a function of how often each target counts.
+    """Metrics of the same targets, as a function of how often each target counts.
 
     Attributes:
         names: of the metrics.
-        scene_of: which scene each target is of, 0, 1, ... .
-        values: from how often each target and each scene counts to the metrics [metric trial]. A scene counts in means
-            over scenes; there, how often its targets count only weighs them among each other.
+        scene_of: the number of each target's scene, 0, 1, ... .
+        values: computes the metrics [metric trial] from how often each target and each scene counts. In means over scenes,
+            scene counts weigh the scenes, and target counts only weigh the targets within a scene.
     """
 
     names: tuple[str, ...]
     scene_of: Int64[np.ndarray, " n"]
-    values: Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
+    values: Values
 
     def once(self) -> dict[str, float]:
         """The metrics with every target and scene counted once."""
@@ -64,19 +69,20 @@ class MetricGroup:
 
 
 def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
-    """The metrics of some targets; each group is of those targets that have what it needs, none where no target has."""
-    found = []
-    for names, has, values in (
-        (CLASS_METRICS, lambda frame: frame.confusion is not None, _class_values),
-        *(((name,), _has(name), _means_of(name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
+    """The metrics of some targets, in groups. Each group uses the targets that have what it needs."""
+    groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
+        (CLASS_METRICS, "confusion", _class_values),
+        *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
         *(
-            ((f"{name}_per_image_seen",), _has(f"{name}_seen"), _means_over_scenes_of(f"{name}_seen"))
+            ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
             for name in ("miou", "accuracy")
         ),
-        (DEPTH_METRICS, _has("depth"), _depth_values),
-        (("depth_abs_rel_seen",), _has("depth_seen"), _depth_values_seen),
-    ):
-        those = [frame for frame in frames if has(frame)]
+        (DEPTH_METRICS, "depth", partial(_depth_values, "depth", ("abs_rel", "delta"))),
+        (("depth_abs_rel_seen",), "depth_seen", partial(_depth_values, "depth_seen", ("abs_rel",))),
+    )
+    found = []
+    for names, needed, values in groups:
+        those = [frame for frame in frames if getattr(frame, needed) is not None]
         if those:
             order = {scene: number for number, scene in enumerate(dict.fromkeys(frame.scene for frame in those))}
             scene_of = np.array([order[frame.scene] for frame in those], np.int64)
@@ -93,9 +99,9 @@ def summary(frames: Sequence[FrameScores]) -> dict[str, float]:
 
 
 def extremes(frames: Sequence[FrameScores], most: int) -> tuple[list[int], list[int]]:
-    """Positions of the best frames and of the worst ones, up to `most` of each and none in both, the best and the worst first.
+    """Positions of the best and of the worst frames, up to `most` of each without overlap, best and worst first.
 
-    By mean IoU, or by PSNR where no classes are scored; frames without that number are left out.
+    Ranked by mean IoU, or by PSNR if no classes are scored. Frames without that score are left out.
     """
     metric = "psnr" if all(frame.confusion is None for frame in frames) else "miou_per_image"
     values = [summary([frame]).get(metric, math.nan) for frame in frames]
@@ -109,9 +115,9 @@ class ClassScores:
     """One class over all targets.
 
     Attributes:
-        iou, accuracy: intersection over union, and share of its true pixels that was hit; None where the truth shows none.
-        pixels: with this true class.
-        predicted: pixels that were given it.
+        iou, accuracy: intersection over union, and share of its true pixels that are correct; None if it does not occur.
+        pixels: number with this true class.
+        predicted: number of pixels predicted as this class.
     """
 
     iou: float | None
@@ -121,7 +127,7 @@ class ClassScores:
 
 
 def class_scores(frames: Sequence[FrameScores]) -> list[ClassScores]:
-    """The scores of each class, in the order of the table; none where no target has labels."""
+    """The scores of each class, in the order of the class table; empty if no target has labels."""
     confusion, truth = total_confusion(frames)
     ious = intersection_over_union(torch.from_numpy(confusion)).tolist()
     hits, rows = confusion.diagonal(), confusion.sum(1)
@@ -139,24 +145,19 @@ def class_scores(frames: Sequence[FrameScores]) -> list[ClassScores]:
 def total_confusion(
     frames: Sequence[FrameScores],
 ) -> tuple[Int64[np.ndarray, "class class"], Int64[np.ndarray, " class"]]:
-    """The confusion matrix of all targets, and their pixels by true class; without any class where no target has labels."""
+    """The confusion matrix of all targets, and their pixels by true class; both empty if no target has labels."""
     pairs = [(one.confusion, one.truth) for one in frames if one.confusion is not None and one.truth is not None]
     if not pairs:
         return np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
     return np.sum([confusion for confusion, _ in pairs], axis=0), np.sum([truth for _, truth in pairs], axis=0)
 
 
-def _has(name: str) -> Callable[[FrameScores], bool]:
-    """Whether a target has a score of that name."""
-    return lambda frame: getattr(frame, name) is not None
-
-
-def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-    """The function for `CLASS_METRICS`."""
+def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes `CLASS_METRICS`."""
     confusions = np.stack([frame.confusion for frame in frames if frame.confusion is not None])
     truths = np.stack([frame.truth for frame in frames if frame.truth is not None])
     classes = truths.shape[1]
-    flat = confusions.reshape(len(frames), -1).astype(np.float64)  # exact up to 2^53 pixels, and multiplied fast
+    flat = confusions.reshape(len(frames), -1).astype(np.float64)  # exact up to 2^53 pixels, and fast to multiply
     each, shown = torch.from_numpy(confusions), torch.from_numpy(truths > 0)
     per_image = [score.numpy() for score in (miou(each, shown), accuracy(each), class_accuracy(each, shown))]
 
@@ -172,51 +173,33 @@ def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callab
     return values
 
 
-def _means_of(name: str) -> Callable[[Sequence[FrameScores], np.ndarray], Callable[..., np.ndarray]]:
-    """The function for the mean over targets of one of their scores."""
-
-    def of(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-        scores = np.array([getattr(frame, name) for frame in frames], np.float64)
-        return lambda times, scene_times: _weighted(scores, times)[None]
-
-    return of
+def _means(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes the mean of a score over targets."""
+    scores = np.array([getattr(frame, name) for frame in frames], np.float64)
+    return lambda times, scene_times: _weighted(scores, times)[None]
 
 
-def _means_over_scenes_of(name: str) -> Callable[[Sequence[FrameScores], np.ndarray], Callable[..., np.ndarray]]:
-    """The function for the mean over the targets of each scene, then over scenes, of one of their scores."""
-
-    def of(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-        scores = np.array([getattr(frame, name) for frame in frames], np.float64)
-        return lambda times, scene_times: _scene_means(scores, scene_of, times, scene_times)[None]
-
-    return of
+def _means_over_scenes(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes the mean of a score over the targets of each scene, then over scenes."""
+    scores = np.array([getattr(frame, name) for frame in frames], np.float64)
+    return lambda times, scene_times: _scene_means(scores, scene_of, times, scene_times)[None]
 
 
-def _depth_values_seen(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-    """The function for `depth_abs_rel_seen`."""
-    depths = [frame.depth_seen for frame in frames if frame.depth_seen is not None]
-    pixels, errors = (
-        np.array([depth.pixels for depth in depths], np.int64),
-        np.array([depth.abs_rel for depth in depths]),
-    )
-    return lambda times, scene_times: _weighted(errors, times * pixels)[None]
-
-
-def _depth_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Callable[..., np.ndarray]:
-    """The function for `DEPTH_METRICS`."""
-    depths = [frame.depth for frame in frames if frame.depth is not None]
+def _depth_values(name: str, measures: Sequence[str], frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes the means of depth scores over all pixels with a true depth."""
+    depths = [getattr(frame, name) for frame in frames]
     pixels = np.array([depth.pixels for depth in depths], np.int64)
-    columns = [np.array([depth.abs_rel for depth in depths]), np.array([depth.delta for depth in depths])]
+    columns = [np.array([getattr(depth, measure) for depth in depths]) for measure in measures]
     return lambda times, scene_times: np.stack([_weighted(column, times * pixels) for column in columns])
 
 
 def _weighted(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Means [trial] of values [n] under weights [trial n]; an infinite value that counts makes its mean infinite."""
+    """Weighted means [trial] of values [n] with weights [trial n]; an infinite value with a weight makes its mean infinite."""
     return _ratio(np.where(weights > 0, weights * np.where(weights > 0, values, 0), 0).sum(1), weights.sum(1))
 
 
 def _scene_means(values: np.ndarray, scene_of: np.ndarray, times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
-    """Means over the targets of each scene, then over scenes; scenes of which no target counts do not."""
+    """Means over the targets of each scene, then over scenes; scenes without counted targets are left out."""
     member = (scene_of[:, None] == np.arange(scene_times.shape[1])).astype(np.float64)
     counts = times @ member
     means = _ratio((times * values) @ member, counts)

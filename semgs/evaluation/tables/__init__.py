@@ -1,1 +1,1 @@
-"""Numbers as reports and tables: what report.json holds, and what `semgs compare` prints."""
+"""Reports and tables: report.json, and what `semgs compare` prints."""

@@ -1,4 +1,4 @@
-"""The paper's ablation: its five rows as settings of a training, and their reports as its table."""
+"""The paper's ablation: training settings of its five variants, and the table of their reports."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from itertools import pairwise
 from statistics import mean
 
 from semgs.evaluation.scoring.intervals import paired_differences
+from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.grid import Cell, Grid
-from semgs.evaluation.tables.report import SavedReport
-from semgs.evaluation.tables.texts import TITLES
+from semgs.objectives.measures import TITLES
 from semgs.training.settings import TrainingSettings
 
 METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")
-"""The columns of the paper's table, the first in both kinds."""
+"""The columns of the paper's table; mIoU in both kinds."""
 
 
 @dataclass(frozen=True)
 class AblationRow:
-    """A row of the paper's table: it has the parts of the row above it and one more.
+    """A variant in the paper's table: the parts of the variant above it, and one more.
 
     Attributes:
         name: of its folder.
-        title: the part that it adds, as the paper calls it.
-        shared_layers, windows, camera_aware: what its network has.
-        smoothness: whether its loss has the regional smoothness.
+        title: the part that it adds, as in the paper.
+        shared_layers, windows, camera_aware: parts of its network.
+        smoothness: whether its loss has the smoothness term.
     """
 
     name: str
@@ -48,14 +48,14 @@ ROWS = (
     AblationRow("camera", "+ C-Inj", smoothness=False),
     AblationRow("full", "+ Sm-Loss"),
 )
-"""From nothing to the full method, in the paper's order."""
+"""From none of the parts to the full method, in the paper's order."""
 
 
 def row_settings(settings: TrainingSettings, row: AblationRow, seed: int) -> TrainingSettings:
-    """The training of a row: that of the full method with the row's parts alone, from that seed.
+    """The settings of a variant: those of the full method with only the variant's parts, and this seed.
 
     Raises:
-        ValueError: the full method itself lacks a part, so that rows would be alike.
+        ValueError: the full method itself lacks a part, so two variants would be equal.
     """
     full = settings.network
     lacks = [
@@ -82,13 +82,13 @@ def row_settings(settings: TrainingSettings, row: AblationRow, seed: int) -> Tra
 
 
 def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
-    """The paper's table: each part present or not, then the metrics with their 95 % intervals.
+    """The paper's table: which parts each variant has, then the metrics with their 95 % intervals.
 
     Args:
-        reports: by row's name and seed, each of all targets; rows that are not done yet may be missing.
+        reports: by variant's name and seed; unfinished variants may be missing.
         views: the number of contexts to show.
 
-    With several seeds a cell is the mean over them, and below it is how far apart they lie; intervals are over scenes.
+    With several seeds, a cell is their mean and half their range.
     """
     rows, over = [], "scenes"
     for row in ROWS:
@@ -102,9 +102,9 @@ def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) ->
         rows.append((Cell(row.title), *cells))
     targets = len(next(iter(reports.values())).results[views].frames) if reports else 0
     seeds = sorted({seed for _, seed in reports})
-    notes = [f"In brackets the 95 % interval over {over} of the targets."]
+    notes = [f"In brackets: the 95 % interval over {over}."]
     if len(seeds) > 1:
-        notes.append(f"Means over {len(seeds)} seeds, ± half of what lies between the lowest and the highest.")
+        notes.append(f"Means over {len(seeds)} seeds, ± half the difference between the highest and the lowest.")
     return Grid(
         title=f"Ablation, {views} input views, {targets} targets, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
         groups=(),
@@ -115,7 +115,7 @@ def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) ->
 
 
 def steps_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
-    """What each part adds: its row minus the row above it, for each seed, with paired 95 % intervals.
+    """What each part adds: its variant minus the one above, for each seed, with paired 95 % intervals.
 
     Args:
         reports: as for `ablation_grid`.
@@ -138,19 +138,17 @@ def steps_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Gr
                 cells.append(Cell(f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})", marked=clear))
             rows.append((Cell(after.title), Cell(str(seed)), *cells))
     return Grid(
-        title="What each part adds to the row above it",
+        title="What each part adds",
         groups=(),
         head=("part", "seed", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         mark=" *",
-        notes=(
-            "* the interval leaves out 0. Intervals are of the targets: those of another training of the same row are wider.",
-        ),
+        notes=("* the interval excludes 0. Intervals are over targets; training again would vary by more.",),
     )
 
 
 def _cell(done: Sequence[Mapping], metric: str) -> str:
-    """A metric of a row: its value and interval, or over several seeds its mean and half range."""
+    """A metric of a variant: value and interval, or for several seeds mean and half range."""
     values = [one[metric] for one in done if one[metric] is not None]
     if not values:
         return "–"

@@ -1,4 +1,4 @@
-"""The tables of a model card, from reports."""
+"""The tables of a model card."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from semgs.evaluation.tables.compare import MARKED, ROWS
+from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.grid import Cell, Grid
-from semgs.evaluation.tables.report import SavedReport, SavedResult
-from semgs.evaluation.tables.texts import TITLES, shown_number, with_interval
+from semgs.evaluation.tables.texts import with_interval
+from semgs.objectives.measures import TITLES, shown_number
 from semgs.weights.scores import Figure
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
@@ -16,7 +17,7 @@ METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
 
 
 def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
-    """The scores of reports of any data with their intervals, each above the oracle that copies the nearest input view; then the classes."""
+    """The scores of some reports with intervals, each followed by the oracle that copies the nearest input view; then the classes."""
     pairs = [(report, result) for report in reports for result in report.results.values()]
     rows: list[tuple[Cell, ...]] = []
     for report, result in pairs:
@@ -40,7 +41,7 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
 
 
 def figures(numbers: Mapping[str, Any]) -> dict[str, Figure]:
-    """The metrics that an entry has, with their intervals."""
+    """The metrics of an entry, with their intervals."""
     return {
         metric: Figure(numbers[metric], *numbers["intervals"].get(metric, (None, None)))
         for metric in METRICS
@@ -49,7 +50,7 @@ def figures(numbers: Mapping[str, Any]) -> dict[str, Figure]:
 
 
 def _row(name: str, numbers: Mapping[str, Any], worse: Sequence[str]) -> tuple[Cell, ...]:
-    """A row of the scores."""
+    """A row of the table of scores."""
     known = figures(numbers)
     return (
         Cell(name),

@@ -1,71 +1,58 @@
-"""Compare: reports of the same targets side by side, as in the paper or as differences with paired intervals."""
+"""Tables that compare reports: in the paper's layout, or as differences with paired intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, SEEN_METRICS
+from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, below
 from semgs.evaluation.tables.grid import Cell, Grid
 from semgs.evaluation.tables.published import MARK, PublishedTable
-from semgs.evaluation.tables.report import COMPARED, SavedReport, SavedResult, below
-from semgs.evaluation.tables.texts import TITLES, shown_number
 from semgs.files.errors import InputError
-from semgs.objectives.measures import MOSTLY_SEEN
+from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 
 Layout = Literal["paper", "difference", "data", "card"]
 
 PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
-"""The columns of the paper's tables: by the code of the peers, whom it follows, all but the last are means over images."""
+"""The columns of the paper's tables. All but the last are means over images, as in the code of S-Ray and GSNeRF."""
 
 BRIEF = (
-    "miou",
-    "miou_per_image",
-    "accuracy",
-    "class_accuracy",
-    "psnr",
-    "psnr_seen",
-    "ssim",
-    "depth_abs_rel",
-    "depth_abs_rel_seen",
-    "unseen",
+    "miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "psnr_seen", "ssim", "depth_abs_rel", "depth_abs_rel_seen", "unseen",
     "fps_encoding_each",
-)
-"""Those that a terminal is wide enough for."""
+)  # fmt: skip
+"""The metrics that fit in a terminal."""
 
 FULL = tuple(metric for metric in TITLES if metric != "not_given")
 
 DATA = ("miou", *PAPER[:3], "psnr", "fps_encoding_each")
-"""The columns of a table of different data."""
+"""The columns of a table of several data sets."""
 
 ROWS = {
     "copy": "oracle: nearest input view's true labels",
     "warp": "warped with true depth",
     "majority": "most frequent class",
 }
-"""The trivial rows' names in tables."""
+"""The names of the baselines in tables."""
 
 MARKED = "† worse than the oracle that copies the nearest input view."
 
 
 def check_comparable(reports: Sequence[SavedReport]) -> None:
-    """Refuse reports whose numbers are not of the same targets.
+    """Refuse reports that were not made with the same targets.
 
     Raises:
-        InputError: two differ in class table, or, for a number of views that both have, in targets, contexts, size or truth;
-            or one was reduced to its totals, so that this cannot be known.
+        InputError: two reports differ in class table, or, for the same number of views, in targets, contexts, size or truth;
+            or a report contains totals only, so this cannot be checked.
     """
     first: dict[int, SavedReport] = {}
     for report in reports:
         for views, result in report.results.items():
             if not result.frames:
-                raise InputError(
-                    report.path,
-                    "a whole report",
-                    "one reduced to its totals",
-                    advice="--layout data and card can show it",
-                )
+                advice = "--layout data and card can show it"
+                raise InputError(report.path, "a complete report", "one with totals only", advice=advice)
             other = first.setdefault(views, report)
             difference = _difference(other, report, other.results[views], result)
             if difference:
@@ -78,7 +65,7 @@ def check_comparable(reports: Sequence[SavedReport]) -> None:
 
 
 def _difference(one: SavedReport, other: SavedReport, first: SavedResult, second: SavedResult) -> str | None:
-    """What makes two results incomparable, None if nothing does."""
+    """Why two results cannot be compared; None if they can."""
     if one.classes != other.classes:
         return f"class table {other.classes} instead of {one.classes}"
     if len(first.frames) != len(second.frames):
@@ -94,11 +81,11 @@ def _difference(one: SavedReport, other: SavedReport, first: SavedResult, second
 
 
 def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None = None) -> Grid:
-    """The reports in the columns of the paper's tables, the trivial rows below them; the best of each column is bold.
+    """The reports in the columns of the paper's tables, with the baselines below; the best of each column is bold.
 
     Args:
         reports: of the same targets.
-        published: a table of the paper, whose rows stand above ours, marked, and are compared with nothing.
+        published: a table of the paper. Its rows come first, are marked, and do not count for the best.
     """
     names = distinct_names(reports)
     views = sorted({count for report in reports for count in report.results})
@@ -117,14 +104,13 @@ def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None 
     targets = max(len(result.frames) for report in reports for result in report.results.values())
     marked = any(cell.marked for row in rows for cell in row)
     return Grid(
-        title=f"{targets} targets, protocol {reports[0].protocol}"
-        + (f"; beside {published.title}" if published else ""),
+        title=f"{targets} targets, protocol {reports[0].protocol}" + (f"; with {published.title}" if published else ""),
         groups=tuple((f"{count} input views", len(PAPER)) for count in views),
         head=("method", *[TITLES[metric] for _ in views for metric in PAPER]),
         rows=(*above_rows, *_best(rows), *below_rows),
         rules=tuple(number for number in (len(above_rows), len(above_rows) + len(rows)) if number),
         notes=(
-            "/image: means over images, then over scenes, as S-Ray and GSNeRF compute them. FPS: encoding anew for each target.",
+            "/image: means over images, then over scenes, as S-Ray and GSNeRF compute them. FPS: each target encoded anew.",
             *([_measured_on(reports)] if published else []),
             *([MARKED] if marked else []),
             *([f"{MARK} published, not run here.", *published.notes] if published else []),
@@ -133,7 +119,7 @@ def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None 
 
 
 def data_grid(reports: Sequence[SavedReport]) -> Grid:
-    """Reports of different data below each other, each with the oracle that copies the nearest input view: what a method does where it was not trained."""
+    """Reports of different data, one below the other, each with the oracle that copies the nearest input view."""
     rows: list[tuple[Cell, ...]] = []
     rules: list[int] = []
     for report in reports:
@@ -156,13 +142,13 @@ def data_grid(reports: Sequence[SavedReport]) -> Grid:
 
 
 def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
-    """Each report after the first minus the first, for every metric that both have, with paired 95 % intervals.
+    """Each further report minus the first, for every metric that both have, with paired 95 % intervals.
 
     Raises:
-        ValueError: there are fewer than two reports, or one has no number of views in common with the first.
+        ValueError: there are fewer than two reports, or one shares no number of views with the first.
     """
     if len(reports) < 2:
-        raise ValueError(f"{len(reports)} report given; differences need two or more")
+        raise ValueError(f"expected two or more reports, found {len(reports)}")
     names = distinct_names(reports)
     grids = []
     for name, report in zip(names[1:], reports[1:], strict=True):
@@ -186,8 +172,12 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
                 rows=tuple(rows),
                 mark=" *",
                 notes=(
-                    f"* the interval leaves out 0. Intervals: paired bootstrap over {over}"
-                    + (" (fewer than five scenes): too narrow for other scenes." if over == "frames" else "."),
+                    f"* the interval excludes 0. Intervals: paired bootstrap over {over}"
+                    + (
+                        " (fewer than five scenes), so they are too narrow for other scenes."
+                        if over == "frames"
+                        else "."
+                    ),
                 ),
             )
         )
@@ -195,9 +185,9 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
 
 
 def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
-    """Metrics of one report and of its trivial rows, by number of views; those that it has at all.
+    """The metrics of one report and its baselines, by number of views.
 
-    Those over the seen pixels are shown where a part worth speaking of was not seen, as in `semgs reconstruct`.
+    Metrics over the seen pixels are shown only if a relevant share was not seen, as in `semgs reconstruct`.
     """
     seen = all((result.numbers.get("unseen") or 0) <= 1 - MOSTLY_SEEN for result in report.results.values())
     every = [row for result in report.results.values() for row in (result.numbers, *result.trivial.values())]
@@ -222,7 +212,7 @@ def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
 
 
 def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
-    """The reports' names; where two are the same, with the folder or, if need be, the number of the report."""
+    """The reports' names; equal names get the folder or, if needed, a number."""
     names = [report.name for report in reports]
     with_folder = [
         f"{name} ({report.path.absolute().parent.name})" if names.count(name) > 1 else name
@@ -234,19 +224,19 @@ def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
 
 
 def _measured_on(reports: Sequence[SavedReport]) -> str:
-    """What the frames per second of the reports were measured on."""
+    """The machines on which FPS were measured."""
     machines = dict.fromkeys(
         f"{one.get('gpu', one.get('processor', 'unknown'))}"
         + (f", {one['threads']} threads" if "threads" in one and "gpu" not in one else "")
         for one in (report.hardware for report in reports)
     )
-    return f"FPS of the rows run here: {'; '.join(machines)}."
+    return f"FPS of the rows run here: on {'; '.join(machines)}."
 
 
 def _overview_row(
     name: str, numbers: Mapping[str, Any], shown: Sequence[str], worse: Sequence[str]
 ) -> tuple[Cell, ...]:
-    """A row with all metrics."""
+    """A row with some metrics."""
     return (
         Cell(name),
         *[Cell(shown_number(metric, numbers.get(metric)), marked=metric in worse) for metric in shown],
@@ -254,7 +244,7 @@ def _overview_row(
 
 
 def _trivial(reports: Sequence[SavedReport], views: Sequence[int]) -> dict[str, dict[int, Mapping[str, Any]]]:
-    """The trivial rows by name and number of views, from the first report that has them: all are of the same targets."""
+    """The baselines by name and number of views, from the first report that has them: all reports have the same targets."""
     found: dict[str, dict[int, Mapping[str, Any]]] = {}
     for name in ROWS:
         for count in views:
@@ -278,16 +268,19 @@ def _paper_cells(
 
 
 def _best(rows: Sequence[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
-    """The rows with the highest number of each column as best, where there are several rows."""
+    """The rows, with the highest number of each column marked as best if there are several rows."""
     if len(rows) < 2:
         return list(rows)
-    number: Callable[[Cell], float] = lambda cell: float("-inf") if cell.text == "–" else float(cell.text)  # noqa: E731
+
+    def number(cell: Cell) -> float:
+        return float("-inf") if cell.text == "–" else float(cell.text)
+
     highest = [max(map(number, column)) for column in list(zip(*rows, strict=True))[1:]]
     return [
         (
             row[0],
             *[
-                Cell(cell.text, number(cell) == top > float("-inf"), cell.marked)
+                replace(cell, best=number(cell) == top > float("-inf"))
                 for cell, top in zip(row[1:], highest, strict=True)
             ],
         )
@@ -298,7 +291,7 @@ def _best(rows: Sequence[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
 def _difference_row(
     metric: str, views: int, first: SavedResult, second: SavedResult, differences: Mapping[str, Any]
 ) -> tuple[Cell, ...]:
-    """A metric of both, its difference and its interval."""
+    """A metric of two reports, with difference and interval."""
     before, after = first.numbers[metric], second.numbers[metric]
     interval = differences.get(metric)
     ends = "–" if interval is None else f"{_signed(metric, interval.low)} to {_signed(metric, interval.high)}"
@@ -315,6 +308,6 @@ def _difference_row(
 
 
 def _signed(metric: str, value: float) -> str:
-    """A difference as text, with its sign."""
+    """A difference as text, with sign."""
     text = shown_number(metric, abs(value))
     return text if float(text) == 0 else ("+" if value > 0 else "−") + text

@@ -1,4 +1,4 @@
-"""What numbers were made with: versions of software, and hardware."""
+"""Software versions and hardware, for reports."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import torch
 from semgs import __version__
 
 LIBRARIES = ("torch", "numpy", "scipy", "torchmetrics", "numba", "opencv-python-headless", "pillow")
-"""Those that the numbers pass through."""
+"""Libraries that affect the numbers."""
 
 
 def versions() -> dict[str, str]:
-    """The versions of semgs, of Python and of the libraries that the numbers pass through."""
+    """The versions of semgs, of Python and of the libraries that affect the numbers."""
     found = {"semgs": __version__, "python": platform.python_version()}
     for name in (*LIBRARIES, "lpips"):
         try:
@@ -27,7 +27,7 @@ def versions() -> dict[str, str]:
 
 
 def hardware(device: str) -> dict[str, str | int]:
-    """What was computed on: the processor, how many cores and threads, and the GPU where one was used.
+    """The processor, the number of cores and threads, and the GPU if one was used.
 
     Args:
         device: of the network, "cpu" or "cuda".
@@ -45,7 +45,7 @@ def hardware(device: str) -> dict[str, str | int]:
 
 
 def _processor() -> str:
-    """The name of the processor, as far as the system tells."""
+    """The name of the processor, if the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Tables as text, Markdown or LaTeX: the one place where columns become lines."""
+"""Prints tables as text, Markdown or LaTeX."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Format = Literal["text", "markdown", "latex"]
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell: its text, whether it is the best of its column, and whether it is marked."""
+    """A cell: its text, whether it is the best in its column, and whether it is marked."""
 
     text: str
     best: bool = False
@@ -22,13 +22,13 @@ class Grid:
     """A table.
 
     Attributes:
-        title: above it.
-        groups: headings over columns, each with how many it spans; the first column has none. Empty for no such line.
-        head: of each column; the first one is that of the names.
-        rows: equally long; the first cell is the name.
-        rules: the rows before which a line is drawn.
-        mark: what stands behind a marked cell.
-        notes: below it, a sentence each.
+        title: of the table.
+        groups: headings above columns, each with the number of columns that it spans; the first column has none. May be empty.
+        head: column headings; the first is for the names.
+        rows: of equal length; the first cell is the name.
+        rules: rows that have a line above them.
+        mark: suffix of marked cells.
+        notes: below the table, a sentence each.
     """
 
     title: str
@@ -41,12 +41,12 @@ class Grid:
 
 
 def printed(grid: Grid, form: Format) -> str:
-    """The table in one of the forms, without a line end behind it."""
+    """The table in a format, without a final line end."""
     return {"text": _text, "markdown": _markdown, "latex": _latex}[form](grid)
 
 
 def _text(grid: Grid) -> str:
-    """For a terminal: columns aligned, numbers at the right; groups below each other, as a terminal is narrow."""
+    """For a terminal: columns aligned, numbers right-aligned, groups below each other."""
     blocks, start = [], 1
     for heading, span in grid.groups or (("", len(grid.head) - 1),):
         columns = [0, *range(start, start + span)]
@@ -56,7 +56,7 @@ def _text(grid: Grid) -> str:
 
 
 def _block(grid: Grid, heading: str, columns: list[int]) -> str:
-    """Some columns of a table, with rules around them."""
+    """Some columns of a table, with lines around them."""
     head = [heading or grid.head[0], *[grid.head[column] for column in columns[1:]]]
     rows = [[row[column].text + (grid.mark if row[column].marked else "") for column in columns] for row in grid.rows]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
@@ -74,7 +74,7 @@ def _block(grid: Grid, heading: str, columns: list[int]) -> str:
 
 
 def _markdown(grid: Grid) -> str:
-    """For a page of Markdown; groups become a part of each column's heading, as it has no spanning cells."""
+    """For Markdown. It has no spanning cells, so groups become part of each column's heading."""
     head = list(grid.head)
     start = 1
     for heading, span in grid.groups:
@@ -131,5 +131,5 @@ _LATEX = {
 
 
 def _escaped(text: str) -> str:
-    """Text as LaTeX prints it."""
+    """Text escaped for LaTeX."""
     return "".join(_LATEX.get(letter, letter) for letter in text)

@@ -1,4 +1,4 @@
-"""What the reader of an evaluation must not miss, a sentence each."""
+"""Notes that the reader of an evaluation must not miss, a sentence each."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import math
 from collections.abc import Sequence
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.plan import Plan
+from semgs.evaluation.frames.frame_plan import FramePlan
 from semgs.evaluation.scoring.evaluate import Rows
 from semgs.evaluation.scoring.intervals import FEWEST_SCENES, units
 from semgs.evaluation.scoring.summary import summary
-from semgs.evaluation.tables.report import below
-from semgs.evaluation.tables.texts import TITLES
+from semgs.evaluation.tables.evaluation_report import below
 from semgs.files.text import listed
+from semgs.objectives.measures import TITLES
 
 STRETCH_TOLERANCE = 0.01
-"""Pictures whose aspect changes by more than this are told of."""
+"""Images whose aspect ratio changes by more than this are reported."""
 
 
-def notes(plan: Plan, scenes: Sequence[Scene], rows: Sequence[Rows], workers: int) -> list[str]:
-    """What limits the numbers of an evaluation.
+def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[Rows], workers: int) -> list[str]:
+    """Limitations of an evaluation's numbers.
 
     Args:
-        plan: what was compared.
-        scenes: that were found, in the plan or not.
+        plan: the targets.
+        scenes: all scenes that were found, in the plan or not.
         rows: the scores.
-        workers: processes that worked side by side.
+        workers: number of parallel processes.
     """
     return [
         *_left_out(plan, scenes),
@@ -36,7 +36,7 @@ def notes(plan: Plan, scenes: Sequence[Scene], rows: Sequence[Rows], workers: in
         *_intervals(rows),
         *_equal_pictures(rows),
         *(
-            [f"{workers} processes worked side by side, so times are longer than alone."]
+            [f"{workers} processes ran in parallel, so times are longer than for one process alone."]
             if workers > 1 and any(frame.seconds_render is not None for one in rows for frame in one.method)
             else []
         ),
@@ -44,18 +44,18 @@ def notes(plan: Plan, scenes: Sequence[Scene], rows: Sequence[Rows], workers: in
     ]
 
 
-def _left_out(plan: Plan, scenes: Sequence[Scene]) -> list[str]:
-    """Scenes that the plan does not name."""
+def _left_out(plan: FramePlan, scenes: Sequence[Scene]) -> list[str]:
+    """Scenes that are not in the plan."""
     unused = [scene.name for scene in scenes if scene not in plan.scenes]
-    return [f"Not in the list of frames, and left out: {listed(unused)}."] if unused else []
+    return [f"Left out, because the list of frames does not contain them: {listed(unused)}."] if unused else []
 
 
-def _without_truth(plan: Plan) -> list[str]:
+def _without_truth(plan: FramePlan) -> list[str]:
     """Scenes without labels or depth."""
     found = []
     for attribute, what, left in (
-        ("labels", "labels", "they count in metrics of colour and depth only"),
-        ("depth", "depth", "they count in no metric of depth, and the row of warped contexts is without them"),
+        ("labels", "labels", "only metrics of colour and depth use these scenes"),
+        ("depth", "depth", "metrics of depth and the warped baseline leave these scenes out"),
     ):
         bare = [scene.name for scene in plan.scenes if not any(getattr(frame, attribute) for frame in scene.frames)]
         if bare:
@@ -63,29 +63,29 @@ def _without_truth(plan: Plan) -> list[str]:
     return found
 
 
-def _without_prediction(plan: Plan, rows: Sequence[Rows]) -> list[str]:
-    """Kinds of truth that nothing was predicted for."""
+def _without_prediction(plan: FramePlan, rows: Sequence[Rows]) -> list[str]:
+    """Kinds of truth for which the method predicts nothing."""
     found = []
     frames = [frame for one in rows for frame in one.method]
     if any(frame.truth is not None and frame.confusion is None for frame in frames):
-        found.append("Classes are not predicted: there are no metrics of classes.")
+        found.append("The method predicts no classes, so there are no class metrics.")
     if all(frame.psnr is None for frame in frames):
-        found.append("Pictures are not predicted: there are no metrics of colour.")
+        found.append("The method predicts no images, so there are no colour metrics.")
     if all(frame.depth is None for frame in frames) and any(one.trivial.get("warp") for one in rows):
-        found.append("Depth is not predicted: there are no metrics of depth.")
+        found.append("The method predicts no depth, so there are no depth metrics.")
     return found
 
 
-def _stretched(plan: Plan) -> list[str]:
-    """Scenes whose pictures change their aspect."""
+def _stretched(plan: FramePlan) -> list[str]:
+    """Scenes whose images change their aspect ratio."""
     found = []
     for scene in plan.scenes:
         height, width = next(task.size for task in plan.tasks if task.scene is scene)
         rows, columns = scene.frames[0].lens.size
         if abs(height * columns / (width * rows) - 1) > STRETCH_TOLERANCE:
             found.append(
-                f"Pictures of {scene.name} are stretched from {rows}x{columns} to {height}x{width} (height x width); "
-                "their cameras are stretched along."
+                f"The images of {scene.name} and their cameras are stretched from {rows}x{columns} to {height}x{width} "
+                "(height x width)."
             )
     return found
 
@@ -102,16 +102,20 @@ def _below_copy(rows: Sequence[Rows]) -> list[str]:
 
 
 def _intervals(rows: Sequence[Rows]) -> list[str]:
-    """That few scenes make intervals too narrow."""
+    """That intervals over frames are too narrow."""
     if not any(units(one.method) == "frames" for one in rows):
         return []
     return [
-        f"There are fewer than {FEWEST_SCENES} scenes, so intervals are over frames; "
-        "frames of one scene are alike, and other scenes may differ by more."
+        f"There are fewer than {FEWEST_SCENES} scenes, so intervals are over frames. "
+        "Frames of one scene are similar, so other scenes may differ by more."
     ]
 
 
 def _equal_pictures(rows: Sequence[Rows]) -> list[str]:
     """That some PSNR is infinite."""
     count = sum(frame.psnr is not None and math.isinf(frame.psnr) for one in rows for frame in one.method)
-    return [f"{count} pictures equal the truth: their PSNR is infinite, and so is any mean over them."] if count else []
+    return (
+        [f"{count} images equal the truth, so their PSNR is infinite, and so is any mean that includes it."]
+        if count
+        else []
+    )

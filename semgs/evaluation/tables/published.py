@@ -1,4 +1,4 @@
-"""The paper's tables as they are printed: numbers of others, to stand beside ours and never to be taken for measured here.
+"""The paper's tables as printed, to compare with ours. They were not measured here.
 
 Sheng Ye et al., SemGS, ICRA 2026: "ScanNet" (Table 1), "ScanNet++" (Table 2) and the ablation on ScanNet (Table 3).
 """
@@ -12,13 +12,13 @@ from typing import Literal
 Name = Literal["scannet", "scannetpp", "ablation"]
 
 MARK = "‡"
-"""Stands behind the names of rows that are published and were not run here."""
+"""Marks rows that are published and were not run here."""
 
 _COLUMNS = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
 
 _UNKNOWN = (
-    "The paper names neither its ten test scenes, nor the frames and their sources, nor which mIoU it means: that theirs is of each image is "
-    "inferred from the peers' code, which it follows. Its FPS are of other hardware."
+    "The paper names neither its ten test scenes, nor its frames and input views, nor its kind of mIoU. We assume mIoU per image, as in the "
+    "code of S-Ray and GSNeRF, which it follows. Its FPS were measured on other hardware."
 )
 
 
@@ -28,7 +28,7 @@ class PublishedRow:
 
     Attributes:
         name: of the method.
-        numbers: by number of input views, by the names of `semgs.evaluation.scoring.summary.METRICS`; what is not printed is absent.
+        numbers: by number of input views, then by the names in `semgs.evaluation.scoring.summary.METRICS`.
     """
 
     name: str
@@ -40,9 +40,9 @@ class PublishedTable:
     """A table of the paper.
 
     Attributes:
-        title: what it is.
-        rows: as they are printed, the paper's own method last.
-        notes: what nobody can know who reads it, a sentence each.
+        title: of the table.
+        rows: as printed, the paper's own method last.
+        notes: what the paper does not state, a sentence each.
     """
 
     title: str
@@ -68,7 +68,7 @@ PUBLISHED: Mapping[Name, PublishedTable] = {
         ),
         (
             _UNKNOWN,
-            "The peers' code: S-Ray as released reads the sensor's depth of its input views; GSNeRF's counts pixels without a label as a class.",
+            "The released code of S-Ray reads sensor depth of the input views; that of GSNeRF counts unlabelled pixels as a class.",
         ),
     ),
     "scannetpp": PublishedTable(
@@ -80,8 +80,8 @@ PUBLISHED: Mapping[Name, PublishedTable] = {
         ),
         (
             _UNKNOWN,
-            "No code of the peers reads ScanNet++, and ScanNet++ has no table to the 20 classes: which camera, which frames and which table "
-            "the paper took is not known.",
+            "The code of S-Ray and GSNeRF does not read ScanNet++, and ScanNet++ has no mapping to the 20 classes, so the camera, the frames "
+            "and the mapping that the paper used are unknown.",
         ),
     ),
     "ablation": PublishedTable(
@@ -94,9 +94,9 @@ PUBLISHED: Mapping[Name, PublishedTable] = {
             _row("+ Sm-Loss", (0.765, 0.919, 0.815), views=(4,)),
         ),
         (
-            "The paper does not say from how many views; its last row is that of four views in Table 1.",
+            "The paper does not state the number of views; its last row equals that of four views in Table 1.",
             _UNKNOWN,
         ),
     ),
 }  # fmt: skip
-"""The tables by the names that the command line knows."""
+"""The tables by their names on the command line."""

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.plan import Plan, Task, frame_list, make_plan, pinned_plan
-from semgs.evaluation.frames.protocols import Sample, neighbours
+from semgs.evaluation.frames.frame_plan import FramePlan, Task, frame_list, make_plan, pinned_plan
+from semgs.evaluation.frames.protocols import TargetSample, neighbours
 from semgs.files.errors import InputError
 
 MakeScene = Callable[..., Scene]
 
 
-def told(plan: Plan) -> list[tuple]:
+def told(plan: FramePlan) -> list[tuple]:
     return [(task.scene.name, task.size, task.target, task.contexts) for task in plan.tasks]
 
 
@@ -56,7 +56,7 @@ def test_frames_are_pinned_by_name_whatever_else_the_scene_holds(make_scene: Mak
     longer = make_scene("more/attic", frames=6, change=lambda file: file["frames"].reverse())
     again = pinned_plan(tmp_path / "frames.json", [longer])
     assert told(again) == told(plan)
-    assert again.tasks[0].sample == Sample((5, 3), 4)
+    assert again.tasks[0].sample == TargetSample((5, 3), 4)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_list_of_frames_that_cannot_be_is_refused_where_it_is_wrong(
 
 def test_numbers_of_views_that_are_not_pinned_are_refused(scenes: tuple[Scene, Scene], tmp_path: Path):
     (tmp_path / "frames.json").write_text(json.dumps(frame_list(make_plan("n", neighbours, scenes, (2, 3)))))
-    with pytest.raises(InputError, match="expected samples of 4 views, found of 2, 3 only"):
+    with pytest.raises(InputError, match="expected samples with 4 views, found only with 2, 3"):
         pinned_plan(tmp_path / "frames.json", scenes, (2, 4))
 
 
@@ -100,6 +100,6 @@ def test_two_targets_whose_files_would_have_one_name_are_refused(make_scene: Mak
 
 def test_a_name_with_dots_keeps_them_in_its_files(make_scene: MakeScene):
     scene = make_scene("attic", frames=3)
-    task = Task(scene, (36, 48), Sample((0, 2), 1))
+    task = Task(scene, (36, 48), TargetSample((0, 2), 1))
     object.__setattr__(scene.frames[1], "name", "images/IMG.2024.01.png")
     assert task.stem == "N2/attic/IMG.2024.01"

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.protocols import Sample, nearest_first, neighbours, peers
+from semgs.evaluation.frames.protocols import TargetSample, nearest_first, neighbours, peers
 from semgs.files.errors import InputError
 from semgs.geometry.rotations import matrix_from_quaternion
 
@@ -18,16 +18,16 @@ MakeScene = Callable[..., Scene]
 def test_neighbours_are_taken_alternately_before_and_after(make_scene: MakeScene):
     samples = neighbours(make_scene(frames=7), 4)
     assert [sample.target for sample in samples] == [1, 2, 3, 4, 5]
-    assert samples[2] == Sample((2, 4, 1, 5), 3)
-    assert samples[1] == Sample((1, 3, 0, 4), 2)
+    assert samples[2] == TargetSample((2, 4, 1, 5), 3)
+    assert samples[1] == TargetSample((1, 3, 0, 4), 2)
 
 
 def test_an_end_is_filled_from_the_other_side(make_scene: MakeScene):
     scene = make_scene(frames=6)
-    assert neighbours(scene, 4)[0] == Sample((0, 2, 3, 4), 1)
-    assert neighbours(scene, 4)[-1] == Sample((3, 5, 2, 1), 4)
-    assert neighbours(scene, 3)[0] == Sample((0, 2, 3), 1)
-    assert neighbours(scene, 2)[-1] == Sample((3, 5), 4)
+    assert neighbours(scene, 4)[0] == TargetSample((0, 2, 3, 4), 1)
+    assert neighbours(scene, 4)[-1] == TargetSample((3, 5, 2, 1), 4)
+    assert neighbours(scene, 3)[0] == TargetSample((0, 2, 3), 1)
+    assert neighbours(scene, 2)[-1] == TargetSample((3, 5), 4)
 
 
 def test_a_target_may_be_drawn_from_all_other_frames_and_from_no_more(make_scene: MakeScene):
@@ -37,7 +37,7 @@ def test_a_target_may_be_drawn_from_all_other_frames_and_from_no_more(make_scene
         frozenset({0, 1, 3}),
     }
     with pytest.raises(
-        InputError, match=r"expected at least 4 frames to draw a target from, found 3 \(4 usable frames\)"
+        InputError, match=r"expected at least 4 frames to render a target from, found 3 \(4 usable frames\)"
     ):
         neighbours(scene, 4)
 
@@ -96,7 +96,7 @@ def test_gsnerfs_translation_is_minus_r_transposed_t():
     for index, place in ((2, [1, 0, 0]), (5, [0, 1, 0]), (0, [0, 0, 1])):
         scene.frames[index].world_from_camera[:3, 3] = place
     scene.frames[5].world_from_camera[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    assert peers(scene, 2, "gsnerf") == [Sample((5, 0), 2)]
+    assert peers(scene, 2, "gsnerf") == [TargetSample((5, 0), 2)]
 
 
 def test_gsnerfs_distance_may_choose_other_sources_than_camera_centres():
@@ -109,8 +109,8 @@ def test_gsnerfs_distance_may_choose_other_sources_than_camera_centres():
 
 def test_the_nearest_context_is_that_of_the_nearest_camera_centre_and_of_equal_ones_the_first(make_scene: MakeScene):
     scene = make_scene(frames=4, positions=[0.0, 0.3, 0.35, 0.6], change=lambda file: level(file))
-    assert nearest_first(scene, Sample((0, 2), 1)) == (2, 0)
-    assert nearest_first(scene, Sample((3, 0, 2), 1)) == (2, 3, 0)
+    assert nearest_first(scene, TargetSample((0, 2), 1)) == (2, 0)
+    assert nearest_first(scene, TargetSample((3, 0, 2), 1)) == (2, 3, 0)
 
 
 def level(file: dict) -> None:

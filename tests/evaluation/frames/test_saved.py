@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.plan import Plan, make_plan
+from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.predictions import Prediction, write_prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.saved import SavedPredictions, views_in
@@ -22,19 +22,19 @@ MakeScene = Callable[..., Scene]
 
 
 @pytest.fixture
-def plan(make_scene: MakeScene) -> Plan:
+def plan(make_scene: MakeScene) -> FramePlan:
     return make_plan("neighbours", neighbours, [make_scene(frames=5)], (2, 3), (36, 48))
 
 
 @pytest.fixture
-def folder(plan: Plan, tmp_path: Path) -> Path:
+def folder(plan: FramePlan, tmp_path: Path) -> Path:
     """Label maps of all targets."""
     for number, task in enumerate(plan.tasks):
         write_prediction(tmp_path / "theirs", task, Prediction(labels=torch.full((36, 48), number).byte()))
     return tmp_path / "theirs"
 
 
-def test_what_is_written_is_read_again(plan: Plan, tmp_path: Path):
+def test_what_is_written_is_read_again(plan: FramePlan, tmp_path: Path):
     task = plan.tasks[1]
     generator = torch.Generator().manual_seed(0)
     labels = torch.randint(0, 20, (36, 48), generator=generator).byte()
@@ -63,7 +63,7 @@ def test_depths_of_an_unknown_unit_are_kept_as_they_are(make_scene: MakeScene, t
     assert torch.equal(again.depths, depths)
 
 
-def test_seconds_come_from_a_file_a_number_of_views(plan: Plan, folder: Path):
+def test_seconds_come_from_a_file_a_number_of_views(plan: FramePlan, folder: Path):
     (folder / "N2" / "timing.json").write_text(json.dumps({"seconds_encode": 3, "seconds_render": 0.5, "gpu": "one"}))
     read = SavedPredictions(folder, "theirs").read(plan.tasks[0])
     assert (read.seconds_encode, read.seconds_render) == (3.0, 0.5)
@@ -74,21 +74,21 @@ def test_seconds_come_from_a_file_a_number_of_views(plan: Plan, folder: Path):
             SavedPredictions(folder, "theirs").read(plan.tasks[0])
 
 
-def test_missing_predictions_are_told_by_their_frames(plan: Plan, folder: Path):
+def test_missing_predictions_are_told_by_their_frames(plan: FramePlan, folder: Path):
     SavedPredictions(folder, "theirs").check(plan)
     (folder / "N3/living/002.png").unlink()
     with pytest.raises(InputError, match=r"labels of all 3 targets of 3 views, found none of N3/living/002\.png$"):
         SavedPredictions(folder, "theirs").check(plan)
 
 
-def test_a_number_of_views_without_any_prediction_is_told(plan: Plan, folder: Path):
+def test_a_number_of_views_without_any_prediction_is_told(plan: FramePlan, folder: Path):
     for path in (folder / "N3/living").iterdir():
         path.unlink()
     with pytest.raises(InputError, match=r"none of N3/living/001\.png, N3/living/002\.png, N3/living/003\.png$"):
         SavedPredictions(folder, "theirs").check(plan)
 
 
-def test_a_kind_may_be_left_out_as_a_whole_and_not_in_part(plan: Plan, folder: Path):
+def test_a_kind_may_be_left_out_as_a_whole_and_not_in_part(plan: FramePlan, folder: Path):
     picture = np.zeros((36, 48, 3), np.uint8)
     write_png(folder / "N2/living/001.colour.png", picture)
     with pytest.raises(
@@ -103,7 +103,7 @@ def test_a_kind_may_be_left_out_as_a_whole_and_not_in_part(plan: Plan, folder: P
     SavedPredictions(folder, "theirs").check(plan)
 
 
-def test_pictures_of_another_size_are_told_by_their_frames(plan: Plan, folder: Path):
+def test_pictures_of_another_size_are_told_by_their_frames(plan: FramePlan, folder: Path):
     write_png(folder / "N2/living/003.png", np.zeros((48, 36), np.uint8))
     with pytest.raises(
         InputError, match=r"of 36x48 pixels \(height x width\), found others: N2/living/003\.png \(48x36\)"
@@ -115,7 +115,19 @@ def test_pictures_of_another_size_are_told_by_their_frames(plan: Plan, folder: P
         SavedPredictions(folder, "theirs").read(plan.tasks[0])
 
 
-def test_a_label_outside_the_table_is_refused_naming_the_frame(plan: Plan, folder: Path):
+def test_an_array_whose_header_lies_or_that_would_be_unpickled_is_refused(plan: FramePlan, folder: Path):
+    depth = folder / "N2/living/001.depth.npy"
+    with depth.open("wb") as file:
+        header = {"descr": "<f4", "fortran_order": False, "shape": (10**6, 10**6)}
+        np.lib.format.write_array_header_1_0(file, header)
+    with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers as long as its header says"):
+        SavedPredictions(folder, "theirs").read(plan.tasks[0])
+    np.save(depth, np.array([{"a": 1}]), allow_pickle=True)
+    with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers"):
+        SavedPredictions(folder, "theirs").read(plan.tasks[0])
+
+
+def test_a_label_outside_the_table_is_refused_naming_the_frame(plan: FramePlan, folder: Path):
     labels = np.full((36, 48), 255, np.uint8)
     labels[4, 7:9] = 20
     write_png(folder / "N2/living/002.png", labels)

@@ -6,25 +6,25 @@ import pytest
 import torch
 
 from semgs.data.scenes import open_scene
-from semgs.evaluation.frames.plan import Plan, make_plan
+from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.page.figure import chosen_tasks, torn
 from semgs.rooms.sets.demo import demo_scene
 
 
 @pytest.fixture(scope="module")
-def plan() -> Plan:
+def plan() -> FramePlan:
     """The six targets of the embedded room."""
     return make_plan("neighbours", neighbours, [open_scene(demo_scene())], [2])
 
 
-def test_frames_are_spread_over_all_targets_or_named(plan: Plan):
+def test_frames_are_spread_over_all_targets_or_named(plan: FramePlan):
     assert [task.sample.target for task in chosen_tasks(plan, 3)] == [1, 3, 6]
     assert chosen_tasks(plan, 99) == plan.tasks
     assert chosen_tasks(plan, 1) == plan.tasks[:1]
     names = [plan.tasks[4].truth_stem, plan.tasks[0].truth_stem]
     assert chosen_tasks(plan, 3, names) == (plan.tasks[4], plan.tasks[0])
-    with pytest.raises(ValueError, match=r"'demo/009' is no target; the first is 'demo/001'"):
+    with pytest.raises(ValueError, match=r"there is no target 'demo/009'; the first one is 'demo/001'"):
         chosen_tasks(plan, 3, ["demo/009"])
 
 

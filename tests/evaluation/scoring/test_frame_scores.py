@@ -12,12 +12,12 @@ import torch
 
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
-from semgs.evaluation.frames.protocols import Sample
+from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import read_frame
+from semgs.evaluation.scoring.frame_scores import score
 from semgs.evaluation.scoring.records import frame_of, record
-from semgs.evaluation.scoring.scores import score
 from semgs.evaluation.scoring.similarity import ssim
 from semgs.evaluation.scoring.summary import summary
 from semgs.objectives.metrics import depth_scores
@@ -29,7 +29,7 @@ MakeScene = Callable[..., Scene]
 
 @pytest.fixture
 def target(make_scene: MakeScene) -> tuple[Task, Views]:
-    task = Task(make_scene(), (36, 48), Sample((0, 2), 1))
+    task = Task(make_scene(), (36, 48), TargetSample((0, 2), 1))
     return task, read_frame(task, 1, (0.5, 10.0))
 
 
@@ -149,7 +149,7 @@ def test_ssim_equals_a_loop_over_the_windows_of_all_pixels():
 def test_a_reconstruction_and_an_evaluation_give_one_number_for_one_measure(make_scene: MakeScene):
     """Two targets, of one of which only a tenth has a true depth: a mean over views would not be one over pixels."""
     opened = make_scene()
-    tasks = [Task(opened, (36, 48), Sample((0, 3), position)) for position in (1, 2)]
+    tasks = [Task(opened, (36, 48), TargetSample((0, 3), position)) for position in (1, 2)]
     generator = torch.Generator().manual_seed(5)
     shown, frames = [], []
     for task in tasks:

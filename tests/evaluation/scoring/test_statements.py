@@ -10,7 +10,7 @@ from posed import posed_views
 
 from semgs.data.classes import IGNORE
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
 from semgs.evaluation.scoring.confidence import own_classes, statements, temperature_effect

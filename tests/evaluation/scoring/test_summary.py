@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals, paired_differences, units
-from semgs.evaluation.scoring.scores import FrameScores
 from semgs.evaluation.scoring.summary import class_scores, extremes, summary
 from semgs.objectives.metrics import DepthScores, confusion_matrix
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.tables.ablation import ROWS, ablation_grid, row_settings, steps_grid
+from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.grid import printed
-from semgs.evaluation.tables.report import SavedReport, SavedResult
 from semgs.objectives.weights import LossWeights
 from semgs.training.presets import small
 from semgs.training.settings import Switches

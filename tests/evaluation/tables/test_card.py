@@ -9,8 +9,8 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.evaluation.tables.card import card_grids
+from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.evaluation.tables.grid import printed
-from semgs.evaluation.tables.report import read_report
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 REPORTS = sorted((DOCS / "scores").glob("*.json"))
@@ -41,6 +41,6 @@ def test_a_row_has_its_number_interval_and_mark(content: dict, tmp_path: Path):
 def test_layouts_that_need_single_targets_refuse_a_reduced_report(capsys: pytest.CaptureFixture[str]):
     first = str(REPORTS[0])
     assert main(["compare", first, first, "--layout", "difference"]) == 2
-    assert "one reduced to its totals; --layout data and card can show it" in capsys.readouterr().err
+    assert "one with totals only; --layout data and card can show it" in capsys.readouterr().err
     assert main(["compare", first, "--layout", "card", "--format", "markdown"]) == 0
     assert "**Classes**" in capsys.readouterr().out

@@ -14,12 +14,12 @@ from PIL import Image
 
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.plan import make_plan
+from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.page.figure import FigurePart
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.weights.index import SHOWN, read_index
 from semgs.weights.scores import read_scores
 from tools.release.failures import (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.evaluation.tables.report import read_report
+from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.files.errors import InputError
 from semgs.weights.index import read_index, shipped_folder
 from semgs.weights.scores import Figure, read_scores

@@ -1,4 +1,4 @@
-"""Scores of one target: everything that is counted or measured there, from which all summaries are made."""
+"""Scores of one target, from which all summaries are computed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Int64
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
-from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
 from semgs.objectives.maps import Maps, MapScores, map_scores
@@ -18,18 +18,18 @@ from semgs.objectives.metrics import DepthScores
 
 @dataclass(frozen=True, eq=False)
 class FrameScores:
-    """How one target turned out; None where the truth or the prediction is missing.
+    """The scores of one target; None if the truth or the prediction is missing.
 
     Attributes:
         scene, target, contexts: names.
-        confusion: pixels by true (rows) and predicted class, of those that have both.
-        truth: pixels by true class, whatever was predicted there.
-        psnr: over all pixels [dB]; infinite where the pictures are equal.
-        ssim, lpips: of the pictures.
+        confusion: number of pixels by true (rows) and predicted class, where both are known.
+        truth: number of pixels by true class.
+        psnr: over all pixels [dB]; infinite for equal images.
+        ssim, lpips: of the images.
         depth: of the depth map.
         unseen: share of the pixels where the method saw nothing.
-        miou_seen, accuracy_seen, psnr_seen, depth_seen: mean IoU, accuracy, PSNR and depth over the other pixels alone; None also
-            where the method does not say what it saw.
+        miou_seen, accuracy_seen, psnr_seen, depth_seen: mean IoU, accuracy, PSNR and depth over the seen pixels; None also if
+            the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
     """
 
@@ -54,16 +54,16 @@ class FrameScores:
 def score(
     task: Task, prediction: Prediction, truth: Views, perceptual: PerceptualDistance | None = None
 ) -> FrameScores:
-    """Compare a prediction with what the target's camera saw.
+    """Compare a prediction with the true view.
 
-    Classes are compared at every pixel with a true label, seen or not; a pixel for which no class is given (255) enters
-    no confusion matrix.
+    Classes are compared at every pixel with a true label, seen or not. Pixels without a predicted class (255) are left out of
+    the confusion matrix.
 
     Args:
-        task: whose target it is.
+        task: of the target.
         prediction: at the size of the evaluation.
-        truth: one view, at that size.
-        perceptual: LPIPS, where there is one.
+        truth: one view of the same size.
+        perceptual: LPIPS, if available.
     """
     labels = None if truth.labels is None else truth.labels[0]
     counts = None

@@ -1,4 +1,4 @@
-"""The page that a user looks at after an evaluation."""
+"""The HTML report of an evaluation."""
 
 from __future__ import annotations
 
@@ -9,66 +9,52 @@ import numpy as np
 
 from semgs.data.classes import ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
-from semgs.evaluation.frames.plan import Task
+from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.evaluate import SHOWN, Rows
-from semgs.evaluation.scoring.scores import FrameScores
+from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
 from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
-from semgs.evaluation.tables.report import Evaluation, SavedReport, SavedResult, data_name
-from semgs.evaluation.tables.texts import TITLES, shown_number
+from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
+from semgs.figures import page
 from semgs.figures.classes import LegendEntry
-from semgs.figures.depth import (
-    WORST_ERROR,
-    depth_error_bar,
-    depth_error_picture,
-    depth_limits,
-)
+from semgs.figures.depth import WORST_ERROR, depth_error_bar, depth_error_picture
 from semgs.figures.numbers import percent
-from semgs.figures.page import (
-    RARE,
-    Bar,
-    Bars,
-    Block,
-    Facts,
-    Gallery,
-    Headline,
-    Legend,
-    Link,
-    Links,
-    Matrix,
-    Picture,
-    Scale,
-    Section,
-    Table,
-    html_page,
-)
 from semgs.figures.views import class_map, depth_map, photo, please_note, true_class_map
+from semgs.files.colours import depth_limits
 from semgs.files.text import listed
+from semgs.objectives.measures import TITLES, shown_number
 
 PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")
 
 
-FILES = (
-    Link("report.json", "all numbers of this page, for semgs compare"),
-    Link("frames.json", "the frames, for another evaluation of the same: --protocol pinned frames.json"),
+RESULTS = (
+    "mIoU and class accuracy come from one confusion matrix over all targets; “/image” scores are means over images, then over scenes. "
+    "The oracle copies the nearest input view, with its image and true labels, as if the camera had not moved. "
+    + MARKED
 )
-"""What every evaluation writes beside the page."""
+"""How to read the tables."""
+
+FILES = (
+    page.Link("report.json", "all numbers of this page, for semgs compare"),
+    page.Link("frames.json", "the frames; use --protocol pinned frames.json to evaluate another method on them"),
+)
+"""Files of every evaluation."""
 
 MAPS = (
-    Link("predictions/", "class maps, by number of views and scene"),
-    Link("truth/", "what they were compared with"),
+    page.Link("predictions/", "class maps, by number of views and scene"),
+    page.Link("truth/", "the true class maps"),
 )
-"""What an evaluation of weights writes as well."""
+"""Further files of an evaluation of weights."""
 
 
-def report_page(evaluation: Evaluation, report: SavedReport) -> str:
+def evaluation_page(evaluation: Evaluation, report: SavedReport) -> str:
     """The report as one self-contained HTML page.
 
     Args:
-        evaluation: that is done.
+        evaluation: the finished evaluation.
         report: its numbers.
 
     Raises:
@@ -78,16 +64,16 @@ def report_page(evaluation: Evaluation, report: SavedReport) -> str:
     targets = len(next(iter(report.results.values())).frames)
     sections = [
         *please_note(evaluation.notes),
-        Section("Results", _results_lead(), (_overview(report),)),
+        page.Section("Results", RESULTS, (_overview(report),)),
     ]
     for rows in evaluation.rows:
         sections += _sections_of(rows, report.results[rows.views], evaluation)
     sections += [
-        Section("Files", "", (Links(FILES + (MAPS if evaluation.subject.kind == "weights" else ())),)),
-        Section("What was measured", "", (_facts(evaluation, report),), folded=True),
+        page.Section("Files", "", (page.Links(FILES + (MAPS if evaluation.subject.kind == "weights" else ())),)),
+        page.Section("Details", "", (_facts(evaluation, report),), folded=True),
     ]
-    return html_page(
-        title=f"{evaluation.subject.name} on {_data_name(evaluation)}",
+    return page.html_page(
+        title=f"{evaluation.subject.name} on {data_name(evaluation.data, [scene.name for scene in scenes])}",
         lead=f"{targets} targets of {len(scenes)} scene{'s' * (len(scenes) > 1)}, protocol {evaluation.plan.protocol}, "
         f"from {' and '.join(map(str, report.results))} input views.",
         headlines=_headlines(report),
@@ -96,13 +82,8 @@ def report_page(evaluation: Evaluation, report: SavedReport) -> str:
     )
 
 
-def _data_name(evaluation: Evaluation) -> str:
-    """What the data are called: the scene, or the last part of the folder's path."""
-    return data_name(evaluation.data, [scene.name for scene in evaluation.plan.scenes])
-
-
-def _headlines(report: SavedReport) -> list[Headline]:
-    """The few numbers that tell how it went."""
+def _headlines(report: SavedReport) -> list[page.Headline]:
+    """The most important numbers."""
     found = []
     for metric in ("miou", "psnr"):
         for views, result in report.results.items():
@@ -111,31 +92,22 @@ def _headlines(report: SavedReport) -> list[Headline]:
                 beside = "" if copy is None else f" (oracle: {shown_number(metric, copy)})"
                 unit = " dB" if metric == "psnr" else ""
                 found.append(
-                    Headline(shown_number(metric, value) + unit, f"{TITLES[metric]} from {views} views{beside}")
+                    page.Headline(shown_number(metric, value) + unit, f"{TITLES[metric]} from {views} views{beside}")
                 )
     return found
 
 
-def _results_lead() -> str:
-    """How to read the tables."""
-    return (
-        "mIoU and class accuracy are of one confusion matrix of all targets; “/image” are means over images, then over scenes. "
-        "The oracle copies the nearest input view, its picture and its true labels, as if the camera had not moved. "
-        + MARKED
-    )
-
-
-def _overview(report: SavedReport) -> Table:
-    """The table of the terminal."""
+def _overview(report: SavedReport) -> page.Table:
+    """The table that the terminal also prints."""
     grid = overview_grid(report, BRIEF)
     rows = [
         tuple(cell.text.replace("  ", "– ") + (grid.mark if cell.marked else "") for cell in row) for row in grid.rows
     ]
-    return Table(grid.head, tuple(rows))
+    return page.Table(grid.head, tuple(rows))
 
 
-def _facts(evaluation: Evaluation, report: SavedReport) -> Facts:
-    """What was evaluated, on what, and with what."""
+def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
+    """The method, the data, the baselines and the machine."""
     subject, hardware = evaluation.subject, evaluation.hardware
     sizes = sorted({f"{height}x{width}" for height, width in report.sizes.values()})
     rows = [
@@ -149,7 +121,7 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> Facts:
             if evaluation.classes
             else []
         ),
-        ("Trivial rows", "; ".join(NAMES.values())),
+        ("Baselines", "; ".join(NAMES.values())),
     ]
     for views, result in report.results.items():
         numbers = result.numbers
@@ -157,46 +129,48 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> Facts:
             rows.append(
                 (
                     f"Time, {views} views",
-                    f"{numbers['seconds_encode']:.3f} s to encode, {numbers['seconds_render']:.3f} s to draw a target (medians): "
-                    f"{numbers['fps_encoding_each']:.2f} FPS encoding anew for each target, "
-                    f"{numbers['fps_encoding_shared']:.2f} FPS drawing from one encoding",
+                    f"{numbers['seconds_encode']:.3f} s to encode, {numbers['seconds_render']:.3f} s to render a target (medians): "
+                    f"{numbers['fps_encoding_each']:.2f} FPS if each target is encoded anew, "
+                    f"{numbers['fps_encoding_shared']:.2f} FPS if all targets are rendered from one encoding",
                 )
             )
     rows += [
         ("Hardware", ", ".join(f"{name}: {value}" for name, value in hardware.items())),
         ("Versions", ", ".join(f"{name} {value}" for name, value in evaluation.versions.items())),
     ]
-    return Facts(tuple(rows))
+    return page.Facts(tuple(rows))
 
 
-def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> list[Section]:
-    """All that is told of one number of views."""
+def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> list[page.Section]:
+    """The sections for one number of views."""
     views, numbers, classes = rows.views, result.numbers, evaluation.classes
-    blocks: list[Block] = [_metrics(result, evaluation.subject.name)]
+    blocks: list[page.Block] = [_metrics(result, evaluation.subject.name)]
     if len(numbers["per_scene"]) > 1:
         blocks.append(_scene_table(numbers))
     sections = [
-        Section(f"From {views} views", f"Intervals: 95 %, bootstrap over {numbers['intervals_over']}.", tuple(blocks))
+        page.Section(
+            f"From {views} views", f"Intervals: 95 %, bootstrap over {numbers['intervals_over']}.", tuple(blocks)
+        )
     ]
     if classes is not None and numbers["miou"] is not None:
         sections.append(
-            Section(
+            page.Section(
                 f"Classes from {views} views",
-                "Bars: IoU of each class that the truth shows; the tick is that of the oracle, which copies the nearest input view's true labels. "
-                "Matrix: of the pixels of a true class (row), the percentage that is given each class (column).",
+                "Bars: IoU of each class that occurs in the ground truth; the tick is the IoU of the oracle. "
+                "Matrix: for the pixels of each true class (row), the percentage predicted as each class (column).",
                 (_bars(result, classes), _matrix(result, classes)),
             )
         )
     galleries = _galleries(rows, result, evaluation)
     if galleries:
         sections.append(
-            Section(f"Best and worst frames from {views} views", "", galleries, folded=len(evaluation.rows) > 1)
+            page.Section(f"Best and worst frames from {views} views", "", galleries, folded=len(evaluation.rows) > 1)
         )
     return sections
 
 
-def _metrics(result: SavedResult, name: str) -> Table:
-    """Every metric with its interval, beside the trivial rows."""
+def _metrics(result: SavedResult, name: str) -> page.Table:
+    """Every metric with its interval, next to the baselines."""
     numbers = result.numbers
     rows = []
     for metric in METRICS:
@@ -209,61 +183,61 @@ def _metrics(result: SavedResult, name: str) -> Table:
         mark = "†" if metric in numbers["below_copy"] else ""
         texts = [shown_number(metric, value) for value in columns]
         rows.append((TITLES[metric], texts[0] + mark, interval, *texts[1:]))
-    return Table(("metric", name, "95 % interval", *[ROWS[row] for row in result.trivial]), tuple(rows))
+    return page.Table(("metric", name, "95 % interval", *[ROWS[row] for row in result.trivial]), tuple(rows))
 
 
-def _scene_table(numbers: Mapping[str, Any]) -> Table:
-    """The metrics of each scene by itself."""
+def _scene_table(numbers: Mapping[str, Any]) -> page.Table:
+    """The metrics of each scene."""
     shown = [metric for metric in PER_SCENE if any(scene[metric] is not None for scene in numbers["per_scene"])]
     rows = [
         (scene["scene"], str(scene["samples"]), *[shown_number(metric, scene[metric]) for metric in shown])
         for scene in numbers["per_scene"]
     ]
-    return Table(("scene", "targets", *[TITLES[metric] for metric in shown]), tuple(rows))
+    return page.Table(("scene", "targets", *[TITLES[metric] for metric in shown]), tuple(rows))
 
 
-def _bars(result: SavedResult, classes: ClassTable) -> Bars:
-    """The IoU of each class that the truth shows, the best first."""
+def _bars(result: SavedResult, classes: ClassTable) -> page.Bars:
+    """The IoU of each class in the ground truth, the best first."""
     copy = result.trivial.get("copy", {}).get("per_class_iou", {})
     present = [(entry["iou"], label) for label, entry in enumerate(result.numbers["per_class"]) if entry["pixels"]]
     total = sum(entry["pixels"] for entry in result.numbers["per_class"])
-    bars: dict[bool, list[Bar]] = {False: [], True: []}
+    bars: dict[bool, list[page.Bar]] = {False: [], True: []}
     for iou, label in sorted(present, key=lambda pair: -pair[0]):
         name, share = classes.names[label], result.numbers["per_class"][label]["pixels"] / total
         text = f"{shown_number('miou', iou)}, {percent(share)} of the pixels"
-        bars[share < RARE].append(Bar(name, classes.colours[label], iou, text, copy.get(name)))
-    return Bars(tuple(bars[False]), tuple(bars[True]))
+        bars[share < page.RARE].append(page.Bar(name, classes.colours[label], iou, text, copy.get(name)))
+    return page.Bars(tuple(bars[False]), tuple(bars[True]))
 
 
-def _matrix(result: SavedResult, classes: ClassTable) -> Matrix:
-    """The confusion matrix, rows as shares of their true class; classes neither true nor predicted are left out."""
+def _matrix(result: SavedResult, classes: ClassTable) -> page.Matrix:
+    """The confusion matrix; each row sums to 1. Classes that are neither true nor predicted are left out."""
     confusion, truth = total_confusion(result.frames)
     rows = np.flatnonzero(truth)
     columns = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
     shares = confusion / np.maximum(confusion.sum(1, keepdims=True), 1)
-    return Matrix(
+    return page.Matrix(
         rows=tuple(classes.names[label] for label in rows),
         columns=tuple(classes.names[label] for label in columns),
         shares=tuple(tuple(shares[row, columns].tolist()) for row in rows),
-        corner="true \\ given",
+        corner="true \\ predicted",
     )
 
 
-def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple[Block, ...]:
-    """The best and the worst frames with their pictures."""
+def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple[page.Block, ...]:
+    """The best and the worst frames with their images."""
     tasks = evaluation.plan.of(rows.views)
-    galleries: list[Gallery] = []
+    galleries: list[page.Gallery] = []
     for which, places in zip(("Best", "Worst"), extremes(result.frames, SHOWN), strict=True):
         for rank, place in enumerate(places, 1):
             task, frame = tasks[place], result.frames[place]
             said = rows.shown[frame.scene, frame.target]
             heading = f"{which} {rank}: {task.scene.name}, {task.target}"
             galleries.append(_gallery(heading, task, frame, said, evaluation.classes))
-    keys: list[Block] = []
+    keys: list[page.Block] = []
     if galleries and evaluation.classes is not None and any(frame.confusion is not None for frame in result.frames):
         keys.append(_legend(result, evaluation.classes))
-    scale = Scale(
-        Picture(depth_error_bar(), "colours of the depth error"),
+    scale = page.Scale(
+        page.Picture(depth_error_bar(), "colours of the depth error"),
         ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more"),
         "depth error, |z − truth| / truth; grey without truth",
     )
@@ -272,12 +246,12 @@ def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple
     return (*keys, *galleries)
 
 
-def _legend(result: SavedResult, classes: ClassTable) -> Legend:
-    """The colours of the classes that are true or given, with their share of the true pixels."""
+def _legend(result: SavedResult, classes: ClassTable) -> page.Legend:
+    """The colours of the true or predicted classes, with their share of the true pixels."""
     confusion, truth = total_confusion(result.frames)
     shown = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
     order = sorted(shown.tolist(), key=lambda label: -truth[label])
-    return Legend(
+    return page.Legend(
         tuple(
             LegendEntry(classes.names[label], classes.colours[label], float(truth[label] / truth.sum()))
             for label in order
@@ -287,8 +261,8 @@ def _legend(result: SavedResult, classes: ClassTable) -> Legend:
 
 def _gallery(
     heading: str, task: Task, frame: FrameScores, predicted: Prediction, classes: ClassTable | None
-) -> Gallery:
-    """The pictures of one target."""
+) -> page.Gallery:
+    """The images of one target."""
     truth = read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)
     shown = [photo(truth.images[0], "photo (truth)")]
     if predicted.image is not None:
@@ -301,11 +275,11 @@ def _gallery(
         known = depths if truth.depths is None else truth.depths[0].numpy()
         shown.append(depth_map(predicted.depths, depth_limits([known])))
         if truth.depths is not None:
-            shown.append(Picture(depth_error_picture(depths, known), "depth error", lossy=True))
+            shown.append(page.Picture(depth_error_picture(depths, known), "depth error", lossy=True))
     values = summary([frame])
-    told = [
+    scores = [
         f"{TITLES[metric]} {shown_number(metric, values[metric])}"
         for metric in ("miou_per_image", "accuracy_per_image", "psnr", "depth_abs_rel")
         if metric in values
     ]
-    return Gallery(heading, ", ".join([*told, "from " + " ".join(task.contexts)]), tuple(shown))
+    return page.Gallery(heading, ", ".join([*scores, "from " + " ".join(task.contexts)]), tuple(shown))

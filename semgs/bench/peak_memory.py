@@ -1,6 +1,6 @@
-"""Peak memory: of this process, by part of a run; and of a row, in a process of its own.
+"""Peak memory: of this process, by part of a run, and of a row of the bench, in its own process.
 
-Linux keeps the most memory that a process ever held (`VmHWM`) and lets it start anew, so that each part has its own.
+Linux records the peak memory of a process (`VmHWM`) and lets the process reset it, so each part can be measured.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from semgs.reconstruction.allocator import keep_freed_memory
 MEGABYTE = 1e6
 
 CHILD_SECONDS = 3600
-"""A process that takes longer is given up."""
+"""A process that takes longer is stopped."""
 
 
 def peak_mb() -> float:
-    """The most memory that this process held since its start, or since `forget_peak` [10^6 bytes]."""
+    """Peak memory of this process since its start, or since `forget_peak` [10^6 bytes]."""
     try:
         lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")) / MEGABYTE
@@ -33,7 +33,7 @@ def peak_mb() -> float:
 
 
 def forget_peak() -> bool:
-    """Let the peak start anew at what is held now; False where the system cannot."""
+    """Reset the peak to the current memory; False if the system does not support this."""
     try:
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     except OSError:
@@ -42,7 +42,7 @@ def forget_peak() -> bool:
 
 
 class PeakWatch:
-    """The most memory that the process held in each part of a run; parts may lie in each other.
+    """Peak memory of the process in each part of a run; parts may be nested.
 
     Attributes:
         peaks: by part [10^6 bytes].
@@ -54,7 +54,7 @@ class PeakWatch:
 
     @contextmanager
     def __call__(self, part: str) -> Iterator[None]:
-        """Around a part."""
+        """Measure a part."""
         self._look()
         self._open.append(part)
         self.peaks[part] = 0.0
@@ -63,7 +63,7 @@ class PeakWatch:
         self._open.pop()
 
     def _look(self) -> None:
-        """Let all open parts know of the peak since the last look."""
+        """Add the peak since the last call to all open parts."""
         peak = peak_mb()
         for part in self._open:
             self.peaks[part] = max(self.peaks[part], peak)
@@ -71,34 +71,34 @@ class PeakWatch:
 
 
 def peaks_of(name: str) -> dict[str, float] | None:
-    """Peak memory of a row's run and of its parts, from a process that does nothing else [10^6 bytes].
+    """Peak memory of a row's run and of its parts, measured in its own process [10^6 bytes].
 
     Args:
         name: of the row.
 
     Returns:
-        By part; None where the process failed, for want of memory, say.
+        By part; None if the process failed, for example because memory ran out.
     """
     with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "peaks.json"
+        file = Path(folder) / "peaks.json"
         with suppress(subprocess.TimeoutExpired):
             subprocess.run(
-                [sys.executable, "-m", "semgs.bench.memory", name, str(told)],
+                [sys.executable, "-m", "semgs.bench.peak_memory", name, str(file)],
                 capture_output=True,
                 timeout=CHILD_SECONDS,
                 check=False,
             )
         try:
-            return json.loads(told.read_text(encoding="utf-8"))
+            return json.loads(file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
 
 
-def _child(name: str, told: Path) -> None:
+def _child(name: str, file: Path) -> None:
     """Run a row once and write the peaks."""
     from semgs.bench.measure import WHOLE
     from semgs.bench.rows import every_row
-    from semgs.bench.workloads import PROGRAM_THAT_TELLS, command, prepare
+    from semgs.bench.workloads import PROGRAM_WITH_PEAK, command, prepare
 
     row = next(row for row in every_row() if row.name == name).run
     keep_freed_memory()  # as the command does
@@ -106,7 +106,7 @@ def _child(name: str, told: Path) -> None:
         with tempfile.TemporaryDirectory() as folder:
             number = Path(folder) / "peak"
             arguments = command(row, Path(folder) / "out")
-            subprocess.run([sys.executable, "-c", PROGRAM_THAT_TELLS, str(number), *arguments], check=True)
+            subprocess.run([sys.executable, "-c", PROGRAM_WITH_PEAK, str(number), *arguments], check=True)
             peaks = {WHOLE: float(number.read_text(encoding="ascii"))}
     else:
         work = prepare(row)
@@ -114,7 +114,7 @@ def _child(name: str, told: Path) -> None:
         watch = PeakWatch()
         work(watch)
         peaks = watch.peaks | {WHOLE: max(before, watch.peaks[WHOLE])}
-    told.write_text(json.dumps(peaks), encoding="utf-8")
+    file.write_text(json.dumps(peaks), encoding="utf-8")
 
 
 if __name__ == "__main__":

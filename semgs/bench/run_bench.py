@@ -1,4 +1,4 @@
-"""Run: from rows to results."""
+"""Runs the bench: from rows to results."""
 
 from __future__ import annotations
 
@@ -9,38 +9,38 @@ from typing import Any
 
 import torch
 
+from semgs.bench.bench_file import BenchReport, BenchResult
 from semgs.bench.measure import REPEATS, WARM_UPS, WHOLE, CannotMeasureError, Seconds, measure
-from semgs.bench.memory import MEGABYTE, peaks_of
-from semgs.bench.results import Bench, Result
-from semgs.bench.rows import Row
+from semgs.bench.peak_memory import MEGABYTE, peaks_of
+from semgs.bench.rows import BenchRow
 from semgs.bench.watches import Stopwatch
 from semgs.bench.workloads import Run, compile_kernels, prepare
 
 
-def steps(rows: Sequence[Row]) -> int:
-    """How many times `done` of `run_bench` will be called for these rows, if all can be measured."""
+def steps(rows: Sequence[BenchRow]) -> int:
+    """How often `run_bench` calls `done` for these rows if all can be measured."""
     runs = {row.run for row in rows}
     return len(runs) * (WARM_UPS + REPEATS) + sum(run.device == "cpu" for run in runs)
 
 
 def run_bench(
-    rows: Sequence[Row],
+    rows: Sequence[BenchRow],
     machine: Mapping[str, Any],
     *,
-    prepared: Callable[[Row], Run] = prepare,
+    prepared: Callable[[BenchRow], Run] = prepare,
     begin: Callable[[], None] = compile_kernels,
     peaks: Callable[[str], dict[str, float] | None] = peaks_of,
     done: Callable[[], None] = lambda: None,
-) -> Bench:
-    """Measure rows, in turns, so that what slows the machine down for a while slows all of them down.
+) -> BenchReport:
+    """Measure rows, in rounds over all of them.
 
     Args:
         rows: to measure.
-        machine: what is known of it.
-        prepared: makes what a row runs.
+        machine: its description.
+        prepared: makes the run of a row.
         begin: called before anything is measured on the CPU.
-        peaks: gives the peak memory of a row by part.
-        done: told of every run that is done.
+        peaks: returns the peak memory of a row by part.
+        done: called after every run.
     """
     if any(row.device == "cpu" for row in rows):
         begin()
@@ -50,30 +50,32 @@ def run_bench(
         if run.device == "cpu" and one.reason is None:
             one.peaks = peaks(names[run]) or {}
             done()
-    return Bench(dict(machine), tuple(found[row.run].result(row) for row in rows))
+    return BenchReport(dict(machine), tuple(found[row.run].result(row) for row in rows))
 
 
 @dataclass
 class _Measured:
-    """What was found of a run."""
+    """The measurements of a run."""
 
     times: Sequence[Seconds] = ()
     peaks: Mapping[str, float] = field(default_factory=dict)
     reason: str | None = None
 
-    def result(self, row: Row) -> Result:
-        """What a row says of it."""
+    def result(self, row: BenchRow) -> BenchResult:
+        """The result of a row."""
         part = row.part if row.kind == "network" else WHOLE
         seconds = [times[part] for times in self.times if part in times]
         if not seconds:
-            return Result(row.name, None, reason=self.reason or f"{part} is not told apart here")
-        return Result(row.name, min(seconds), median(seconds), len(seconds), self.peaks.get(part))
+            return BenchResult(row.name, None, reason=self.reason or f"{part} is not timed separately here")
+        return BenchResult(row.name, min(seconds), median(seconds), len(seconds), self.peaks.get(part))
 
 
-def _timed(runs: Sequence[Row], prepared: Callable[[Row], Run], done: Callable[[], None]) -> dict[Row, _Measured]:
-    """Each of the runs measured, in turn."""
-    found: dict[Row, _Measured] = {}
-    going: dict[Row, Callable[[], Seconds]] = {}
+def _timed(
+    runs: Sequence[BenchRow], prepared: Callable[[BenchRow], Run], done: Callable[[], None]
+) -> dict[BenchRow, _Measured]:
+    """The times of each run."""
+    found: dict[BenchRow, _Measured] = {}
+    going: dict[BenchRow, Callable[[], Seconds]] = {}
     for run in runs:
         try:
             going[run] = _watched(prepared(run), run.device)
@@ -88,7 +90,7 @@ def _timed(runs: Sequence[Row], prepared: Callable[[Row], Run], done: Callable[[
 
 
 def _watched(run: Run, device: str) -> Callable[[], Seconds]:
-    """A run that says how long its parts took."""
+    """A run that returns the seconds of its parts."""
 
     def timed() -> Seconds:
         watch = Stopwatch(device)
@@ -99,7 +101,7 @@ def _watched(run: Run, device: str) -> Callable[[], Seconds]:
 
 
 def _peak_on_gpu(run: Callable[[], Seconds]) -> float:
-    """The most memory of the GPU that one more run needs [10^6 bytes]."""
+    """Peak GPU memory of one more run [10^6 bytes]."""
     torch.cuda.reset_peak_memory_stats()
     run()
     return torch.cuda.max_memory_allocated() / MEGABYTE

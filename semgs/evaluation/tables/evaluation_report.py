@@ -1,4 +1,4 @@
-"""The report of an evaluation in numbers: what report.json holds, and reading it back."""
+"""report.json of an evaluation: writing and reading it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from statistics import median
 from typing import Any
 
 from semgs.data.classes import ClassTable
-from semgs.evaluation.frames.plan import Plan, frame_list
+from semgs.evaluation.frames.frame_plan import FramePlan, frame_list
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.evaluate import Rows
-from semgs.evaluation.scoring.intervals import Interval, intervals, units
+from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.scoring.intervals import intervals, units
 from semgs.evaluation.scoring.records import finite, frame_of, number, record, seconds
-from semgs.evaluation.scoring.scores import FrameScores
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, METRICS, SEEN_METRICS, class_scores, summary
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
@@ -23,7 +23,7 @@ FORMAT = "semgs.report.evaluate"
 VERSION = 1
 
 COMPARED = tuple(name for name in METRICS if name not in ("unseen", "not_given", *SEEN_METRICS))
-"""Metrics that say better or worse."""
+"""Metrics that rank methods."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Subject:
     Attributes:
         name: in tables.
         kind: "weights" or "predictions".
-        source: where it is from, in a sentence.
+        source: where it comes from, in a sentence.
         sha256: of the weights' file; None for predictions.
         parameters: of the network; None for predictions.
     """
@@ -47,21 +47,21 @@ class Subject:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """An evaluation that is done: everything its report says.
+    """A finished evaluation: everything in its report.
 
     Attributes:
         subject: what was evaluated.
-        data: the path that its scenes were found at.
-        plan: what was compared.
+        data: the path of the scenes.
+        plan: the targets.
         rows: the scores, by number of views.
-        classes: the table of the labels, None where no scene has any.
-        versions, hardware: what the numbers were made with.
-        notes: what the user should know, a sentence each.
+        classes: the class table of the labels; None if no scene has labels.
+        versions, hardware: of the software and the machine.
+        notes: for the user, a sentence each.
     """
 
     subject: Subject
     data: str
-    plan: Plan
+    plan: FramePlan
     rows: tuple[Rows, ...]
     classes: ClassTable | None
     versions: Mapping[str, str]
@@ -69,10 +69,10 @@ class Evaluation:
     notes: tuple[str, ...]
 
 
-def report_numbers(evaluation: Evaluation) -> dict[str, Any]:
-    """Everything that the report says in numbers, ready for JSON; what is not known is None.
+def evaluation_numbers(evaluation: Evaluation) -> dict[str, Any]:
+    """All numbers of the report, ready for JSON; unknown values are None.
 
-    Lengths are of each scene's own unit and appear in ratios only; `psnr` is in dB and None for equal pictures.
+    Depth errors are ratios, so they have no unit. `psnr` is in dB, and None for equal images.
     """
     scenes = evaluation.plan.scenes
     return {
@@ -103,7 +103,7 @@ def report_numbers(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
-    """The numbers of one number of views."""
+    """The entry for one number of views."""
     numbers = _numbers(rows.method)
     trivial = {name: _numbers(frames) for name, frames in rows.trivial.items()}
     if classes is not None:
@@ -134,10 +134,10 @@ def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
 
 
 def timing(frames: Sequence[FrameScores]) -> dict[str, float | None]:
-    """Medians of the seconds over targets (the first ones compile), and frames per second of both kinds.
+    """Median seconds over targets (the first ones compile), and two kinds of frames per second.
 
-    `fps_encoding_each` encodes anew for each target, as ray-marching methods must; `fps_encoding_shared` is drawing alone,
-    where many targets are drawn from one encoding.
+    `fps_encoding_each` encodes anew for each target, as ray-marching methods must. `fps_encoding_shared` renders many targets
+    from one encoding, so it counts rendering only.
     """
     encode, render = (
         median(known) if (known := [value for value in times if value is not None]) else None
@@ -163,36 +163,31 @@ def below(numbers: Mapping[str, Any], copy: Mapping[str, Any]) -> list[str]:
 
 
 def _numbers(frames: Sequence[FrameScores]) -> dict[str, Any]:
-    """The metrics of a row, with their intervals."""
+    """The metrics of some targets, with their intervals."""
     found = intervals(frames)
     return {
         **_metrics(frames),
-        "intervals": {name: _ends(found[name]) for name in METRICS if name in found},
+        "intervals": {name: [finite(found[name].low), finite(found[name].high)] for name in METRICS if name in found},
         "intervals_over": units(frames),
     }
 
 
-def _ends(interval: Interval) -> list[float | None]:
-    """The ends of an interval."""
-    return [finite(interval.low), finite(interval.high)]
-
-
 def _metrics(frames: Sequence[FrameScores]) -> dict[str, float | None]:
-    """All metrics, None where there is none."""
+    """All metrics; None if unknown."""
     values = summary(frames)
     return {name: finite(values.get(name)) for name in METRICS}
 
 
 @dataclass(frozen=True, eq=False)
 class SavedResult:
-    """One number of views of a report that was read back.
+    """The part of a `SavedReport` for one number of views.
 
     Attributes:
         views: the number of contexts.
-        numbers: of the method: its entry in `results`.
-        trivial: of the trivial rows, by name.
+        numbers: the entry in `results`.
+        trivial: numbers of the baselines, by name.
         frames: the scores of each target.
-        truth: the hash of what they were compared with.
+        truth: the hash of the truth.
     """
 
     views: int
@@ -204,18 +199,18 @@ class SavedResult:
 
 @dataclass(frozen=True, eq=False)
 class SavedReport:
-    """A report that was read back.
+    """A report read from its file.
 
     Attributes:
-        path: of its file.
+        path: of the file.
         name: of what was evaluated.
         protocol: in words.
         sizes: (height, width) of each scene [px].
-        classes: the name of the class table, None without labels.
+        classes: the name of the class table; None without labels.
         results: by number of views.
-        data_name: what its data are called: the last part of their path, or the scene.
-        hardware: what it was computed on; nothing in reports of older versions.
-        sha256: of the weights' file; None for predictions.
+        data_name: short name of the data: the scene, or the last part of the path.
+        hardware: of the evaluation; empty in reports of older versions.
+        sha256: of the weights file; None for predictions.
     """
 
     path: Path
@@ -230,10 +225,10 @@ class SavedReport:
 
 
 def read_report(path: str | Path) -> SavedReport:
-    """A report.json of `semgs evaluate`.
+    """Read a report.json of `semgs evaluate`.
 
     Raises:
-        InputError: the file cannot be read, or is none or of another version.
+        InputError: the file cannot be read, is no report, or has another version.
     """
     path = Path(path)
     if path.is_dir():
@@ -245,27 +240,26 @@ def read_report(path: str | Path) -> SavedReport:
     try:
         return saved_report(path, content)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise InputError(path, "a whole report of semgs evaluate", f"{type(error).__name__}: {error}") from error
+        raise InputError(path, "a complete report of semgs evaluate", f"{type(error).__name__}: {error}") from error
 
 
 def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
-    """The report that a file holds or will hold.
+    """The report with some content.
 
     Args:
-        path: of the file.
-        content: as `report_numbers` makes it.
+        path: of its file, which need not exist yet.
+        content: made by `evaluation_numbers`.
 
     Raises:
-        KeyError, TypeError, ValueError, IndexError, AttributeError: it is no whole report.
+        KeyError, TypeError, ValueError, IndexError, AttributeError: the content is no complete report.
     """
     classes = content["classes"]
     count = len(classes["names"]) if classes else 0
     for entry in content["results"]:
         for row in (entry, *entry["trivial"].values()):
             for name in METRICS:
-                number(
-                    row.get(name) if name in SEEN_METRICS else row[name]
-                )  # reports of older versions have none of these
+                # Reports of older versions have no metrics of the seen pixels.
+                number(row.get(name) if name in SEEN_METRICS else row[name])
         number(entry["fps_encoding_each"])
         if entry["intervals_over"] not in ("scenes", "frames"):
             raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
@@ -293,6 +287,6 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
 
 
 def data_name(path: str, scenes: Sequence[str]) -> str:
-    """What data are called: the scene, where there is one, or the last part of the folder's path."""
+    """A short name for data: the scene if there is only one, else the last part of the path."""
     parts = [part for part in path.replace("\\", "/").split("/") if part not in ("", ".", "..")]
     return scenes[0] if len(scenes) == 1 or not parts else parts[-1]

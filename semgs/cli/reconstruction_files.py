@@ -1,4 +1,4 @@
-"""The results of `semgs reconstruct`: the files in its folder, and the summary that the user reads at the end."""
+"""The output of `semgs reconstruct`: the files in its folder, and the summary that it prints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from semgs.reconstruction.stages import Stages
 def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> None:
     """Write all files of a reconstruction into an existing folder.
 
-    The report comes last and holds the seconds of all that was done before it.
+    The report is written last, because it contains the time of every other stage.
 
     Raises:
         OSError: a file cannot be written.
@@ -37,7 +37,7 @@ def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: 
 
 
 def saved(result: Reconstruction) -> SavedScene:
-    """A reconstruction as the scene file keeps it."""
+    """A reconstruction as the scene file stores it."""
     scene = result.scene
     transform = None if scene.applied_transform is None else scene.applied_transform.tolist()
     found = SavedScene.of(
@@ -57,12 +57,12 @@ def saved(result: Reconstruction) -> SavedScene:
 
 
 def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str:
-    """What the user reads at the end: what was chosen, how it went, where it is."""
+    """The printed summary: the frames, the scores and the files."""
     metric, bounds = result.metric, result.depth_range
     height, width = result.size
     rows = [
         ("scene", f"{result.scene.name}: {result.scene.layout}, {len(result.scene)} usable frames"),
-        ("input", ", ".join(_frames(result.context))),
+        ("input", ", ".join(result.context.titles)),
         ("held out", _held_out(result.target)),
         ("why", result.choice.reason),
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
@@ -86,14 +86,9 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
 
 
 def _held_out(shown: Shown | None) -> str:
-    """The held-out frames as text, with the part of each that is seen."""
+    """The held-out frames, with the share of each that is seen."""
     if shown is None:
         return "none"
     return ", ".join(
-        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(_frames(shown), shown.scores, strict=True)
+        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(shown.titles, shown.scores, strict=True)
     )
-
-
-def _frames(shown: Shown) -> list[str]:
-    """Frames as text: position and name."""
-    return [f"{position} ({name})" for position, name in zip(shown.positions, shown.names, strict=True)]

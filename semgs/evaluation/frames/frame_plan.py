@@ -1,0 +1,240 @@
+"""The plan of an evaluation: every target with its contexts and its size, in memory and, by frame name, in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semgs.data.scene import Scene
+from semgs.evaluation.frames.protocols import TargetSample
+from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
+from semgs.files.text import listed
+
+LANDSCAPE = (240, 320)
+"""(height, width) at which other papers evaluate [px]; swapped for portrait scenes."""
+
+FORMAT = "semgs.frames"
+VERSION = 1
+
+Protocol = Callable[[Scene, int], list[TargetSample]]
+"""A function from a scene and a number of views to samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One target to predict and score.
+
+    Attributes:
+        scene: of the target.
+        size: (height, width) at which all frames are read and compared [px].
+        sample: the target and its contexts.
+    """
+
+    scene: Scene
+    size: tuple[int, int]
+    sample: TargetSample
+
+    @property
+    def views(self) -> int:
+        """The number of contexts."""
+        return len(self.sample.contexts)
+
+    @property
+    def target(self) -> str:
+        """The name of the target's frame."""
+        return self.scene.frames[self.sample.target].name
+
+    @property
+    def contexts(self) -> tuple[str, ...]:
+        """The names of the contexts' frames."""
+        return tuple(self.scene.frames[index].name for index in self.sample.contexts)
+
+    def __str__(self) -> str:
+        return self.stem
+
+    @property
+    def stem(self) -> str:
+        """Path of this target's files inside a predictions folder, without ending: "N2/living/0001"."""
+        return f"N{self.views}/{self.truth_stem}"
+
+    @property
+    def truth_stem(self) -> str:
+        """Like `stem`, but without the number of views: the truth does not depend on it."""
+        return f"{self.scene.name}/{Path(self.target).stem}"
+
+
+@dataclass(frozen=True, eq=False)
+class FramePlan:
+    """All targets of an evaluation.
+
+    Attributes:
+        protocol: how the targets were chosen, in words ("neighbours").
+        tasks: sorted by number of views, then scene, then frame.
+        depth_range: near and far given to the method, in the scenes' unit; None uses the bounds of each scene.
+    """
+
+    protocol: str
+    tasks: tuple[Task, ...]
+    depth_range: tuple[float, float] | None = None
+
+    @property
+    def views(self) -> tuple[int, ...]:
+        """The numbers of views, ascending."""
+        return tuple(sorted({task.views for task in self.tasks}))
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """The scenes, in order."""
+        return tuple({task.scene.name: task.scene for task in self.tasks}.values())
+
+    def of(self, views: int) -> tuple[Task, ...]:
+        """The tasks with this number of contexts."""
+        return tuple(task for task in self.tasks if task.views == views)
+
+
+def make_plan(
+    name: str, protocol: Protocol, scenes: Sequence[Scene], views: Sequence[int], size: tuple[int, int] | None = None
+) -> FramePlan:
+    """The plan of a protocol on some scenes.
+
+    Args:
+        name: of the protocol, for reports.
+        protocol: from a scene to its samples.
+        scenes: to evaluate on, of different names.
+        views: numbers of contexts.
+        size: (height, width) of all scenes [px]; None is 240x320, swapped for scenes with mostly portrait frames.
+
+    Raises:
+        InputError: a scene has too few frames, or two of its targets would have the same file name.
+    """
+    tasks = [
+        Task(scene, size or usual_size(scene), sample)
+        for count in sorted(set(views))
+        for scene in scenes
+        for sample in protocol(scene, count)
+    ]
+    return _checked(FramePlan(name, tuple(tasks)))
+
+
+def with_depth_range(plan: FramePlan, depth_range: tuple[float, float] | None) -> FramePlan:
+    """The plan with near and far for all scenes, which become part of the protocol's name; None changes nothing."""
+    if depth_range is None:
+        return plan
+    near, far = depth_range
+    return replace(plan, protocol=f"{plan.protocol}, near {near:g} and far {far:g}", depth_range=depth_range)
+
+
+def usual_size(scene: Scene) -> tuple[int, int]:
+    """240x320, or 320x240 if most frames of the scene are taller than wide."""
+    portrait = sum(frame.lens.size[0] > frame.lens.size[1] for frame in scene.frames)
+    return LANDSCAPE[::-1] if 2 * portrait > len(scene) else LANDSCAPE
+
+
+def frame_list(plan: FramePlan) -> dict:
+    """The plan by frame name, ready for JSON; `pinned_plan` reads it."""
+    scenes = [
+        {
+            "scene": scene.name,
+            "size": list(next(task.size for task in plan.tasks if task.scene is scene)),
+            "samples": [
+                {"target": task.target, "contexts": list(task.contexts)} for task in plan.tasks if task.scene is scene
+            ],
+        }
+        for scene in plan.scenes
+    ]
+    return {"format": FORMAT, "version": VERSION, "protocol": plan.protocol, "scenes": scenes}
+
+
+def pinned_plan(
+    path: str | Path, scenes: Sequence[Scene], views: Sequence[int] = (), size: tuple[int, int] | None = None
+) -> FramePlan:
+    """The plan in a file: `frames.json` or `report.json` of an evaluation, or one written by hand.
+
+    Args:
+        path: of the file.
+        scenes: at least those named in the file.
+        views: numbers of contexts to use; empty for all.
+        size: (height, width) that replaces the size in the file [px].
+
+    Raises:
+        InputError: the file cannot be read or has another format, names an unknown scene or frame, has a target with fewer than two
+            contexts or with itself as a context, or has no sample for one of the numbers of views.
+    """
+    content = _frames_of(Path(path))
+    known = {scene.name: scene for scene in scenes}
+    tasks = []
+    for number, entry in enumerate(_list(path, content, "scenes", "frames")):
+        place = f"scenes[{number}]"
+        name = entry.get("scene") if isinstance(entry, dict) else None
+        if name not in known:
+            raise InputError(path, f"one of the scenes {listed(list(known))}", f"{name!r}", key=f"{place}.scene")
+        pinned = _size(path, entry.get("size"), f"{place}.size")
+        for index, sample in enumerate(_list(path, entry, "samples", place)):
+            one = _sample(path, known[name], sample, f"{place}.samples[{index}]")
+            tasks.append(Task(known[name], size or pinned or usual_size(known[name]), one))
+    held = sorted({task.views for task in tasks})
+    for count in views:
+        if count not in held:
+            raise InputError(path, f"samples with {count} views", f"only with {', '.join(map(str, held)) or 'none'}")
+    kept = [task for task in tasks if not views or task.views in views]
+    order = {scene.name: number for number, scene in enumerate(scenes)}
+    kept.sort(key=lambda task: (task.views, order[task.scene.name]))  # stable: samples keep their order
+    return _checked(FramePlan(f"pinned: {content.get('protocol', 'by hand')}", tuple(kept)))
+
+
+def _frames_of(path: Path) -> dict:
+    """The list of frames in a JSON file."""
+    content = read_json(path, "a JSON file of frames")
+    if isinstance(content, dict) and isinstance(content.get("frames"), dict):
+        content = content["frames"]  # of a report
+    if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):
+        raise InputError(path, f"format {FORMAT!r}, version {VERSION}", "something else", key="format")
+    return content
+
+
+def _list(path: str | Path, holder: dict, key: str, place: str) -> list:
+    """The list under a key, which must not be empty."""
+    found = holder.get(key)
+    if not isinstance(found, list) or not found:
+        raise InputError(path, "a list", f"{found!r:.40}", key=f"{place}.{key}")
+    return found
+
+
+def _size(path: str | Path, value: object, place: str) -> tuple[int, int] | None:
+    """(height, width); None if there is none."""
+    if value is None:
+        return None
+    if isinstance(value, list) and len(value) == 2 and all(type(side) is int and side > 0 for side in value):
+        return value[0], value[1]
+    raise InputError(path, "height and width", f"{value!r:.40}", key=place)
+
+
+def _sample(path: str | Path, scene: Scene, entry: object, place: str) -> TargetSample:
+    """The sample with the given frame names: two or more contexts and a target, all different."""
+    held = entry if isinstance(entry, dict) else {}
+    contexts = held.get("contexts")
+    listed = [held.get("target"), *(contexts if isinstance(contexts, list) else [])]
+    names = [name for name in listed if isinstance(name, str)]
+    if len(names) < 3 or len(names) < len(listed):
+        raise InputError(path, "a target and two or more contexts, by name", f"{entry!r:.60}", key=place)
+    try:
+        positions = [scene.index(name) for name in names]
+    except ValueError as error:
+        raise InputError(path, f"frames of {scene.name}", str(error), key=place) from error
+    if len(set(positions)) != len(positions):
+        raise InputError(path, "different frames", ", ".join(names), key=place)
+    return TargetSample(tuple(positions[1:]), positions[0])
+
+
+def _checked(plan: FramePlan) -> FramePlan:
+    """The plan, if all targets have different file names."""
+    stems: dict[str, Task] = {}
+    for task in plan.tasks:
+        if task.stem in stems:
+            raise InputError(
+                task.scene.path, "targets whose file names differ", f"{stems[task.stem].target} and {task.target}"
+            )
+        stems[task.stem] = task
+    return plan
