@@ -28,7 +28,7 @@ from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
 from semgs.geometry.plane_sweep import expected_depth
 from semgs.model.cnn import SHRINK
-from semgs.model.scene import Padded
+from semgs.model.padded import Padded
 from semgs.model.semgs import SemGS
 from semgs.weights.load import load
 

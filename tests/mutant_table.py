@@ -37,7 +37,7 @@ SWIN = "semgs/model/swin.py"
 COST = "semgs/model/cost_volume.py"
 HEADS = "semgs/model/heads.py"
 PLACING = "semgs/model/placing.py"
-SCENE = "semgs/model/scene.py"
+SCENE = "semgs/model/padded.py"
 OVERLAP = "semgs/model/overlap.py"
 REFERENCE = "semgs/rendering/reference.py"
 RENDER = "semgs/rendering/render.py"
@@ -493,7 +493,7 @@ MUTANTS = (
     # Losses and metrics
     Mutant(
         "ignored pixels count as labelled", LOSSES,
-        "[..., 0, :, :], labels != IGNORE", "[..., 0, :, :], labels <= IGNORE", OF_LOSSES,
+        "[:, 0], labels != IGNORE", "[:, 0], labels <= IGNORE", OF_LOSSES,
     ),
     Mutant(
         "smoothness reaches across borders", LOSSES,
@@ -530,7 +530,7 @@ MUTANTS = (
         "truth[..., SHRINK // 2 :: SHRINK, SHRINK // 2 :: SHRINK]", "truth[..., ::SHRINK, ::SHRINK]", OF_DEPTH_LOSSES,
     ),
     Mutant(
-        "the semantic loss weighs as much as colour", "semgs/objectives/weights.py",
+        "the semantic loss weighs as much as colour", "semgs/objectives/loss_weights.py",
         "semantic: float = 0.1", "semantic: float = 1.0", OF_LOSSES,
     ),
     Mutant(
@@ -617,7 +617,7 @@ MUTANTS = (
         ("tests/training/test_teacher.py",),
     ),
     Mutant(
-        "vignetting takes double from the corners", "semgs/training/camera.py",
+        "vignetting takes double from the corners", "semgs/training/photo.py",
         "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_camera.py",),
     ),
     Mutant(
@@ -925,7 +925,7 @@ MUTANTS = (
         "a wall in front hides nothing", COVISIBILITY, "HIDDEN = 1.1", "HIDDEN = 100", OF_COVISIBILITY,
     ),
     Mutant(
-        "classes over the seen pixels are over all", "semgs/objectives/maps.py",
+        "classes over the seen pixels are over all", "semgs/objectives/map_scores.py",
         "truth.labels.masked_fill(~seen, IGNORE)", "truth.labels", OF_VIEW_SCORES,
     ),
     Mutant(

@@ -107,7 +107,7 @@ def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     """What they reached, with intervals; no table where no header tells."""
     from semgs.evaluation.tables.grid import Cell, Grid
     from semgs.evaluation.tables.texts import TITLES, with_interval
-    from semgs.weights.scores import Figure, read_scores
+    from semgs.weights.header_scores import Figure, read_scores
 
     def cell(metric: str, figure: Figure | None) -> Cell:
         return Cell("–" if figure is None else with_interval(metric, figure.value, figure.low, figure.high))

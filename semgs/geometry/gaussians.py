@@ -89,17 +89,7 @@ class Gaussians:
             ValueError: one is not finite, an opacity is not in 0..1, a scale is negative, or a quaternion is not of length 1 to a
                 thousandth.
         """
-        branches = (("colour", self.colour), ("semantic", self.semantic))
-        for name, tensor in (
-            ("means", self.means),
-            ("opacities", self.opacities),
-            *(
-                (f"{name}.{one.name}", getattr(shape, one.name))
-                for name, shape in branches
-                if shape
-                for one in fields(shape)
-            ),
-        ):
+        for name, tensor in self.tensors().items():
             if not torch.isfinite(tensor).all():
                 raise ValueError(f"{name} hold a number that is not finite")
             for part, good, expected in (
@@ -110,6 +100,14 @@ class Gaussians:
                 if name.endswith(part) and not good.all():
                     raise ValueError(f"{name} hold {tensor[~good][0].tolist()}; expected {expected}")
         return self
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every tensor by its name, such as "colour.scales"."""
+        branches = {"colour": self.colour, "semantic": self.semantic}
+        shapes = {
+            f"{branch}.{name}": one for branch, shape in branches.items() if shape for name, one in vars(shape).items()
+        }
+        return {"means": self.means, "opacities": self.opacities, **shapes}
 
     def __len__(self) -> int:
         """The number of Gaussians of one scene."""

@@ -11,15 +11,7 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.cnn import SHRINK, FeatureCNN
 from semgs.model.cost_filter import CostFilter
 from semgs.model.depth import CostRegressor, PlaneSweepDepth
-from semgs.model.heads import (
-    Decoder,
-    DepthRefinement,
-    Head,
-    MVSplatDecoder,
-    PaperDecoder,
-    PlainUpsampler,
-    Upsampler,
-)
+from semgs.model.heads import Decoder, DepthRefinement, Head, MVSplatDecoder, PaperDecoder, PlainUpsampler, Upsampler
 from semgs.model.mobilenet import CUE_WIDTHS, MobileNetRefinement
 from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
 from semgs.model.pyramid import SemanticPyramid
@@ -61,19 +53,10 @@ def _colour_branch(settings: NetworkSettings) -> ColourBranch:
     """The colour branch and depth."""
     colour, depth = settings.colour, settings.colour.depth
     transformer = _transformer(settings.channels, colour.transformer)
-    regressor = CostRegressor(
-        settings.channels,
-        depth.candidates,
-        depth.width,
-        depth.hidden,
-        depth.levels,
-        depth.decoder_blocks,
-        depth.cost_prior,
-        CUE_WIDTHS if depth.cue else (),
-    )
+    regressor = CostRegressor(settings.channels, depth, CUE_WIDTHS if depth.cue else ())
     _scaled(regressor.head, depth.initial_scale)
     cost_filter = CostFilter(depth.cost_filter) if depth.cost_filter else None
-    sweep = PlaneSweepDepth(regressor, depth.candidates, depth.cosine_cost, settings.conventions, cost_filter)
+    sweep = PlaneSweepDepth(regressor, depth, settings.conventions, cost_filter)
     return ColourBranch(transformer, sweep, _decoder(settings))
 
 
@@ -88,11 +71,11 @@ def _decoder(settings: NetworkSettings) -> Decoder:
         _start_at(head, slice(0, 3), settings.initial_sigma)
         return PaperDecoder(opacity, head, colour.harmonics, factor, settings.conventions)
     upsampler = Upsampler(2 * settings.channels, heads.upsampled, factor, settings.conventions.pixel_centres)
-    refinement = DepthRefinement(heads.upsampled, heads.projected, heads.width, heads.levels, heads.decoder_blocks)
+    refinement = DepthRefinement(heads)
     _scaled(refinement.to_disparity, colour.depth.initial_scale)
     head = Head(heads.width + 3 + heads.upsampled, colour.hidden, 2 + outputs, last)  # two more: offsets in the image
     _start_at(head, slice(2, 5), settings.initial_sigma)
-    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, factor, settings.conventions)
+    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, settings.conventions)
 
 
 def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, classes: int) -> SemanticBranch:

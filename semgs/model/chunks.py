@@ -64,20 +64,9 @@ def by_chunks(function: Callable[[slice], Result], views: int, at_a_time: int | 
 
 def _mapped(result: Result, function: Callable[[Tensor], Tensor]) -> Result:
     """A tensor, or tensors that go together, through a function."""
-    if isinstance(result, Tensor):
-        return function(result)
-    return result.map(function)
+    return function(result) if isinstance(result, Tensor) else result.map(function)
 
 
 def _tensors(result: Tensor | Encoding) -> list[Tensor]:
     """The tensors of a result, in their order."""
-    if isinstance(result, Tensor):
-        return [result]
-    found: list[Tensor] = []
-
-    def look(tensor: Tensor) -> Tensor:
-        found.append(tensor)
-        return tensor
-
-    result.map(look)
-    return found
+    return [result] if isinstance(result, Tensor) else result.tensors()

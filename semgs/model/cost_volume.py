@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
@@ -82,29 +82,14 @@ def _cost_of(
     offsets = plan.offset.to(features.device, precise).flatten(0, 1)
     depths = candidates[:, reference].to(precise).flatten(0, 1)
     limits = smallest[:, reference].to(precise).flatten(0, 1)
+    correlated: Callable[..., tuple[Tensor, Tensor]] = correlate
+    maps = features
     if fused:
         from semgs.model.correlation import correlate_fused
 
-        texels = features.permute(0, 1, 3, 4, 2)
-        sums, seen = correlate_fused(
-            texels[:, reference].flatten(0, 1).to(precise).contiguous(),
-            texels[:, source].flatten(0, 1).to(precise).contiguous(),
-            matrices,
-            offsets,
-            depths,
-            limits,
-            conventions.mask_unseen,
-        )
-    else:
-        sums, seen = correlate(
-            features[:, reference].flatten(0, 1).to(precise),
-            features[:, source].flatten(0, 1).to(precise),
-            matrices,
-            offsets,
-            depths,
-            limits,
-            conventions.mask_unseen,
-        )
+        correlated, maps = correlate_fused, features.permute(0, 1, 3, 4, 2)
+    both = (maps[:, index].flatten(0, 1).to(precise).contiguous() for index in (reference, source))
+    sums, seen = correlated(*both, matrices, offsets, depths, limits, conventions.mask_unseen)
     pairs = (b, len(views), v - 1, -1, h, w)
     sums = sums.reshape(pairs).sum(2) / math.sqrt(c)
     if not conventions.mask_unseen:

@@ -17,10 +17,11 @@ from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
 from semgs.model.cost_filter import CostFilter
 from semgs.model.cost_volume import cost_volume, unit_features
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
+from semgs.model.padded import Padded, widened
 from semgs.model.precision import FullPrecisionConv2d
 from semgs.model.refinement import Cues
-from semgs.model.scene import Padded, widened
+from semgs.model.settings import DepthSettings
 from semgs.model.unet import GROUPS, UNet
 
 
@@ -96,8 +97,7 @@ class PlaneSweepDepth(nn.Module):
 
     Args:
         regressor: from cost and features to logits.
-        candidates: L.
-        cosine_cost: correlate features of equal length (`semgs.model.settings.DepthSettings`).
+        settings: of depth; of these, the candidates and `cosine_cost`.
         conventions: of geometry.
         cost_filter: of the cost before the regressor sees it; None leaves it.
     """
@@ -105,16 +105,14 @@ class PlaneSweepDepth(nn.Module):
     def __init__(
         self,
         regressor: CostRegressor,
-        candidates: int,
-        cosine_cost: bool,
+        settings: DepthSettings,
         conventions: Conventions,
         cost_filter: CostFilter | None = None,
     ) -> None:
         super().__init__()
         self.regressor = regressor
         self.filter = cost_filter
-        self.candidates = candidates
-        self.cosine_cost = cosine_cost
+        self.settings = settings
         self.conventions = conventions
 
     def cost(
@@ -128,7 +126,7 @@ class PlaneSweepDepth(nn.Module):
             views_at_a_time: reference views whose costs are computed together; None is all.
         """
         planes, batch = self.planes(features, scene), scene.cameras.batch
-        matched = unit_features(features) if self.cosine_cost else features
+        matched = unit_features(features) if self.settings.cosine_cost else features
         return cost_volume(
             torch.unflatten(matched, 0, batch),
             scene.cameras,
@@ -163,7 +161,7 @@ class PlaneSweepDepth(nn.Module):
     def planes(self, features: Tensor, scene: Padded) -> Planes:
         """The candidates on the features' device, and in their dtype or float32 where that is less."""
         bounds = scene.depth_range.to(features.device, torch.promote_types(features.dtype, torch.float32))
-        depths = depth_candidates(scene.depth_range, self.candidates, self.conventions.candidates).to(bounds)
+        depths = depth_candidates(scene.depth_range, self.settings.candidates, self.conventions.candidates).to(bounds)
         return Planes(depths.flatten(0, 1), bounds.flatten(0, 1))
 
 
@@ -172,38 +170,20 @@ class CostRegressor(nn.Module):
 
     Args:
         channels: of the features.
-        candidates: L.
-        width: of the U-Net.
-        hidden: width between the two last convolutions.
-        levels, decoder_blocks: of the U-Net.
-        cost_prior: the logits are a correction of the cost itself, from normalised features.
+        settings: of depth.
         cue_widths: channels of the maps that show, at 1/2 and 1/4 of the cost's size, what each view sees by itself; they start without
             a say. Empty for none.
     """
 
-    def __init__(
-        self,
-        channels: int,
-        candidates: int,
-        width: int,
-        hidden: int,
-        levels: int = 3,
-        decoder_blocks: int = 2,
-        cost_prior: bool = False,
-        cue_widths: tuple[int, ...] = (),
-    ) -> None:
+    def __init__(self, channels: int, settings: DepthSettings, cue_widths: tuple[int, ...] = ()) -> None:
         super().__init__()
-        self.norm = nn.GroupNorm(GROUPS, candidates) if cost_prior else None
+        candidates, width, hidden = settings.candidates, settings.width, settings.hidden
+        self.norm = nn.GroupNorm(GROUPS, candidates) if settings.cost_prior else None
         inputs = channels + candidates
-        self.refine = nn.ModuleList(
-            [
-                nn.Conv2d(inputs, width, 3, padding=1),
-                nn.GroupNorm(GROUPS, width),
-                nn.GELU(),
-                UNet(width, levels, decoder_blocks),
-                nn.Conv2d(width, candidates, 3, padding=1),
-            ]
-        )
+        first = nn.Conv2d(inputs, width, 3, padding=1)
+        unet = UNet(width, settings.levels, settings.decoder_blocks)
+        last = nn.Conv2d(width, candidates, 3, padding=1)
+        self.refine = nn.ModuleList([first, nn.GroupNorm(GROUPS, width), nn.GELU(), unet, last])
         self.residual = nn.Conv2d(inputs, candidates, 1)
         self.head = nn.Sequential(
             nn.Conv2d(candidates, hidden, 3, padding=1),

@@ -83,6 +83,10 @@ class Encoding:
             depth_range=function(self.depth_range),
         )
 
+    def tensors(self) -> list[Tensor]:
+        """Every tensor, those of the Gaussians included."""
+        return [*self.gaussians.tensors().values(), self.depths, self.confidences, self.depth_spread, self.depth_range]
+
     def to(self, device: torch.device | str, dtype: torch.dtype) -> Encoding:
         """The same encoding on a device and in a dtype; the near and far bounds stay as they are."""
         moved = self.map(lambda tensor: tensor.to(device, dtype))

@@ -17,13 +17,18 @@ from semgs.geometry.plane_sweep import expected_depth
 from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
 from semgs.model.depth import Depth
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
+from semgs.model.padded import Padded
 from semgs.model.precision import FullPrecisionConv2d
-from semgs.model.scene import Padded
+from semgs.model.settings import MVSplatHeads
 from semgs.model.unet import UNet
 
 RENDERED_HARMONICS = 16
 """Coefficients a colour that are ever drawn: degrees 0 to 3."""
+
+
+Features = Float[Tensor, "n c h4 w4"]
+"""Feature maps at the network's scale."""
 
 
 @dataclass(frozen=True)
@@ -83,22 +88,16 @@ class DepthRefinement(nn.Module):
     """Full-size correction of disparity, and opacity: a U-Net over picture, features, disparity and its probability.
 
     Args:
-        features: channels of the upsampled features.
-        projected: channels that `project` reduces them to.
-        width, levels, decoder_blocks: of the U-Net.
+        settings: of these heads.
     """
 
-    def __init__(self, features: int, projected: int, width: int, levels: int, decoder_blocks: int = 2) -> None:
+    def __init__(self, settings: MVSplatHeads) -> None:
         super().__init__()
-        self.project = nn.Conv2d(features, projected, 3, padding=1)
-        self.refine = nn.ModuleList(
-            [
-                nn.Conv2d(3 + projected + 2, width, 3, padding=1),
-                nn.GroupNorm(4, width),
-                nn.GELU(),
-                UNet(width, levels, decoder_blocks),
-            ]
-        )
+        width = settings.width
+        self.project = nn.Conv2d(settings.upsampled, settings.projected, 3, padding=1)
+        first = nn.Conv2d(3 + settings.projected + 2, width, 3, padding=1)
+        unet = UNet(width, settings.levels, settings.decoder_blocks)
+        self.refine = nn.ModuleList([first, nn.GroupNorm(4, width), nn.GELU(), unet])
         self.to_disparity = nn.Sequential(
             nn.Conv2d(width, 2 * width, 3, padding=1), nn.GELU(), FullPrecisionConv2d(2 * width, 2, 3, padding=1)
         )
@@ -150,12 +149,7 @@ class Decoder(nn.Module, ABC):
 
     @abstractmethod
     def forward(
-        self,
-        scene: Padded,
-        shallow: Float[Tensor, "n c h4 w4"],
-        features: Float[Tensor, "n c h4 w4"],
-        depth: Depth,
-        views_at_a_time: int | None,
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> Decode:
         """What has to be computed of all views together; the function that is returned decodes some of them.
 
@@ -180,36 +174,24 @@ class MVSplatDecoder(Decoder):
         refinement: of disparity.
         colour: the head.
         harmonics: coefficients per colour channel.
-        factor: from the features' scale to the Gaussians'.
         conventions: of geometry.
     """
 
     depth_layers = ("upsampler", "refinement")
 
     def __init__(
-        self,
-        upsampler: Upsampler,
-        refinement: DepthRefinement,
-        colour: Head,
-        harmonics: int,
-        factor: int,
-        conventions: Conventions,
+        self, upsampler: Upsampler, refinement: DepthRefinement, colour: Head, harmonics: int, conventions: Conventions
     ) -> None:
         super().__init__()
         self.upsampler = upsampler
         self.refinement = refinement
         self.colour = colour
         self.harmonics = harmonics
-        self.factor = factor
+        self.factor = upsampler.factor
         self.conventions = conventions
 
     def forward(
-        self,
-        scene: Padded,
-        shallow: Float[Tensor, "n c h4 w4"],
-        features: Float[Tensor, "n c h4 w4"],
-        depth: Depth,
-        views_at_a_time: int | None,
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> Decode:
         """As `Decoder`; the refinement looks at all views together."""
         confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
@@ -255,12 +237,7 @@ class PaperDecoder(Decoder):
         self.conventions = conventions
 
     def forward(
-        self,
-        scene: Padded,
-        shallow: Float[Tensor, "n c h4 w4"],
-        features: Float[Tensor, "n c h4 w4"],
-        depth: Depth,
-        views_at_a_time: int | None,
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> Decode:
         """As `Decoder`; each view is decoded by itself."""
         sampling, corners = self.conventions.candidates, self.conventions.pixel_centres

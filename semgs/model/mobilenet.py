@@ -152,19 +152,18 @@ class MobileNetRefinement(PictureRefinement):
         """Features at 1/4 of the pictures, and what the classes are linear in; large pictures are averaged down first (`near_side`)."""
         maps = self.backbone(near_side(pictures, SHRINK))
         x = at_scale(self.decoded(maps), pictures, SHRINK)
-        return Refined(self.features(x), x, self._cues(maps, pictures))
+        return Refined(self.features(x), x, tuple(maps[k] for k in CUES))
 
     @torch.no_grad()
-    def cues(self, pictures: Float[Tensor, "n 3 h w"]) -> Cues:
-        """The backbone's maps of 32 and 96 channels."""
-        return self._cues(self.backbone(near_side(pictures, SHRINK)), pictures)
-
-    def _cues(self, maps: list[Tensor], pictures: Tensor) -> Cues:
-        """Those of the backbone's maps that depth sees: it reads them and never teaches them.
+    def cues(self, pictures: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+        """The backbone's maps of 32 and 96 channels: depth reads them and never teaches them.
 
         They are contiguous: torch 2.13 crashes in the gradient of a group norm on maps that have channels last and need no gradient.
         """
-        shown = (maps[k].detach().contiguous() for k in CUES)
+        if not seen:
+            maps = self.backbone(near_side(pictures, SHRINK))
+            seen = tuple(maps[k] for k in CUES)
+        shown = (one.detach().contiguous() for one in seen)
         return tuple(at_scale(one, pictures, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
 
     def decoded(self, maps: list[Tensor]) -> Float[Tensor, "n width h4 w4"]:

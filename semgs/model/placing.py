@@ -16,8 +16,8 @@ from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoded
 from semgs.model.overlap import PAIR, Others, seen_by, shrinkage
+from semgs.model.padded import Padded, shrunk, widened
 from semgs.model.precision import outside_autocast
-from semgs.model.scene import Padded, shrunk, widened
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
 """Range of a Gaussian's size before `SIGMA_UNIT`."""
@@ -52,16 +52,14 @@ class Rays:
     @staticmethod
     def of(cameras: Cameras, like: Tensor) -> Rays:
         """Of cameras [n], computed in float64."""
-        poses = cameras.world_from_camera
-        numbers = (
-            poses[..., :3, :3],
-            poses[..., :3, 3],
-            torch.linalg.inv(cameras.intrinsics),
-            (1 / cameras.focal_px).sum(-1),
-            quaternion_from_matrix(poses[..., :3, :3]),
+        rotation = cameras.world_from_camera[..., :3, :3]
+        return Rays(
+            rotation.to(like),
+            cameras.centres.to(like),
+            torch.linalg.inv(cameras.intrinsics).to(like),
+            (1 / cameras.focal_px).sum(-1).to(like),
+            quaternion_from_matrix(rotation).to(like),
         )
-        rotation, centre, inverse_k, pixel, quaternion = (number.to(like) for number in numbers)
-        return Rays(rotation, centre, inverse_k, pixel, quaternion)
 
     def __getitem__(self, at: slice) -> Rays:
         """Those of some of the cameras."""

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.cnn import ResidualBlock
-from semgs.model.layout import lay_out
+from semgs.model.memory_format import lay_out
 
 Shallow = Callable[[Tensor], Tensor]
 """Gives the shallow CNN's features [n c h/4 w/4] of images [n 3 h w]."""
@@ -28,16 +28,16 @@ class Refined:
     Attributes:
         features: for the transformer.
         evidence: for the refinement's own classifier, where it has one.
-        cues: of depth, where it gives some (`ClassRefinement.cues`).
+        seen: maps that `ClassRefinement.cues` makes depth's cues of, if it makes some.
     """
 
     features: Float[Tensor, "n c h4 w4"]
     evidence: Float[Tensor, "n k h4 w4"]
-    cues: Cues = ()
+    seen: tuple[Tensor, ...] = ()
 
     def __getitem__(self, at: slice) -> Refined:
-        """That of some of the views."""
-        return Refined(self.features[at], self.evidence[at], tuple(cue[at] for cue in self.cues))
+        """The same of some of the views, without `seen`."""
+        return Refined(self.features[at], self.evidence[at])
 
 
 class ClassRefinement(nn.Module, ABC):
@@ -69,8 +69,13 @@ class ClassRefinement(nn.Module, ABC):
             shallow: gives the shallow features of images, these or smaller ones.
         """
 
-    def cues(self, pictures: Float[Tensor, "n 3 h w"]) -> Cues:
-        """What `forward` says to depth, at less cost; this refinement says nothing."""
+    def cues(self, pictures: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+        """What depth sees of each view by itself; nothing of this refinement.
+
+        Args:
+            pictures: as for `forward`.
+            seen: what `forward` kept of them; without it, only as much is computed as is needed.
+        """
         return ()
 
 

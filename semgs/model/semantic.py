@@ -11,9 +11,9 @@ from torch import Tensor, nn
 
 from semgs.model.cnn import FeatureCNN
 from semgs.model.heads import Head, PlainUpsampler, Upsampler, upsampled
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
+from semgs.model.padded import Padded
 from semgs.model.refinement import ClassRefinement, Refined
-from semgs.model.scene import Padded
 from semgs.model.transformer import CameraTransformer
 
 SHAPE = 7

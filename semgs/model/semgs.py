@@ -16,10 +16,10 @@ from semgs.model.cnn import SHRINK, FeatureCNN
 from semgs.model.depth import CoarseDepth, PlaneSweepDepth
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoder, coarse_disparities
-from semgs.model.layout import lay_out
+from semgs.model.memory_format import lay_out
+from semgs.model.padded import Padded, widened
 from semgs.model.placing import Placer
-from semgs.model.refinement import Cues
-from semgs.model.scene import Padded, widened
+from semgs.model.refinement import Cues, Refined
 from semgs.model.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
@@ -103,7 +103,7 @@ class SemGS(nn.Module):
         Args:
             views: of one scene, or of a batch of scenes.
             chunks: how much is done at a time; fewer views at a time need less memory and give the same numbers. None is what
-                `semgs.model.plan.plan` says for one scene in evaluation mode, and all at once for a batch or in training.
+                `semgs.model.memory_plan.memory_plan` says for one scene in evaluation mode, and all at once for a batch or in training.
             stage: stands around each of `semgs.model.stages.STAGES`, to time it, say.
 
         Raises:
@@ -122,7 +122,7 @@ class SemGS(nn.Module):
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, scene, chunks.cost)
         with stage("depth"):
-            depth = self.colour.depth(cost, features, scene, () if refined is None else refined.cues)
+            depth = self.colour.depth(cost, features, scene, self._cues(scene, refined))
             decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
         bounds = scene.depth_range.flatten(0, 1)
         rays = self.placer.rays(scene, views.size, depth.planes.bounds)
@@ -244,11 +244,11 @@ class SemGS(nn.Module):
         """Names of the parameters that can start from published weights, and then should learn at a lower rate than the others."""
         return {name for name, _ in self.named_parameters() if name.startswith("semantic.refinement.backbone.")}
 
-    def _cues(self, scene: Padded) -> Cues:
-        """What the class branch shows to depth, if depth looks."""
+    def _cues(self, scene: Padded, refined: Refined | None = None) -> Cues:
+        """What the class branch shows to depth, if depth looks; from its refinement of the views, if that was computed."""
         if self.semantic is None or not self.colour.depth.reads_cues:
             return ()
-        return self.semantic.refinement.cues(scene.pictures)
+        return self.semantic.refinement.cues(scene.pictures, () if refined is None else refined.seen)
 
     def _cue_layers(self) -> tuple[str, ...]:
         """Names of the layers of the class refinement that depth depends on."""
@@ -264,9 +264,9 @@ class SemGS(nn.Module):
         """
         if self.training or views.images.ndim > 4:
             return WHOLE
-        from semgs.model.plan import plan  # which adds up the memory of this very class
+        from semgs.model.memory_plan import memory_plan  # which adds up the memory of this very class
 
-        return plan(self, views).chunks
+        return memory_plan(self, views).chunks
 
     def _padded(self, views: Views, fewest: int = 2) -> Padded:
         """The views as the layers take them.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, is_dataclass
 from itertools import cycle
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -217,46 +217,42 @@ class NetworkSettings:
         Raises:
             KeyError, TypeError, ValueError: these are no such settings.
         """
-        colour, semantic = saved["colour"], saved["semantic"]
-        return made(
-            cls,
-            **{
-                **saved,
-                "cnn_widths": tuple(saved["cnn_widths"]),
-                "colour": made(
-                    ColourSettings,
-                    **{
-                        **colour,
-                        "transformer": made(TransformerSettings, **colour["transformer"]),
-                        "depth": made(DepthSettings, **colour["depth"]),
-                        "heads": _one_of(colour["heads"], MVSplatHeads, PaperHeads),
-                    },
-                ),
-                "semantic": None if semantic is None else made(
-                    SemanticSettings,
-                    **{
-                        **semantic,
-                        "transformer": made(TransformerSettings, **semantic["transformer"]),
-                        "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid, MobileNet),
-                    },
-                ),
-                "conventions": made(Conventions, **saved["conventions"]),
-            },
-        )  # fmt: skip
+        return _made(cls, saved)
 
 
-def made(cls: type[Part], /, **values: Any) -> Part:
-    """One of the dataclasses from values that a file gave.
+def _made(cls: type[Part], saved: Mapping[str, Any]) -> Part:
+    """One of the dataclasses, and those that it holds, from the values of a file.
 
     Raises:
+        KeyError: a part is missing, which no default stands for.
         ValueError: a value is not of its field's type ("yes" for true), not finite, or a whole number not within 0 to `LARGEST`.
         TypeError: a field is unknown, or missing.
     """
     hints = get_type_hints(cls)
-    for name, value in values.items():
-        if name in hints and not _fits(value, hints[name]):
-            raise ValueError(f"{name} is {value!r:.60}; expected {cls.__annotations__[name]}")
+    values = {name: _as_hinted(value, hints.get(name)) for name, value in saved.items()}
+    for name, hint in hints.items():
+        if name not in values and any(map(is_dataclass, get_args(hint) or (hint,))):
+            raise KeyError(name)
+        if name in values and not _fits(values[name], hint):
+            raise ValueError(f"{name} is {values[name]!r:.60}; expected {cls.__annotations__[name]}")
     return cls(**values)
+
+
+def _as_hinted(value: object, hint: Any) -> object:
+    """JSON's lists as tuples, and its objects as the dataclass of the field, or as that of several whose `kind` they name.
+
+    Raises:
+        ValueError: they name none of these.
+    """
+    if isinstance(value, list):
+        return tuple(value)
+    parts: list[Any] = [part for part in get_args(hint) or (hint,) if is_dataclass(part)]
+    if not isinstance(value, Mapping) or not parts:
+        return value
+    fitting = [part for part in parts if len(parts) == 1 or part.kind == value.get("kind")]
+    if not fitting:
+        raise ValueError(f"kind is {value.get('kind')!r}; expected {' or '.join(part.kind for part in parts)}")
+    return _made(fitting[0], value)
 
 
 def _fits(value: object, hint: Any) -> bool:
@@ -273,17 +269,3 @@ def _fits(value: object, hint: Any) -> bool:
     if hint is float:
         return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
     return type(value) is hint and (hint is not int or 0 <= value <= LARGEST)  # type: ignore[operator]
-
-
-def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:
-    """The settings of the kind that they name.
-
-    Raises:
-        ValueError: they name none of these.
-    """
-    for kind in kinds:
-        if kind.kind == saved.get("kind"):
-            return made(
-                kind, **{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
-            )
-    raise ValueError(f"kind is {saved.get('kind')!r}; expected {' or '.join(kind.kind for kind in kinds)}")

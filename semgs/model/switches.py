@@ -78,14 +78,12 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
         TypeError: there is no switch of a name.
         ValueError: depth_cue is set without a class backbone to take it from.
     """
-    before = switches_of(settings)
+    before, replaced = switches_of(settings), dict[str, Any]()
     if changes.get("semantic_pyramid"):
-        before_refinement: dict[str, Any] = {"class_backbone": False, "depth_cue": False}
+        replaced = {"class_backbone": False, "depth_cue": False}
     elif changes.get("class_backbone"):
-        before_refinement = {"semantic_pyramid": ()}
-    else:
-        before_refinement = {}
-    now = replace(before, **before_refinement | dict(changes))
+        replaced = {"semantic_pyramid": ()}
+    now = replace(before, **replaced | dict(changes))
     both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
     colour = replace(
         settings.colour,

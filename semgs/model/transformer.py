@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.camera_attention import token_transforms
-from semgs.model.scene import Padded
+from semgs.model.padded import Padded
 from semgs.model.swin import MultiViewSwin
 
 

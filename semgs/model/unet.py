@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
 
 GROUPS = 8
 

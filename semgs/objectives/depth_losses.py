@@ -17,8 +17,8 @@ from torch import Tensor
 
 from semgs.model.cnn import SHRINK
 from semgs.model.depth import CoarseDepth
+from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.objectives.losses import depth_error, per_known_pixel
-from semgs.objectives.weights import DepthLossWeights
 
 STRIDES = (1, 2, 4, 8)
 """The scales of gradient matching: every so many pixels are compared."""

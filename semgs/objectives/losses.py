@@ -19,7 +19,7 @@ from torch.nn.functional import pad
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 from semgs.rendering.rendering import Rendering
 
 
@@ -94,35 +94,27 @@ def losses(
 
 
 def cross_entropy(
-    distributions: Float[Tensor, "v class h w"],
-    labels: UInt8[Tensor, "v h w"],
-    class_weights: Sequence[float] | None = None,
-) -> Float[Tensor, " v"]:
-    """L_sem of each view: - sum_l S_l log S^_l, the mean over its labelled pixels; 0 where a view has none [nat].
-
-    A rendered distribution is positive everywhere, because the light that passes all Gaussians is spread evenly over
-    the classes. The smallest normal number stands in for a zero that rounding might leave.
-    """
-    return coarse_cross_entropy(distributions, labels, 1, class_weights)
-
-
-def coarse_cross_entropy(
     distributions: Float[Tensor, "v class h2 w2"],
     labels: UInt8[Tensor, "v h w"],
-    stride: int,
     class_weights: Sequence[float] | None = None,
+    stride: int = 1,
 ) -> Float[Tensor, " v"]:
-    """As `cross_entropy` of the distributions with each of their pixels repeated `stride` times along both sides.
+    """L_sem of each view: - sum_l S_l log S^_l, the mean over its labelled pixels; 0 for a view without any [nat].
 
-    No large map is made of them: each distribution is asked for all labels of its `stride` x `stride` pixels. The last row and
-    column may reach past the labels.
+    A rendered distribution is positive everywhere, because the light that passes all Gaussians is spread evenly over
+    the classes. The smallest normal number replaces a zero that rounding might leave.
+
+    Args:
+        distributions: of the classes.
+        labels: of the pixels.
+        class_weights: factor of each true class; None is 1 for all.
+        stride: pixels along each side that share a distribution. The last row and column may reach past the labels.
     """
-    asked = _gathered(labels, distributions.shape[-2:], stride)
-    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
-    probability, labelled = exact.gather(-3, _indices(asked)), asked != IGNORE
+    each = _per_distribution(labels, distributions.shape[-2:], stride)
+    probability, labelled = _true_class_probability(distributions, each), each != IGNORE
     terms = -probability.clamp(min=torch.finfo(probability.dtype).tiny).log()
     if class_weights is not None:
-        terms = terms * terms.new_tensor(class_weights)[_indices(asked)]
+        terms = terms * terms.new_tensor(class_weights)[_indices(each)]
     return per_known_pixel((terms * labelled).sum((-3, -2, -1)), labels != IGNORE)
 
 
@@ -137,7 +129,7 @@ def regional_smoothness(
     of l, of |S^_l - S^_l|. A pixel belongs to one region only, so that is one sum over neighbours of equal label, in
     the channel of that label. Borders between classes cost nothing.
     """
-    probability, labelled = _true_class_probability(distributions, labels)
+    probability, labelled = _true_class_probability(distributions, labels[:, None])[:, 0], labels != IGNORE
     down = (labels[..., 1:, :] == labels[..., :-1, :]) & labelled[..., 1:, :]
     right = (labels[..., :, 1:] == labels[..., :, :-1]) & labelled[..., :, 1:]
     total = (probability.diff(dim=-2).abs() * down).sum((-2, -1))
@@ -156,15 +148,15 @@ def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*ba
 
 
 def _true_class_probability(
-    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v h w"]
-) -> tuple[Float[Tensor, "v h w"], Bool[Tensor, "v h w"]]:
-    """The probability given to each pixel's true class, never below float32, and which pixels are labelled."""
+    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v s h w"]
+) -> Float[Tensor, "v s h w"]:
+    """The probability that each distribution gives to each of its s true classes, in float32 or better; of class 0 if ignored."""
     exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
-    return exact.gather(-3, _indices(labels)[..., None, :, :])[..., 0, :, :], labels != IGNORE
+    return exact.gather(-3, _indices(labels))
 
 
-def _gathered(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int) -> UInt8[Tensor, "v s h2 w2"]:
-    """The s = stride x stride labels of each texel; beyond the picture they are ignored."""
+def _per_distribution(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int) -> UInt8[Tensor, "v s h2 w2"]:
+    """The s = stride x stride labels of each distribution; 255 past the borders of the image."""
     (rows, columns), (height, width) = size, labels.shape[-2:]
     whole = pad(labels, (0, stride * columns - width, 0, stride * rows - height), value=IGNORE)
     blocks = whole.reshape(-1, rows, stride, columns, stride)

@@ -71,13 +71,6 @@ def confusion_matrix(
     return torch.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
-def confusion_matrices(
-    predicted: UInt8[Tensor, "image h w"], truth: UInt8[Tensor, "image h w"], classes: int
-) -> Int64[Tensor, "image class class"]:
-    """One confusion matrix per image."""
-    return torch.stack([confusion_matrix(*pair, classes) for pair in zip(predicted, truth, strict=True)])
-
-
 def present_classes(truth: UInt8[Tensor, "*batch h w"], classes: int) -> Bool[Tensor, " class"]:
     """Which classes the truth shows at all, whatever was predicted there."""
     return torch.bincount(truth[truth != IGNORE].flatten().long(), minlength=classes) > 0

@@ -11,7 +11,7 @@ import torch
 from semgs.data.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.encoding import Encoding
-from semgs.model.plan import Plan, plan
+from semgs.model.memory_plan import MemoryPlan, memory_plan
 from semgs.model.semgs import SemGS
 
 
@@ -38,12 +38,12 @@ class Encoded:
 
     Attributes:
         encoding: its answer, without gradients.
-        plan: how memory was used; None for a network that `plan` does not know.
+        plan: how memory was used; None for a network that `memory_plan` does not know.
         seconds: that the network took.
     """
 
     encoding: Encoding
-    plan: Plan | None
+    plan: MemoryPlan | None
     seconds: float
 
 
@@ -53,7 +53,7 @@ def encode(
 ) -> Encoded:
     """The Gaussians of some views.
 
-    Where memory is short, `SemGS` takes fewer views at a time, as `plan` says; the numbers are the same but for rounding.
+    Where memory is short, `SemGS` takes fewer views at a time, as `memory_plan` says; the numbers are the same but for rounding.
 
     Args:
         network: in evaluation mode, on the device to compute on.
@@ -65,7 +65,7 @@ def encode(
         NotEnoughMemoryError: it would not fit into memory.
         ValueError: there are fewer than two views.
     """
-    planned = plan(network, views, targets) if isinstance(network, SemGS) else None
+    planned = memory_plan(network, views, targets) if isinstance(network, SemGS) else None
     start = now()
     encoding = network(views, planned.chunks) if isinstance(network, SemGS) and planned else network(views)
     seconds = now() - start

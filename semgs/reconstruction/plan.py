@@ -1,4 +1,4 @@
-"""Another name of `semgs.model.plan`, which was here first."""
+"""Another name of `semgs.model.memory_plan`, which was here first."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.geometry.cameras import back_project, project
 from semgs.model.encoding import Encoding
-from semgs.model.plan import Plan
+from semgs.model.memory_plan import MemoryPlan
 from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
@@ -62,7 +62,7 @@ class Reconstruction:
         context: the frames that went in, as the Gaussians show them.
         target: the frames that were held out, or None if there are none.
         notes: what the user should know of this result, a sentence each.
-        plan: how memory was used; None for a network that `plan` does not know.
+        plan: how memory was used; None for a network that `memory_plan` does not know.
     """
 
     scene: Scene
@@ -74,7 +74,7 @@ class Reconstruction:
     context: Shown
     target: Shown | None
     notes: tuple[str, ...]
-    plan: Plan | None = None
+    plan: MemoryPlan | None = None
 
     @property
     def depth_range(self) -> DepthRange:
@@ -208,7 +208,7 @@ def _note_of_aspect(scene: Scene, choice: Choice, size: tuple[int, int]) -> list
     ]
 
 
-def _note_of_memory(planned: Plan | None) -> list[str]:
+def _note_of_memory(planned: MemoryPlan | None) -> list[str]:
     """That memory was short, if it was."""
     if planned is None or not planned.short:
         return []

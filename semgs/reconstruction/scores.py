@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from semgs.data.views import Views
 from semgs.figures.classes import SEEN_ALPHA
-from semgs.objectives.maps import Maps, map_scores
+from semgs.objectives.map_scores import Maps, map_scores
 from semgs.rendering.rendering import Rendering, likeliest
 
 

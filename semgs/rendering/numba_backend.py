@@ -238,17 +238,8 @@ class Projected:
         first_in_tile = np.concatenate(([0], ends[:, -1]))
         starts = np.ascontiguousarray(ends.T) - count.counts
         pairs = np.empty(count.pairs, np.int64)
-        in_threads(
-            fill_pairs,
-            self.ellipses,
-            self.ranks,
-            count.first,
-            self.size[1],
-            count.rectangles,
-            count.first_pair,
-            starts,
-            pairs,
-        )
+        run = (count.first, self.size[1], count.rectangles, count.first_pair)
+        in_threads(fill_pairs, self.ellipses, self.ranks, *run, starts, pairs)
         gaussians = np.empty(len(pairs), np.int32)
         in_threads(sort_pairs, first_in_tile, self.order, pairs, gaussians)
         return Tiles(count.first, first_in_tile, gaussians, pairs, count.first_pair)

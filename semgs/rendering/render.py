@@ -163,13 +163,7 @@ def _installed() -> bool:
 
 def _check(gaussians: Gaussians) -> None:
     """Refuse geometry that is not finite, which would vanish from the picture unseen, opacities that are none, several devices."""
-    tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
-    for name, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
-        if appearance is not None:
-            tensors[f"{name}.quaternions"] = appearance.quaternions
-            tensors[f"{name}.scales"] = appearance.scales
-            tensors[f"{name}.features"] = appearance.features
-    for name, tensor in tensors.items():
+    for name, tensor in gaussians.tensors().items():
         if tensor.device != gaussians.means.device:
             raise ValueError(
                 f"{name} is on {tensor.device} but means is on {gaussians.means.device}; bring all to one with Gaussians.to"

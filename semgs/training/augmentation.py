@@ -11,7 +11,7 @@ from semgs.data.classes import IGNORE
 from semgs.data.resampling import cropped, resized
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.training.camera import photographed
+from semgs.training.photo import photographed
 from semgs.training.settings import Augmentation
 
 

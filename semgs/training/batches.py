@@ -17,8 +17,9 @@ from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.splits import Split
 from semgs.rooms.sets.pool import PooledSamples
 from semgs.rooms.sets.stream import RoomSamples
-from semgs.training.samples import Folder, Sample, Samples
-from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
+from semgs.training.execution import Share
+from semgs.training.samples import Folder, Form, Mixture, Samples, TrainingSample
+from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 from semgs.training.source import Source
 from semgs.training.survey.survey import Survey, survey
 from semgs.training.teacher import teacher_of
@@ -28,40 +29,6 @@ COUNTED_ROOMS = 64
 """Rooms in which classes are counted, two small views of each."""
 
 COUNTED_SIZE = (48, 64)
-
-
-@dataclass(frozen=True)
-class Share:
-    """Which of the scenes of a step one process takes, and in how many pieces one after the other.
-
-    Attributes:
-        rank: number of the process.
-        world: how many there are.
-        accumulate: pieces, whose gradients are added.
-    """
-
-    rank: int = 0
-    world: int = 1
-    accumulate: int = 1
-
-    def check(self, batch: int) -> None:
-        """Refuse a batch that cannot be shared equally.
-
-        Raises:
-            ValueError: it cannot.
-        """
-        parts = self.world * self.accumulate
-        if self.accumulate < 1 or batch % parts:
-            raise ValueError(
-                f"a step of {batch} scenes cannot be shared by {self.world} processes in {self.accumulate} pieces each; "
-                f"expected a --batch that {parts} divides"
-            )
-
-    def pieces(self, step: int, batch: int) -> list[range]:
-        """The numbers of the samples of each piece."""
-        each = batch // (self.world * self.accumulate)
-        first = step * batch + self.rank * self.accumulate * each
-        return [range(first + piece * each, first + (piece + 1) * each) for piece in range(self.accumulate)]
 
 
 @dataclass(frozen=True)
@@ -138,12 +105,13 @@ def training_batches(
                 settings.seed, settings.size, settings.contexts, settings.targets, length,
                 group=settings.batch, library=library,
             )  # fmt: skip
-    samples = Samples(
-        settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
-        (settings.contexts, settings.targets), data.classes, settings.augmentation, settings.frames,
-        _turns(settings, settings.seed, weights, rooms, data.folders, settings.batch, length), teacher_of(settings),
-        settings.batch * round(settings.half_size * settings.steps),
+    mixture = Mixture(rooms, data.folders, tuple(weights))
+    form = Form(
+        settings.size, settings.contexts, settings.targets, data.classes, settings.frames, settings.augmentation,
+        halved=settings.batch * round(settings.half_size * settings.steps),
     )  # fmt: skip
+    turns = _turns(settings.seed, mixture, settings.batch, length) if settings.single_pictures else None
+    samples = Samples(settings.seed, mixture, form, settings.batch, turns, teacher_of(settings))
     return DataLoader(
         Portions(samples, settings.batch, share or Share(), settings.steps),
         batch_size=None,
@@ -176,40 +144,26 @@ def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
     if not count:
         return []
     fewest = settings.contexts[0]
-    rooms = folders = None
+    form = Form(settings.size, (fewest, fewest), settings.targets, data.classes, settings.frames)
     source = Source.parsed(settings.validation)
     if source.is_rooms:
-        rooms = RoomSamples(
-            VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, length=count,
-            library=_library(settings, "validation"),
-        )  # fmt: skip
+        library = _library(settings, "validation")
+        rooms = RoomSamples(VALIDATION_SEED, form.size, form.contexts, form.targets, length=count, library=library)
+        mixture = Mixture(rooms, (), (1.0,))
     else:
-        folders = Folder(scene_paths(source.path))
-    samples = Samples(
-        VALIDATION_SEED, settings.size, 1, rooms, [folders] if folders else [], [1.0],
-        ((fewest, fewest), settings.targets), data.classes, Augmentation(), settings.frames,
-        _turns(settings, VALIDATION_SEED, [1.0], rooms, [folders] if folders else [], 1, count),
-    )  # fmt: skip
+        mixture = Mixture(None, (Folder(scene_paths(source.path)),), (1.0,))
+    turns = _turns(VALIDATION_SEED, mixture, 1, count) if settings.single_pictures else None
+    samples = Samples(VALIDATION_SEED, mixture, form, 1, turns)
     return [_batch([samples[k]]) for k in range(count)]
 
 
-def _turns(
-    settings: TrainingSettings,
-    seed: int,
-    weights: Sequence[float],
-    rooms: object,
-    folders: Sequence[Folder],
-    gap: int,
-    length: int,
-) -> Turns | None:
-    """Whose turn it is in samples of single pictures; None for samples of several views, whose scenes are drawn."""
-    if not settings.single_pictures:
-        return None
-    scenes = [*([] if rooms is None else [0]), *(len(folder.paths) for folder in folders)]
-    return Turns(seed, weights, scenes, gap, length)
+def _turns(seed: int, mixture: Mixture, gap: int, length: int) -> Turns:
+    """Whose turn it is in samples of single images."""
+    scenes = [*([] if mixture.rooms is None else [0]), *(len(folder.paths) for folder in mixture.folders)]
+    return Turns(seed, mixture.weights, scenes, gap, length)
 
 
-def _batch(samples: Sequence[Sample]) -> Batch:
+def _batch(samples: Sequence[TrainingSample]) -> Batch:
     """Samples as one batch."""
     taught = [sample.taught for sample in samples if sample.taught is not None]
     return Batch(

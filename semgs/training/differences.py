@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import PurePath
 
@@ -32,8 +33,11 @@ def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str
     }
 
 
-def told(value: object) -> str:
+def listed(changes: Mapping[str, tuple[object, object]], here: str) -> str:
+    """Differences from the settings of a run that is there; `here` says what the other values are."""
+    return ", ".join(f"{name} = {shown(run)} there, {shown(own)} {here}" for name, (own, run) in changes.items())
+
+
+def shown(value: object) -> str:
     """A setting's value as a person reads it."""
-    if isinstance(value, ClassTable):
-        return f"{value.name} ({', '.join(value.names)})"
-    return str(value)
+    return f"{value.name} ({', '.join(value.names)})" if isinstance(value, ClassTable) else str(value)

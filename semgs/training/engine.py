@@ -8,20 +8,16 @@ from typing import Any
 import torch
 
 from semgs.rendering.gsplat_backend import rasterizer
+from semgs.training.execution import Execution
 
 
-def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: str = "32") -> Any:
+def launched(execution: Execution) -> Any:
     """A Fabric whose processes run: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
 
     With more than one device it starts the other processes of this machine by calling the same command again, unless
     torchrun or SLURM has started them; the gradients of all are averaged (DDP).
 
-    Args:
-        device: "cpu" or "cuda".
-        devices: processes on each machine, each with a device of its own.
-        nodes: machines.
-        precision: "32", "bf16" for layers in bfloat16, or "auto" for that on GPUs that compute in it. Cameras, depth, Gaussians and
-            losses are float32 or better in any case.
+    Whatever the precision of the layers, cameras, depth, Gaussians and losses are float32 or better.
 
     Raises:
         ImportError: Lightning Fabric is not installed; names the extra that brings it.
@@ -38,15 +34,17 @@ def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: s
         convert_input = Precision.convert_input
         convert_output = Precision.convert_output
 
+    device, several = execution.device, execution.devices * execution.nodes > 1
+    precision = execution.precision
     half = precision == "bf16" or (precision == "auto" and device == "cuda" and torch.cuda.is_bf16_supported(False))
     fabric = Fabric(
         accelerator=device,
-        devices=devices,
-        num_nodes=nodes,
-        strategy="ddp" if devices * nodes > 1 else "auto",
+        devices=execution.devices,
+        num_nodes=execution.nodes,
+        strategy="ddp" if several else "auto",
         plugins=[LayersInBfloat16("bf16-mixed", device)] if half else None,
     )
-    if device == "cuda" and devices * nodes > 1 and find_spec("gsplat"):
+    if device == "cuda" and several and find_spec("gsplat"):
         rasterizer()  # compiled before there are other processes
     fabric.launch()
     return fabric

@@ -52,15 +52,10 @@ def broken_down(out: Path, step: int, portion: Portion, process: int | None = No
     tensors: dict[str, Tensor] = {}
     for number, batch in enumerate(portion.pieces):
         for part, views in (("context", batch.context), ("target", batch.target)):
-            held = {
-                "images": views.images,
-                "labels": views.labels,
-                "depths": views.depths,
-                "depth_range": views.depth_range,
-                "world_from_camera": views.cameras.world_from_camera,
-                "intrinsics": views.cameras.intrinsics,
+            held = {**vars(views), **vars(views.cameras)}
+            tensors |= {
+                f"{number}.{part}.{key}": one.contiguous() for key, one in held.items() if isinstance(one, Tensor)
             }
-            tensors |= {f"{number}.{part}.{key}": one.contiguous() for key, one in held.items() if one is not None}
     scenes = ", ".join(scene for batch in portion.pieces for scene in batch.scenes)
     write_bytes(out / name, save(tensors, {"scenes": scenes}))
     return FloatingPointError(

@@ -21,7 +21,7 @@ from semgs.files.atomic import write_bytes
 from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
 from semgs.training.step import StepReport
-from semgs.training.validation import Verdict
+from semgs.training.validation import Validation
 
 EVERY = 20
 """Steps whose means make one line of the log."""
@@ -109,10 +109,10 @@ class RunLog:
         if len(self._reports) >= EVERY or step == self._steps:
             self._flush()
 
-    def validation(self, step: int, result: Verdict) -> None:
+    def validation(self, step: int, result: Validation) -> None:
         """Take note of a validation."""
         self._write({"step": step, "validation": result.numbers}, result.pictures)
-        self.say(f"step {step}: validation {', '.join(result.told)}")
+        self.say(f"step {step}: validation {', '.join(result.phrases)}")
 
     def say(self, sentence: str) -> None:
         """Show a sentence on the console."""
@@ -123,12 +123,8 @@ class RunLog:
         step, seconds, skipped, bad = self._latest
         now = time.monotonic()
         moved = [report for report in self._reports if report.moved] or self._reports
-        means = {
-            name: sum(float(value) for value in values) / len(moved)
-            for name in asdict(moved[0])
-            if name not in ("moved", "unlabelled")
-            for values in [[getattr(report, name) for report in moved]]
-        }
+        names = [name for name in asdict(moved[0]) if name not in ("moved", "unlabelled")]
+        means = {name: sum(float(getattr(one, name)) for one in moved) / len(moved) for name in names}
         elapsed = max(now - self._since, 1e-9)
         numbers = {
             "step": step,
@@ -193,7 +189,7 @@ def memory_gb() -> float:
 
 
 def _events(folder: Path, step: int) -> Any:
-    """What writes for TensorBoard, without what an earlier sitting wrote after `step`; None where it is not installed."""
+    """What writes for TensorBoard, without what an earlier session wrote after `step`; None where it is not installed."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:

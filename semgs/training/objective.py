@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from semgs.data.views import Batch, Views, joined
 from semgs.model.encoding import Encoding
 from semgs.rendering.rendering import Rendering
-from semgs.training.validation import Verdict
+from semgs.training.validation import Validation
 
 TERMS = ("total", "semantic", "colour", "smoothness", "depth", "gradients", "distribution", "psnr", "unlabelled")
 """What the objective says of a batch; only `total` has a gradient."""
@@ -22,42 +22,40 @@ class Supervision(ABC):
 
     Attributes:
         measures: whether its batch norms measure statistics during training; if not, they use those that they have.
+        without_depth: what to do about a scene without true depth; None if it can learn from it as it is.
     """
 
     measures: ClassVar[bool] = False
+    without_depth: ClassVar[str | None] = None
 
     @abstractmethod
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """Each of `TERMS` of a batch as a number, `total` with its gradient.
 
         Every term is a mean over scenes, so that the means of equal shares of a batch average to that of the whole.
+
+        Args:
+            network: what learns.
+            batch: what it sees.
+            head: what `head` gave.
         """
 
     def head(self, network: Any) -> nn.Module | None:
         """What learns beside the network and is dropped afterwards; None for nothing."""
         return None
 
-    def loss_with(self, network: Any, batch: Batch, head: nn.Module) -> dict[str, Tensor]:
-        """As `loss`, with the head that `head` gave."""
-        return self.loss(network, batch)
-
     @abstractmethod
     def learning(self, network: Any) -> set[str]:
         """Names of the parameters that learn."""
 
     @abstractmethod
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Verdict:
+    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
         """How good the network is on batches that it does not learn from."""
 
     @property
     @abstractmethod
     def without_labels(self) -> str | None:
         """What to do about scenes of which none has labels; None if it can learn from them as they are."""
-
-    @property
-    def without_depth(self) -> str | None:
-        """What to do about a scene without true depth; None if it can learn from it as it is."""
-        return None
 
 
 class Objective(nn.Module):
@@ -79,9 +77,7 @@ class Objective(nn.Module):
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """Each of `TERMS` as a number, `total` with its gradient; all are NaN if there is no loss."""
-        if self.head is None:
-            return self.supervision.loss(self.network, batch)
-        return self.supervision.loss_with(self.network, batch, self.head)
+        return self.supervision.loss(self.network, batch, self.head)
 
 
 def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields, replace
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import terms_text
-from semgs.files import folders
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
@@ -20,12 +22,12 @@ from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches
 from semgs.rooms.assets.lock import lock_digest
 from semgs.training.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
-from semgs.training.differences import changed, told
+from semgs.training.differences import changed, listed
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import averaged_weights
 from semgs.training.survey.record import RECORD, data_terms_of, scenes_of
 from semgs.weights.file import save
-from semgs.weights.load import DATA_TERMS, SCENES, drawn
+from semgs.weights.load import DATA_TERMS, SCENES, untrained
 from semgs.weights.start import start
 
 SETTINGS = "settings.json"
@@ -49,13 +51,9 @@ def claim(out: Path, settings: TrainingSettings) -> None:
     record = out / SETTINGS
     if record.exists():
         there = read_settings(out)
-        other = changed(settings, replace(there, steps=max(there.steps, settings.steps)))
-        if other:
-            listed = ", ".join(
-                f"{name} = {told(begun)} there, {told(asked)} asked" for name, (asked, begun) in other.items()
-            )
+        if other := changed(settings, replace(there, steps=max(there.steps, settings.steps))):
             raise ValueError(
-                f"{out} holds a run of other settings: {listed}; give the same ones or another folder "
+                f"{out} holds a run of other settings: {listed(other, 'asked')}; give the same ones or another folder "
                 "(of a run that has begun only steps may change, and only grow)"
             )
         return
@@ -79,14 +77,24 @@ def prolong(out: Path, settings: TrainingSettings) -> None:
         write_json(out / SETTINGS, replace(there, steps=settings.steps).as_json())
 
 
-def alone(out: Path) -> AbstractContextManager[None]:
-    """Be the only one that trains into a run folder, until the block or the process ends; where the system has no locks, hope so.
+def alone(out: Path) -> AbstractContextManager[object]:
+    """Be the only process that trains into a run folder, from this call until the block or the process ends.
 
     Raises:
         InputError: another process trains into it.
     """
-    # Not the settings, which are replaced when the run becomes longer.
-    return folders.alone(out / LOCK, "a run that nobody trains", "one that another process is training")
+    # The lock is a file of its own: the settings are replaced when the run becomes longer.
+    try:
+        return FileLock(out / LOCK).acquire(timeout=0)
+    except Timeout as error:
+        raise InputError(
+            out, "a run that nobody trains", "one that another process is training",
+            advice="end that first, or name another folder",
+        ) from error  # fmt: skip
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):
+            raise
+        return nullcontext()  # a file system without locks
 
 
 def hold_assets(out: Path, folders: Sequence[str]) -> None:
@@ -148,7 +156,7 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
         write_json(record, model.settings.as_json())
         return model
     try:
-        return drawn(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, classes)
+        return untrained(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, classes)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             record, "the settings of a network", f"{type(error).__name__}: {error}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -34,7 +34,7 @@ TRIES = 20
 
 
 @dataclass(frozen=True)
-class Sample:
+class TrainingSample:
     """One scene of a batch.
 
     Attributes:
@@ -65,52 +65,75 @@ class Folder:
     chances: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class Mixture:
+    """Where scenes come from.
+
+    Attributes:
+        rooms: generated live or pooled, None for none; their counts of views are those of all samples of the group.
+        folders: the scenes of every other source.
+        weights: of the rooms, if there are any, then of each folder.
+    """
+
+    rooms: RoomSamples | PooledSamples | None
+    folders: tuple[Folder, ...]
+    weights: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What every sample is made to be.
+
+    Attributes:
+        size: image (height, width) [px].
+        contexts: fewest and most input views; rooms have counts of their own.
+        targets: views to compare with.
+        classes: the table that labels are converted to.
+        frames: which frames of a scene in a folder go together.
+        augmentation: random changes.
+        halved: samples before this number have half the size.
+    """
+
+    size: tuple[int, int]
+    contexts: tuple[int, int]
+    targets: int
+    classes: ClassTable
+    frames: Literal["covisible", "consecutive"] = "covisible"
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    halved: int = 0
+
+
 class Samples:
-    """The samples of a run: sample k is of one of the sources, drawn by its weight, and the same whoever asks for it.
+    """The samples of a run: the source of sample k is chosen at random by its weight; sample k depends on the seed and k alone.
 
     Args:
         seed: of every choice; rooms have one of their own, as their stream has.
-        size: image (height, width) [px].
+        mixture: where scenes come from.
+        form: what every sample is made to be.
         group: samples k with equal k // group have equal counts of views.
-        rooms: rooms drawn live or pooled, None for none; their counts of views are those of all samples of the group.
-        folders: the scenes of every other source.
-        weights: of the rooms, if there are any, then of each folder.
-        counts: of views, where there are no rooms: fewest and most contexts, and targets.
-        classes: the table that labels are brought to.
-        augmentation: of every sample.
-        frames: which frames of a scene in a folder go together.
-        turns: which scene each sample is of, for samples of a single picture; None draws them.
-        teacher: of single pictures, if there is one.
-        halved: samples before this number have half the size.
+        turns: which scene each sample shows, for samples of a single image; None chooses scenes at random.
+        teacher: of single images, if there is one.
     """
 
     def __init__(
         self,
         seed: int,
-        size: tuple[int, int],
+        mixture: Mixture,
+        form: Form,
         group: int,
-        rooms: RoomSamples | PooledSamples | None,
-        folders: Sequence[Folder],
-        weights: Sequence[float],
-        counts: tuple[tuple[int, int], int],
-        classes: ClassTable,
-        augmentation: Augmentation,
-        frames: Literal["covisible", "consecutive"] = "covisible",
         turns: Turns | None = None,
         teacher: Teacher | None = None,
-        halved: int = 0,
     ) -> None:
-        self._seed, self._size, self._group, self._halved = seed, size, group, halved
-        self._rooms, self._folders, self._counts = rooms, tuple(folders), counts
-        self._chances = np.array(weights, dtype=np.float64) / sum(weights)
-        self._classes, self._augmentation = classes, augmentation
-        self._choose = {"covisible": drawn, "consecutive": consecutive}[frames]
+        self._seed, self._form, self._group = seed, form, group
+        self._rooms, self._folders = mixture.rooms, mixture.folders
+        self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
+        self._choose = {"covisible": drawn, "consecutive": consecutive}[form.frames]
         self._turns, self._teacher = turns, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0
 
-    def __getitem__(self, k: int) -> Sample:
-        """Sample k.
+    def __getitem__(self, k: int) -> TrainingSample:
+        """TrainingSample k.
 
         Raises:
             InputError: twenty scenes, one after the other, could not be read.
@@ -119,14 +142,13 @@ class Samples:
         source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances)) if turn is None else turn.source
         if self._rooms is not None and source == 0:
             context, target = self._rooms[k]
-            sample = Sample(context, target, f"room {self._rooms.seed}/{k}")
+            sample = TrainingSample(context, target, f"room {self._rooms.seed}/{k}")
         else:
             sample = self._from_files(k, self._folders[source - (self._rooms is not None)], turn)
-        vary = Variation(self._augmentation, self._seed, k)
-        height, width = self._size
-        size = self._size if k >= self._halved else (height // 2, width // 2)
+        form, vary = self._form, Variation(self._form.augmentation, self._seed, k)
+        size = form.size if k >= form.halved else (form.size[0] // 2, form.size[1] // 2)
         context, target = (
-            vary(completed(relabelled(views, self._classes)), size) for views in (sample.context, sample.target)
+            vary(completed(relabelled(views, form.classes)), size) for views in (sample.context, sample.target)
         )
         taught = None
         if self._teacher is not None:
@@ -140,11 +162,11 @@ class Samples:
         if self._rooms is not None:
             _, contexts, targets = self._rooms.choice(k)
             return len(contexts), len(targets)
-        (fewest, most), others = self._counts
-        return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), others
+        fewest, most = self._form.contexts
+        return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), self._form.targets
 
-    def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> Sample:
-        """Sample k from the first scene that can be read: the one whose turn it is, then those drawn for it."""
+    def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> TrainingSample:
+        """TrainingSample k from the first scene that can be read: the one whose turn it is, then those drawn for it."""
         rng = self._generator(k, 5)
         bad: dict[str, str] = {}
         for attempt in range(TRIES):
@@ -161,22 +183,22 @@ class Samples:
         first, why = next(iter(bad.items()))
         raise InputError(first, "a scene that can be read", why)
 
-    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> Sample:
+    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> TrainingSample:
         """Frames of a scene that go together, drawn."""
         contexts, targets = self.counts(k)
         scene, bounds = self._opened(path)
         choice = self._choose(scene, bounds, contexts, targets, rng)
         views = self._read(scene, bounds, [*choice.context, *choice.targets])
         context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
-        return Sample(context, target, scene.name)
+        return TrainingSample(context, target, scene.name)
 
-    def _single(self, path: Path, turn: Turn) -> Sample:
+    def _single(self, path: Path, turn: Turn) -> TrainingSample:
         """One frame of a scene, the one whose turn it is, and nothing to compare with."""
         scene, bounds = self._opened(path)
         frame = frame_of(self._seed, turn, len(scene))
         views = self._read(scene, bounds, [frame], with_depths=False)
         taught = None if self._teacher is None else self._teacher.maps(scene, frame)
-        return Sample(views, views.select([]), scene.name, taught=taught)
+        return TrainingSample(views, views.select([]), scene.name, taught=taught)
 
     def _opened(self, path: Path) -> tuple[Scene, DepthRange]:
         """A scene and its near and far, kept for the next time."""

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
-from semgs.objectives.weights import DepthLossWeights, LossWeights
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo
 from semgs.training.source import ROOMS, Source
 

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from semgs.training.engine import launched
+from semgs.training.execution import Execution
 from semgs.training.objective import Objective, Supervision
 
 HEAD = "head."
@@ -35,7 +36,7 @@ class TrainingState:
         step: how many steps have been taken, skipped ones included; also the number of the next batch.
         skipped: steps without a finite gradient so far.
         skipped_in_a_row: those of them since the last good step.
-        seconds: time spent so far, over all sittings.
+        seconds: time spent so far, over all sessions.
         best_step, best_score: of the best validation so far; -1 and -inf before the first.
         head: what learns beside the model and is in no file of weights; None for nothing.
     """
@@ -79,7 +80,7 @@ class TrainingState:
         for name, parameter in model.named_parameters():
             parameter.requires_grad_(name in learning)
         model.train()
-        fabric = fabric or launched(next(model.parameters()).device.type)
+        fabric = fabric or launched(Execution(next(model.parameters()).device.type))
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
         objective = Objective(model, supervision)

@@ -15,14 +15,17 @@ from semgs.files.errors import InputError
 from semgs.model.encoding import Encoding
 from semgs.model.semantic import ClassMaps
 from semgs.objectives.depth_losses import depth_losses
-from semgs.objectives.losses import coarse_cross_entropy, depth_error, losses
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
+from semgs.objectives.losses import cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
-from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.objective import TERMS, Supervision, all_views, render_targets
-from semgs.training.pictures import class_strip, strip
 from semgs.training.settings import TrainingSettings
+from semgs.training.strips import class_strip, strip
 from semgs.training.teacher import divergence, teacher_of
-from semgs.training.validation import Comparison, DepthValidation, Validation, validate, validate_depth
+from semgs.training.validation import Comparison, Validation, validate, validate_depth
+
+ONLY_LABELS = "give --supervision rendered"
+"""What to do about scenes without labels, if labels are all that it learns from."""
 
 
 def supervision_of(settings: TrainingSettings) -> Supervision:
@@ -75,7 +78,7 @@ class Rendered(Supervision):
     depth_weight: float = 0.0
     context_targets: bool = False
 
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """The paper's terms and the depth error; all are NaN if the Gaussians cannot be drawn."""
         encoding = network(batch.context)
         if not _can_be_drawn(encoding):
@@ -85,19 +88,15 @@ class Rendered(Supervision):
         depth = torch.zeros_like(terms.total)
         if self.depth_weight and batch.context.depths is not None:
             depth = depth_error(encoding.depths, batch.context.depths.to(encoding.depths.device))
-        found = {
-            "semantic": terms.semantic,
-            "colour": terms.colour,
-            "smoothness": terms.smoothness,
-            "depth": depth,
-            "gradients": torch.zeros_like(depth),
-            "distribution": torch.zeros_like(depth),
-            "psnr": psnr(rendering.images, target.images).mean(),
-            "unlabelled": terms.total.new_tensor(float(terms.unlabelled)),
-        }
-        return {"total": terms.total + self.depth_weight * depth} | {
-            name: term.detach() for name, term in found.items()
-        }
+        return _terms(
+            terms.total + self.depth_weight * depth,
+            semantic=terms.semantic,
+            colour=terms.colour,
+            smoothness=terms.smoothness,
+            depth=depth,
+            psnr=psnr(rendering.images, target.images).mean(),
+            unlabelled=terms.total.new_tensor(float(terms.unlabelled)),
+        )
 
     def learning(self, network: Any) -> set[str]:
         """All of them."""
@@ -123,10 +122,12 @@ class Labels(Supervision):
         hold_shared: keep the layers that both branches share as they are.
     """
 
+    without_labels = ONLY_LABELS
+
     class_weights: tuple[float, ...] | None = None
     hold_shared: bool = False
 
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """The cross-entropy of the input views.
 
         Raises:
@@ -142,11 +143,6 @@ class Labels(Supervision):
         """Scores of the input views' classes."""
         return validate(network, batches, lambda model, batch: _classified(model.classify(batch.context), batch))
 
-    @property
-    def without_labels(self) -> str | None:
-        """Labels are all that it learns from."""
-        return "give --supervision rendered"
-
 
 @dataclass(frozen=True)
 class Pictures(Supervision):
@@ -161,20 +157,12 @@ class Pictures(Supervision):
     """
 
     measures: ClassVar[bool] = True
+    without_labels = ONLY_LABELS
 
     class_weights: tuple[float, ...] | None = None
     hold_shared: bool = False
     teacher_classes: int = 0
     teacher_weight: float = 1.0
-
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
-        """The cross-entropy of all views.
-
-        Raises:
-            ValueError: they have no labels.
-        """
-        views = all_views(batch)
-        return _label_terms(network, network.class_maps(views, alone=True), views, self.class_weights, "pictures")
 
     def head(self, network: Any) -> nn.Module | None:
         """From the evidence of the network's classes to the teacher's, linear, zero at first.
@@ -195,17 +183,19 @@ class Pictures(Supervision):
             nn.init.zeros_(parameter)
         return head.to(next(network.parameters()).device)
 
-    def loss_with(self, network: Any, batch: Batch, head: nn.Module) -> dict[str, Tensor]:
-        """The cross-entropy and, in `total` only, the divergence from the teacher.
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
+        """The cross-entropy of all views and, with a head and in `total` only, the divergence from the teacher.
 
         Raises:
             ValueError: the views have no labels, or there is nothing of the teacher.
         """
-        if batch.taught is None:
-            raise ValueError("the batch has nothing of the teacher; expected its probabilities beside the pictures")
         views = all_views(batch)
         maps = network.class_maps(views, alone=True)
         terms = _label_terms(network, maps, views, self.class_weights, "pictures")
+        if head is None:
+            return terms
+        if batch.taught is None:
+            raise ValueError("the batch has nothing of the teacher; expected its probabilities beside the pictures")
         taught = batch.taught.flatten(end_dim=-4).to(maps.distributions.device)
         second = divergence(head(maps.evidence), taught).mean()
         return terms | {"total": terms["total"] + self.teacher_weight * second}
@@ -220,11 +210,6 @@ class Pictures(Supervision):
             network, batches, lambda model, batch: _classified(model.classify(batch.context, alone=True), batch)
         )
 
-    @property
-    def without_labels(self) -> str | None:
-        """Labels are all that it learns from."""
-        return "give --supervision rendered"
-
 
 @dataclass(frozen=True)
 class Depth(Supervision):
@@ -237,10 +222,13 @@ class Depth(Supervision):
         hold_shared: keep the layers that both branches share as they are.
     """
 
+    without_labels = None
+    without_depth: ClassVar[str | None] = "leave them out, or give --supervision rendered"
+
     losses: DepthLossWeights = field(default_factory=DepthLossWeights)
     hold_shared: bool = False
 
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """The depth terms of the input views; there is no PSNR.
 
         Raises:
@@ -249,31 +237,22 @@ class Depth(Supervision):
         if batch.context.depths is None:
             raise ValueError("the scenes have no depth; supervision by depth needs it")
         terms = depth_losses(network.sweep(batch.context), batch.context.depths, self.losses)
-        none = terms.total.new_zeros(())
-        found = {"depth": terms.log, "gradients": terms.gradients, "distribution": terms.distribution}
-        return (
-            dict.fromkeys(TERMS, none)
-            | {"total": terms.total, "psnr": none + torch.nan}
-            | {name: term.detach() for name, term in found.items()}
-        )
+        return _terms(terms.total, depth=terms.log, gradients=terms.gradients, distribution=terms.distribution)
 
     def learning(self, network: Any) -> set[str]:
         """What the plane sweep depends on, without the shared layers if they are held."""
         return network.depth_parameters(not self.hold_shared)
 
-    def validate(self, network: Any, batches: Sequence[Batch]) -> DepthValidation:
+    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
         """Errors of the input views' depth."""
         return validate_depth(network, batches)
 
-    @property
-    def without_labels(self) -> str | None:
-        """Nothing: no label counts."""
-        return None
 
-    @property
-    def without_depth(self) -> str | None:
-        """Depth is all that it learns from."""
-        return "leave them out, or give --supervision rendered"
+def _terms(total: Tensor, **found: Tensor) -> dict[str, Tensor]:
+    """Each of `TERMS`: the total with its gradient, and those found without; PSNR is NaN unless it was found, the others are 0."""
+    none = total.new_zeros(())
+    terms = dict.fromkeys(TERMS, none) | {"psnr": none + torch.nan} | found
+    return {name: term.detach() for name, term in terms.items()} | {"total": total}
 
 
 def _label_terms(
@@ -288,11 +267,8 @@ def _label_terms(
         raise ValueError(f"the scenes have no labels; supervision by {supervision} needs them")
     distributions = maps.distributions.flatten(end_dim=-4)
     labels = views.labels.to(distributions.device).flatten(end_dim=-3)
-    total = coarse_cross_entropy(distributions, labels, network.stride, class_weights).mean()
-    none = total.new_zeros(())
-    unlabelled = (labels == IGNORE).flatten(1).all(1).sum().to(total)
-    found = dict.fromkeys(TERMS, none) | {"semantic": total.detach(), "psnr": none + torch.nan}
-    return found | {"total": total, "unlabelled": unlabelled}
+    total = cross_entropy(distributions, labels, class_weights, network.stride).mean()
+    return _terms(total, semantic=total, unlabelled=(labels == IGNORE).flatten(1).all(1).sum().to(total))
 
 
 def _rendered(network: Any, batch: Batch) -> Comparison:
@@ -309,24 +285,11 @@ def _classified(distributions: Tensor, batch: Batch) -> Comparison:
 
 def _can_be_drawn(encoding: Encoding) -> bool:
     """Whether every number of the Gaussians is finite."""
-    finite: list[bool] = []
-
-    def look(tensor: Tensor) -> Tensor:
-        finite.append(bool(torch.isfinite(tensor.detach()).all()))
-        return tensor
-
-    encoding.gaussians.map(look)
-    return all(finite)
+    return all(bool(tensor.detach().isfinite().all()) for tensor in encoding.gaussians.tensors().values())
 
 
 def _broken(encoding: Encoding) -> dict[str, Tensor]:
     """NaN for every term, with a gradient to everything, so that processes that share a step agree that it is none."""
-    held: list[Tensor] = [encoding.depths]
-
-    def hold(tensor: Tensor) -> Tensor:
-        held.append(tensor)
-        return tensor
-
-    encoding.gaussians.map(hold)
-    total = torch.stack([tensor.sum() for tensor in held]).sum() * torch.nan
-    return {name: total if name == "total" else total.detach() for name in TERMS}
+    tensors = (encoding.depths, *encoding.gaussians.tensors().values())
+    total = torch.stack([tensor.sum() for tensor in tensors]).sum() * torch.nan
+    return dict.fromkeys(TERMS, total.detach()) | {"total": total}

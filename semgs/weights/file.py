@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import save as to_bytes
+from torch import nn
 
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
@@ -194,8 +195,14 @@ def _content(path: str | Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]
     return header, tensors
 
 
-def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> None:
-    """Put tensors into a network, strictly.
+def fill(model: nn.Module, tensors: dict[str, torch.Tensor], path: str | Path, of: str) -> None:
+    """Put tensors into a network, strictly; on an error it is left as it was.
+
+    Args:
+        model: takes all of its tensors from the file.
+        tensors: of the file.
+        path: the file, for errors.
+        of: what the network is called there.
 
     Raises:
         InputError: a tensor is missing, unknown, of another shape or not finite; it is named.
@@ -203,11 +210,12 @@ def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> No
     wanted = model.state_dict()
     for name, tensor in wanted.items():
         if name not in tensors:
-            raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}", "none", key=name)
+            raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}, as in {of}", "none", key=name)
         if tensors[name].shape != tensor.shape:
-            raise InputError(path, f"shape {tuple(tensor.shape)}", f"{tuple(tensors[name].shape)}", key=name)
+            shape = f"shape {tuple(tensor.shape)}, as in {of}"
+            raise InputError(path, shape, f"{tuple(tensors[name].shape)}", key=name)
     if extra := sorted(tensors.keys() - wanted.keys()):
-        raise InputError(path, f"the {len(wanted)} tensors of {model.name}", "one more", key=extra[0])
+        raise InputError(path, f"the {len(wanted)} tensors of {of}", "one more", key=extra[0])
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise InputError(path, "finite numbers", "one that is not", key=name)

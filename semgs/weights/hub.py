@@ -81,13 +81,8 @@ def fetched(text: str) -> Path:
     stated = file.lfs.sha256 if file.lfs else None
     expected = asked.sha256 or stated
     if expected is None:
-        raise InputError(
-            text,
-            "a file whose sha256 the repository states",
-            "one outside LFS",
-            file.rfilename,
-            "give it: @sha256:HASH",
-        )
+        known = "a file whose sha256 the repository states"
+        raise InputError(text, known, "one outside LFS", file.rfilename, "give it: @sha256:HASH")
     if stated not in (None, expected):
         raise InputError(text, f"sha256 {expected}", f"{stated}, as the repository states", file.rfilename)
     try:

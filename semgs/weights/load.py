@@ -16,7 +16,7 @@ from semgs.data.terms import Terms, TermsWarning, terms_from
 from semgs.files.errors import InputError
 from semgs.files.paths import found_at, typed_path
 from semgs.files.strict_json import parse_json
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
@@ -66,22 +66,28 @@ def load(
     if weights is None and (is_hub_id(name) or found_at(typed_path(name)) == "a file"):
         name, weights = find(name)
     name = str(name)
-    if name not in presets.NAMES:
+    if name not in networks.NAMES:
         raise ValueError(
-            f"unknown model {name!r}; known: {', '.join(presets.NAMES)}, a file of weights, {SCHEME}OWNER/NAME"
+            f"unknown model {name!r}; known: {', '.join(networks.NAMES)}, a file of weights, {SCHEME}OWNER/NAME"
         )
     if weights is None:
         weights = shipped(name)
         if weights is None:
             raise ValueError(f'no weights ship for "{name}"; pass a file, or weights="random" for an untrained network')
     if str(weights) == "random":
-        return _ready(drawn(presets.PRESETS[name](), seed, classes))
+        return _ready(untrained(networks.NETWORKS[name](), seed, classes))
     path = _local(weights)
     if (found := found_at(path)) != "a file":
         raise InputError(path, "a file of weights", found)
     if is_ours(path):
         return _ready(_ours(name, path, classes))
     return _ready(_mvsplats(name, path, seed, classes))
+
+
+def other_table(path: Path, wanted: ClassTable, found: ClassTable, advice: str | None = None) -> InputError:
+    """The error of weights that are made for another class table."""
+    expected, there = (f"{one.name} ({len(one)} classes)" for one in (wanted, found))
+    return InputError(path, f"class table {expected}", there, key="classes", advice=advice)
 
 
 def _ready(model: SemGS) -> SemGS:
@@ -100,13 +106,13 @@ def find(weights: str | Path) -> tuple[str, Path]:
         ImportError: a hub id is given and huggingface_hub is not installed.
     """
     path = _local(weights)
-    if str(weights) in presets.NAMES:
+    if str(weights) in networks.NAMES:
         inside = shipped(str(weights))
         if inside is None:
             raise ValueError(f'no weights ship for "{weights}"; name a file')
         return str(weights), inside
     if (found := found_at(path)) != "a file":
-        names = [name for name in presets.NAMES if shipped(name)]
+        names = [name for name in networks.NAMES if shipped(name)]
         raise InputError(path, f"a file of weights, or {' or '.join(names)}", found)
     return (read_header(path).settings.name if is_ours(path) else "mvsplat"), path
 
@@ -167,7 +173,7 @@ def _terms_in(metadata: Mapping[str, str], path: Path) -> tuple[Terms, ...]:
         raise InputError(path, "terms of data as JSON", f"{type(error).__name__}: {error}", key=DATA_TERMS) from error
 
 
-def drawn(settings: NetworkSettings, seed: int, classes: ClassTable | None = SCANNET20) -> SemGS:
+def untrained(settings: NetworkSettings, seed: int, classes: ClassTable | None = SCANNET20) -> SemGS:
     """An untrained network of these settings; the caller's random state is left as it was."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -192,15 +198,10 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
     if header.settings.name != name:
         raise InputError(path, f'weights of "{name}"', f'weights of "{header.settings.name}"', key="settings.name")
     if header.classes is not None and header.classes != classes:
-        raise InputError(
-            path,
-            f"class table {classes.name} ({len(classes)} classes)",
-            f"{header.classes.name} ({len(header.classes)} classes)",
-            key="classes",
-        )
+        raise other_table(path, classes, header.classes)
     with as_large_as(path):
         model = build(header.settings, header.classes)
-    fill(model, read_tensors(path), path)
+    fill(model, read_tensors(path), path, model.name)
     if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
         told = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
         warnings.warn(told, TermsWarning, stacklevel=3)
@@ -238,7 +239,7 @@ def as_large_as(path: Path) -> Iterator[None]:
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
     if name == "small":
         raise InputError(path, 'weights of "small", written by semgs', "another file")
-    return from_mvsplat(drawn(presets.PRESETS[name](), seed, classes), path, seed)
+    return from_mvsplat(untrained(networks.NETWORKS[name](), seed, classes), path, seed)
 
 
 def semantic_tensors(model: SemGS) -> frozenset[str]:
@@ -257,7 +258,7 @@ def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
     foreign = mvsplat.renamed(tensors, path)
     semantic = semantic_tensors(model)
     fresh = {key: value for key, value in own.items() if key not in foreign and key in semantic}
-    fill(model, foreign | fresh, path)
+    fill(model, foreign | fresh, path, model.name)
     model.origin = f"{path.name}: all {len(foreign)} tensors of MVSplat taken" + (
         f"; {len(fresh)} tensors of the semantic branch drawn at random with seed {seed}" if fresh else ""
     )

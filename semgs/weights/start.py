@@ -8,12 +8,12 @@ from typing import Any
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
-from semgs.model.presets import NAMES, PRESETS
+from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import switched, switches_of
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
-from semgs.weights.load import as_large_as, drawn, find, from_mvsplat, load, semantic_tensors, shipped
+from semgs.weights.load import as_large_as, find, from_mvsplat, load, other_table, semantic_tensors, shipped, untrained
 from semgs.weights.published import is_published, with_backbone
 
 SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
@@ -62,18 +62,20 @@ def start(
         )  # fmt: skip
         return with_backbone(begun, backbone)
     if init == "random":
-        return drawn(_switched(PRESETS[name](), asked), seed, classes).eval()
+        return untrained(_switched(NETWORKS[name](), asked), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
         raise InputError(
             init, "random, a file of weights, or a name under which some ship", "a name under which none do"
         )
     _, path = find(init)
     if is_published(path):
-        return with_backbone(drawn(_switched(PRESETS[name](), {"class_backbone": True, **asked}), seed, classes), path)
+        return with_backbone(
+            untrained(_switched(NETWORKS[name](), {"class_backbone": True, **asked}), seed, classes), path
+        )
     if not is_ours(path):
         if not asked or name == "small":
             return load(name, path, seed=seed, classes=classes)
-        return from_mvsplat(drawn(_switched(PRESETS[name](), asked), seed, classes), path, seed)
+        return from_mvsplat(untrained(_switched(NETWORKS[name](), asked), seed, classes), path, seed)
     header = read_header(path)
     there = switches_of(header.settings)
     for key, value in asked.items():
@@ -87,10 +89,7 @@ def start(
         return load(name, path, classes=classes)  # which refuses it
     fresh_semantics |= wanted.semantic != header.settings.semantic
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
-        raise InputError(
-            path, f"class table {classes.name} ({len(classes)} classes)", f"{header.classes.name} ({len(header.classes)} classes)",
-            key="classes", advice="name the table to train on with --classes FILE",
-        )  # fmt: skip
+        raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
     fresh_classes = header.classes != classes
     if fresh_semantics or fresh_classes or wanted != header.settings:
         return _lent(path, wanted, classes, seed, fresh_classes, fresh_semantics)
@@ -125,7 +124,7 @@ def _lent(
         fresh_semantics: draw the whole semantic branch.
     """
     with as_large_as(path):
-        model = drawn(settings, seed, classes)
+        model = untrained(settings, seed, classes)
     own = model.state_dict()
     theirs = {key: one for key, one in read_tensors(path).items() if key in own or not key.startswith(ADDED)}
     added = [name for name in own if name.startswith(ADDED) and name not in theirs]
@@ -151,6 +150,6 @@ def _lent(
         notes.append(
             f"drawn anew for the {len(classes)} classes of {classes.name} with seed {seed}: {', '.join(names)}"
         )
-    fill(model, kept, path)
+    fill(model, kept, path, model.name)
     model.origin = f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; {'; '.join(notes)}"
     return model

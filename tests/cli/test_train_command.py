@@ -14,7 +14,7 @@ from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.cli.main import main
 from semgs.cli.train import Train
-from semgs.objectives.weights import DepthLossWeights
+from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.training.presets import base, from_preset, paper, small
 from semgs.training.settings import CLASS_WEIGHTINGS
 

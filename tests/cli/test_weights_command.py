@@ -10,9 +10,9 @@ import pytest
 from semgs.cli.main import main
 from semgs.data.terms import TermsWarning
 from semgs.weights.file import save
+from semgs.weights.header_scores import KEY, Figure, Score, scores_text
 from semgs.weights.index import SHOWN, read_index
 from semgs.weights.load import load, shipped
-from semgs.weights.scores import KEY, Figure, Score, scores_text
 
 
 def test_what_ships_is_listed_with_hash_and_licence(capsys: pytest.CaptureFixture[str]):

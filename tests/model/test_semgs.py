@@ -12,7 +12,7 @@ from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
 from semgs.model.depth import Depth
 from semgs.model.encoding import Encoding
-from semgs.model.scene import Padded
+from semgs.model.padded import Padded
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches, switches_of
 from semgs.model.switches import switched as with_switches

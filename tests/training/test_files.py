@@ -23,7 +23,7 @@ from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.faults import BadScenes
-from semgs.training.loop import fit
+from semgs.training.loop import Feed, fit
 from semgs.training.samples import Folder, Samples, completed, relabelled
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.source import Source
@@ -135,10 +135,10 @@ def test_bad_scenes_that_a_worker_found_end_the_loop(network, batch, settings, t
     state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     seen = [Portion((batch(0),)), Portion((batch(1),), bad=(("x", "cut short"),)), Portion((batch(2),))]
     with pytest.raises(InputError, match="bad scenes"):
-        fit(state, settings, tmp_path, seen, [], scenes=19)
+        fit(state, settings, tmp_path, Feed(seen, scenes=19), Session())
     assert state.step == 1
     with pytest.raises(InputError, match="expected air"):
-        fit(state, settings, tmp_path, [Portion((), failure=InputError("x", "air", "none"))], [])
+        fit(state, settings, tmp_path, Feed([Portion((), failure=InputError("x", "air", "none"))]), Session())
 
 
 def test_a_training_needs_scenes_with_as_many_frames_as_a_sample(scans, tmp_path):
@@ -315,7 +315,7 @@ def test_samples_and_frames_of_a_scene_far_from_its_origin_are_near_one(tmp_path
     drawn = []
     for name, change in (("near", lambda scene: None), ("far", far)):
         folder = write_labelled(tmp_path / name, 1, change=change)
-        samples = Samples(3, SETTINGS.size, 1, None, [Folder((folder,))], [1.0], ((2, 2), 1), SCANNET20, Augmentation())
+        samples = Samples(3, Mixture(None, (Folder((folder,)),), (1.0,)), Form(SETTINGS.size, (2, 2), 1, SCANNET20), 1)
         drawn.append(samples[0])
         scene = open_scene(folder)
         frame = read_frame(Task(scene, SETTINGS.size, protocols.Sample((0, 1), 2)), 2, (0.5, 10.0))

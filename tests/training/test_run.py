@@ -12,10 +12,11 @@ import pytest
 
 from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.objectives.weights import DepthLossWeights, LossWeights
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo
 from semgs.training.checkpoints import save_checkpoint
 from semgs.training.differences import differences
+from semgs.training.execution import Execution
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
 from semgs.training.run import NETWORK, alone, claim, export_weights, network, prolong, read_settings
@@ -143,7 +144,7 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
         assert other.stdout.readline() == "held\n"
         before = {file: file.read_bytes() for file in out.iterdir()}
         with pytest.raises(InputError, match="another process is training"):
-            train(settings, out, workers=0)
+            train(settings, out, Execution(workers=0))
         assert {file: file.read_bytes() for file in out.iterdir()} == before
         other.kill()
     with alone(out):

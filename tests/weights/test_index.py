@@ -13,8 +13,8 @@ from safetensors.torch import load_file
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.weights.file import count_parameters, read_header, restate, save
+from semgs.weights.header_scores import KEY, Figure, Score, read_scores, scores_text
 from semgs.weights.index import FILE_NAME, check, matching, read_index, shipped_folder, write_index
-from semgs.weights.scores import KEY, Figure, Score, read_scores, scores_text
 
 SCORE = Score("rooms", "neighbours", 2, 96, "ab" * 32, {"miou": Figure(0.5, 0.4, 0.6), "psnr": Figure(25.0)})
 

@@ -129,15 +129,15 @@ def test_every_one_of_the_471_is_missed_by_its_name_and_measured(state, monkeypa
         model = preset("mvsplat")
     wanted = model.state_dict()
     monkeypatch.setattr(model, "state_dict", lambda: wanted)
-    tensors = renamed(state, Path("re10k.ckpt"))
+    tensors = renamed(state, Path("re10k.ckpt"), model.name)
     for name, tensor in tensors.items():
         rest = {key: value for key, value in tensors.items() if key != name}
         with pytest.raises(InputError, match=f"{re.escape(name)}: expected a tensor of shape"):
-            fill(model, rest, Path("re10k.ckpt"))
+            fill(model, rest, Path("re10k.ckpt"), model.name)
         with pytest.raises(InputError, match=f"{re.escape(name)}: expected shape"):
-            fill(model, rest | {name: tensor[None]}, Path("re10k.ckpt"))
+            fill(model, rest | {name: tensor[None]}, Path("re10k.ckpt"), model.name)
     with pytest.raises(InputError, match=r"cnn\.surplus"):
-        fill(model, tensors | {"cnn.surplus": torch.zeros(2)}, Path("re10k.ckpt"))
+        fill(model, tensors | {"cnn.surplus": torch.zeros(2)}, Path("re10k.ckpt"), model.name)
 
 
 @pytest.mark.parametrize("network", ["mvsplat", "base"])

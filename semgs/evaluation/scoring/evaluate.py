@@ -21,7 +21,7 @@ from semgs.evaluation.scoring.scores import FrameScores, score
 from semgs.evaluation.scoring.similarity import perceptual_distance
 from semgs.evaluation.scoring.summary import extremes
 from semgs.files.errors import InputError
-from semgs.model.plan import NotEnoughMemoryError
+from semgs.model.memory_plan import NotEnoughMemoryError
 
 PREDICTIONS = "predictions"
 """Folder of what a method said, in the form that `--predictions` reads."""

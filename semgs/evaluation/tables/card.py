@@ -9,7 +9,7 @@ from semgs.evaluation.tables.compare import MARKED, ROWS
 from semgs.evaluation.tables.grid import Cell, Grid
 from semgs.evaluation.tables.report import SavedReport, SavedResult
 from semgs.evaluation.tables.texts import TITLES, shown_number, with_interval
-from semgs.weights.scores import Figure
+from semgs.weights.header_scores import Figure
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
 """The columns."""

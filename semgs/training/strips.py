@@ -49,12 +49,9 @@ def _depth_panels(depths: Float[Tensor, "*batch v h w"], views: Views) -> list[U
 
 def _first_view(rendering: Rendering) -> Rendering:
     """The first view of the first scene, without batch axes."""
-    return Rendering(
-        images=rendering.images.flatten(end_dim=-4)[:1],
-        semantics=None if rendering.semantics is None else rendering.semantics.flatten(end_dim=-4)[:1],
-        depths=rendering.depths.flatten(end_dim=-3)[:1],
-        alphas=rendering.alphas.flatten(end_dim=-3)[:1],
-    )
+    first = (0,) * (rendering.depths.ndim - 3)
+    semantics = None if rendering.semantics is None else rendering.semantics[first][:1]
+    return Rendering(rendering.images[first][:1], semantics, rendering.depths[first][:1], rendering.alphas[first][:1])
 
 
 def _first(maps: Tensor, axes: int) -> np.ndarray:

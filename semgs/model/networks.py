@@ -1,4 +1,4 @@
-"""Presets: the networks that have names. A preset is a function that returns settings."""
+"""The networks that have names, as functions that return settings."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def mvsplat() -> NetworkSettings:
     )
 
 
-PRESETS = {"small": small, "base": base, "base_text": base_text, "mvsplat": mvsplat}
+NETWORKS = {"small": small, "base": base, "base_text": base_text, "mvsplat": mvsplat}
 """By their names."""
 
-NAMES = tuple(PRESETS)
+NAMES = tuple(NETWORKS)
