@@ -15,7 +15,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.networks import base
 from semgs.model.semgs import SemGS
 from semgs.rooms.sets.demo import demo_scene
-from semgs.weights.load import load
+from semgs.weights.load import load, untrained
 
 TARGET = 5
 """Frame of the embedded room that is drawn."""
