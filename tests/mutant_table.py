@@ -571,7 +571,7 @@ MUTANTS = (
         ("tests/training/test_step.py::test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted",),
     ),
     Mutant(
-        "all processes take the same scenes", "semgs/training/batches.py",
+        "all processes take the same scenes", "semgs/training/execution.py",
         "step * batch + self.rank * self.accumulate * each", "step * batch", ("tests/training/test_processes.py",),
     ),
     Mutant(
@@ -965,7 +965,7 @@ MUTANTS = (
     ),
     Mutant(
         "depth teaches the class backbone through its cue", "semgs/model/mobilenet.py",
-        "maps[k].detach()", "maps[k]",
+        "one.detach()", "one",
         ("tests/model/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
     ),
     Mutant(

@@ -154,14 +154,14 @@ class MobileNetRefinement(PictureRefinement):
         x = at_scale(self.decoded(maps), pictures, SHRINK)
         return Refined(self.features(x), x, tuple(maps[k] for k in CUES))
 
-    @torch.no_grad()
     def cues(self, pictures: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
         """The backbone's maps of 32 and 96 channels: depth reads them and never teaches them.
 
         They are contiguous: torch 2.13 crashes in the gradient of a group norm on maps that have channels last and need no gradient.
         """
         if not seen:
-            maps = self.backbone(near_side(pictures, SHRINK))
+            with torch.no_grad():
+                maps = self.backbone(near_side(pictures, SHRINK))
             seen = tuple(maps[k] for k in CUES)
         shown = (one.detach().contiguous() for one in seen)
         return tuple(at_scale(one, pictures, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))

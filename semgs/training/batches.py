@@ -1,4 +1,4 @@
-"""Batches: what step k of a run sees, as a pure function of (seed, k), prepared ahead in worker processes."""
+"""Batches: what each step of a run sees, prepared ahead in worker processes. Batch k depends on the seed and k alone."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from semgs.training.teacher import teacher_of
 from semgs.training.turns import Turns
 
 COUNTED_ROOMS = 64
-"""Rooms in which classes are counted, two small views of each."""
+"""Rooms in which classes are counted, in two small views each."""
 
 COUNTED_SIZE = (48, 64)
 
@@ -37,8 +37,8 @@ class Portion:
 
     Attributes:
         pieces: batches of equal size, whose gradients are averaged.
-        bad: scenes that could not be read and were passed over: path and why.
-        failure: what went wrong, if there is nothing to see. A loader would keep no more of an error than its type and text.
+        bad: scenes that were skipped because they could not be read: path and reason.
+        failure: the error, if there are no pieces. As a value, because a loader only passes on an error's type and text.
     """
 
     pieces: tuple[Batch, ...]
@@ -47,10 +47,10 @@ class Portion:
 
 
 class Portions(Dataset):
-    """The portion of each step, made when it is asked for.
+    """The portion of each step, made on request.
 
     Args:
-        samples: by number, grouped by `batch`.
+        samples: by number; step k takes the next `batch` of them.
         batch: scenes per step.
         share: of this process.
         steps: of the run.
@@ -68,7 +68,7 @@ class Portions(Dataset):
         try:
             pieces = [[self._samples[k] for k in piece] for piece in self._share.pieces(step, self._batch)]
         except Exception as error:
-            error.add_note(f"while step {step} was prepared:\n{traceback.format_exc()}")
+            error.add_note(f"while preparing step {step}:\n{traceback.format_exc()}")
             return Portion((), failure=error)
         bad = dict(one for piece in pieces for sample in piece for one in sample.bad)
         return Portion(tuple(map(_batch, pieces)), tuple(bad.items()))
@@ -79,12 +79,12 @@ def training_batches(
 ) -> Iterable[Portion]:
     """The portions of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
 
-    Scenes that serve several samples are kept in the folder `pool`, which is made if it is needed. Assets are taken as they are;
-    `semgs.rooms.assets.lock.verify` checks them.
+    Unlike `semgs.data.workers.outcomes` it never ends its workers early: the portions are consumed to the last step. Rooms that several
+    samples share are saved in the folder `pool`. Assets are not checked here; `semgs.rooms.assets.lock.verify` does that.
 
     Raises:
         ValueError: a step cannot be shared equally.
-        InputError: the folder of assets is none.
+        InputError: the asset folder is not one.
     """
     length = settings.steps * settings.batch
     weights = [float(source.weight) for source in settings.sources if not source.is_rooms]
@@ -94,7 +94,7 @@ def training_batches(
         weights.insert(0, float(sum(source.weight for source in live)))
         library = _library(settings, "training")
         if settings.scene_reuse > 1:
-            # Only a part of the samples is of rooms: so many more have to pass until a scene has served its number.
+            # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
             rooms = PooledSamples(
                 pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
@@ -125,7 +125,7 @@ def training_batches(
 
 
 def surveyed(settings: TrainingSettings, out: Path) -> Survey:
-    """What the data of a run are; see `semgs.training.survey.survey.survey`."""
+    """The survey of a run's data (`semgs.training.survey.survey.survey`)."""
 
     def rooms() -> RoomSamples:
         library = _library(settings, "training")
@@ -135,10 +135,10 @@ def surveyed(settings: TrainingSettings, out: Path) -> Survey:
 
 
 def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
-    """The validation samples, one scene a batch, with the fewest input views that the training uses.
+    """The validation samples, one scene per batch, with the fewest input views that the training uses.
 
     Raises:
-        InputError: the scenes to validate with cannot be used.
+        InputError: the validation scenes cannot be used.
     """
     count = settings.validation_scenes
     if not count:
@@ -158,7 +158,7 @@ def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
 
 
 def _turns(seed: int, mixture: Mixture, gap: int, length: int) -> Turns:
-    """Whose turn it is in samples of single images."""
+    """Which scene each sample of a single image shows."""
     scenes = [*([] if mixture.rooms is None else [0]), *(len(folder.paths) for folder in mixture.folders)]
     return Turns(seed, mixture.weights, scenes, gap, length)
 
@@ -175,5 +175,5 @@ def _batch(samples: Sequence[TrainingSample]) -> Batch:
 
 
 def _library(settings: TrainingSettings, split: Split) -> Library | None:
-    """The assets of one split, not checked again."""
+    """The assets of one split; they were checked before."""
     return Library(settings.assets, split, check=False) if settings.assets else None

@@ -1,4 +1,4 @@
-"""The engine: Lightning Fabric, which puts one loop on any device, number of processes and precision. The one import of it."""
+"""The engine: Lightning Fabric, which runs one loop on any device, number of processes and precision. Only imported here."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from semgs.training.execution import Execution
 
 
 def launched(execution: Execution) -> Any:
-    """A Fabric whose processes run: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
+    """A Fabric whose processes are running: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
 
     With more than one device it starts the other processes of this machine by calling the same command again, unless
-    torchrun or SLURM has started them; the gradients of all are averaged (DDP).
+    torchrun or SLURM started them. Gradients are averaged over all processes (DDP).
 
     Whatever the precision of the layers, cameras, depth, Gaussians and losses are float32 or better.
 
     Raises:
-        ImportError: Lightning Fabric is not installed; names the extra that brings it.
+        ImportError: Lightning Fabric is not installed; the message names the extra.
     """
     try:
         from lightning_fabric import Fabric
@@ -29,7 +29,7 @@ def launched(execution: Execution) -> Any:
         raise ImportError("training needs Lightning Fabric: pip install '.[train]' in SemGS's folder") from error
 
     class LayersInBfloat16(MixedPrecision):
-        """Autocast around the forward pass; views go in and terms come out in the precision they have."""
+        """Autocast around the forward pass; inputs and outputs keep their precision."""
 
         convert_input = Precision.convert_input
         convert_output = Precision.convert_output

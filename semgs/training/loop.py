@@ -1,19 +1,19 @@
 """The training loop.
 
-    RUN/settings.json          what is computed
+    RUN/settings.json          the settings of the training
     RUN/network.json           the settings of the network
-    RUN/data.json              what the data are
-    RUN/log.jsonl              losses, speed and validations, a JSON object a line
+    RUN/data.json              the scenes, their class counts and terms
+    RUN/log.jsonl              losses, speed and validations, one JSON object per line
     RUN/tensorboard/*          the same for TensorBoard
-    RUN/validation/*.png       strips of pictures: image, truth, classes, truth, depth, truth
-    RUN/checkpoints/*          the last three whole states and the best
-    RUN/rooms/*                scenes that serve several samples, where the settings say so
-    RUN/weights.safetensors    the averaged weights, written at the end of each session; best.safetensors those of the best validation
+    RUN/validation/*.png       strips of images: image, truth, classes, truth, depth, truth
+    RUN/checkpoints/*          the last three checkpoints and the best
+    RUN/rooms/*                rooms that several samples share, if the settings ask for that
+    RUN/weights.safetensors    the averaged weights, written at the end of each session; best.safetensors: those of the best validation
 
-A run is started, resumed and extended in time by the same call; with more `steps` it becomes longer, and from there on the learning rate is that of
-the longer run. Step k sees batch k of its seed, and batches are pure
-functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
-gradients are summed in no fixed order. Several processes share the scenes of each step; the first one alone reads and writes RUN.
+The same call starts and resumes a run. With more `steps` the run becomes longer, and from then on its learning rate is that of the
+longer run. Step k sees batch k, which depends on the seed and k alone: on a CPU a resumed run gives exactly the same result as an
+uninterrupted one. On CUDA gradients are summed in no fixed order. Several processes share the scenes of each step; only the first one
+reads and writes RUN.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Outcome:
 
     Attributes:
         step: steps taken, over all sessions.
-        finished: whether those are all; if not, the same call goes on from here.
+        finished: whether these are all; if not, the same call resumes from here.
         skipped: steps without a finite gradient.
     """
 
@@ -98,11 +98,11 @@ def train(
         named: fields of `Execution` by name, as this function took them before; for one release.
 
     Raises:
-        ValueError: the folder holds a run of other settings, the settings leave something open, or a step cannot be shared equally.
-        InputError: it holds something else or damaged checkpoints alone, another process trains into it, data, assets or the weights to start from cannot be
-            used, or the state is of another network.
-        ImportError: an extra is not installed that training or its rooms need.
-        FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
+        ValueError: the folder is a run with other settings, a required setting is missing, or a step cannot be shared equally.
+        InputError: the folder contains something else or only damaged checkpoints, another process trains into it, the data, assets or
+            initial weights cannot be used, or its checkpoints are of another network.
+        ImportError: training or its rooms need an extra that is not installed.
+        FloatingPointError: ten steps in a row had no finite gradient; the last batch is saved in the run folder.
     """
     began = time.monotonic()
     execution = replace(execution or Execution(), **named)
@@ -142,15 +142,15 @@ def train(
             if best_checkpoint(out / "checkpoints") is not None:
                 export_weights(out, out / BEST, best=True)
         how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped; weights: {out / WEIGHTS}"
-        tell(console, [how, *([] if outcome.finished else ["the same command goes on from here"])])
+        tell(console, [how, *([] if outcome.finished else ["repeat the command to resume"])])
         return outcome
 
 
 def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:
-    """Take the state to where the run's newest intact checkpoint left it, if there is one.
+    """Restore the state from the run's newest intact checkpoint, if there is one.
 
     Raises:
-        InputError: it is the state of another network.
+        InputError: the checkpoint is of another network.
     """
     folder = out / "checkpoints"
     checkpoint = state.fabric.broadcast(newest_checkpoint(folder) if state.fabric.is_global_zero else None)
@@ -159,11 +159,11 @@ def resume(state: TrainingState, out: Path, console: Console | None = None) -> N
     try:
         state.restore(checkpoint.tensors, checkpoint.numbers)
     except ValueError as error:
-        advice = "another version of semgs wrote it; go on with that one or name a new folder"
-        raise InputError(folder, "states of this network", str(error), advice=advice) from error
+        advice = "another version of semgs wrote it; resume with that version, or name a new folder"
+        raise InputError(folder, "checkpoints of this network", str(error), advice=advice) from error
     tell(
         console,
-        [*(f"{record}: damaged, passed over" for record in checkpoint.damaged), f"going on from step {state.step}"],
+        [*(f"{record}: damaged, skipped" for record in checkpoint.damaged), f"resuming from step {state.step}"],
     )
 
 
@@ -175,7 +175,7 @@ def fit(
     session: Session,
     console: Console | None = None,
 ) -> Outcome:
-    """The loop itself: take the state through its steps, from the one where it is."""
+    """The loop itself: train from the state's own step to the last one, or until the session is over."""
     fabric, folder, first = state.fabric, out / "checkpoints", state.step
     leads, checked = fabric.is_global_zero, state.step
     with (
@@ -184,7 +184,7 @@ def fit(
     ):
         known = BadScenes(feed.scenes, log.say, feed.bad)
         if feed.validation and state.step == 0 and settings.init != "random":
-            _check(state, feed.validation, out, log)  # what the weights to start from are worth
+            _check(state, feed.validation, out, log)  # how good the initial weights are
         for portion, waited in timed(feed.batches):
             if portion.failure is not None:
                 raise portion.failure
@@ -210,7 +210,7 @@ def fit(
 
 
 def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog) -> None:
-    """Validate the averaged weights, show how they do, and keep them if they are the best so far."""
+    """Validate the averaged weights, log the result, and save them if they are the best so far."""
     result = state.supervision.validate(state.average.module, validation)
     log.validation(state.step, result)
     if result.pictures is not None:
@@ -222,5 +222,5 @@ def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: Ru
 
 
 def _any(fabric: Any, flag: bool) -> bool:
-    """Whether it is so in any of the processes; all of them hear the same."""
+    """Whether the flag is set in any of the processes; all of them get the same answer."""
     return bool(fabric.all_reduce(torch.tensor(float(flag), device=fabric.device), reduce_op="sum") > 0)

@@ -1,4 +1,4 @@
-"""The run folder: whose it is, its network, and the weights that come out of it."""
+"""The run folder: its settings, its lock, its network and the weights exported from it."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ SETTINGS = "settings.json"
 WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
 """The averaged weights of the newest checkpoint and of the best validation."""
 NETWORK = "network.json"
-"""The settings of the network, which may come from a file of weights that is not there any more when the run goes on."""
+"""The settings of the network. They may come from a weights file that no longer exists when the run resumes."""
 
 LOCK = "lock"
-"""An empty file that whoever trains into the folder has locked; it stays when they end, without the lock."""
+"""An empty file, locked by the process that trains into the folder. The file stays, the lock does not."""
 
 
 def claim(out: Path, settings: TrainingSettings) -> None:
-    """Make the folder a run of these settings; one that is there may be a shorter one, which `prolong` makes longer.
+    """Make the folder a run with these settings, or check that it is one. A run with fewer steps will do; `prolong` makes it longer.
 
     Raises:
-        ValueError: it holds a run of other settings; they are listed.
-        InputError: it holds something else, or its path is no UTF-8.
+        ValueError: it contains a run with other settings, which are listed.
+        InputError: it contains something else, or its path is not UTF-8.
     """
     check_utf8(out, "TensorBoard")
     record = out / SETTINGS
@@ -53,24 +53,24 @@ def claim(out: Path, settings: TrainingSettings) -> None:
         there = read_settings(out)
         if other := changed(settings, replace(there, steps=max(there.steps, settings.steps))):
             raise ValueError(
-                f"{out} holds a run of other settings: {listed(other, 'asked')}; give the same ones or another folder "
-                "(of a run that has begun only steps may change, and only grow)"
+                f"{out} is a run with other settings: {listed(other, 'requested')}; use the same settings or another folder "
+                "(once a run has started, only steps may change, and only grow)"
             )
         return
-    # The record itself may appear meanwhile: the other processes of a training start at the same time.
+    # The record itself may appear at any moment: the other processes of a training start at the same time.
     if out.exists() and not (
         out.is_dir() and all(file == record or is_part_of(file, record) for file in out.iterdir())
     ):
-        raise InputError(out, "a new or empty folder, or a run to go on with", "something else", advice="name another")
+        raise InputError(out, "a new or empty folder, or a run to resume", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
 
 
 def prolong(out: Path, settings: TrainingSettings) -> None:
-    """Note in the run folder that the run is to have more steps than it began with, where these settings have more.
+    """Record the number of steps, if the run now has more than it started with.
 
     Raises:
-        InputError: the folder holds no run.
+        InputError: the folder is not a run.
     """
     there = read_settings(out)
     if settings.steps > there.steps:
@@ -98,11 +98,10 @@ def alone(out: Path) -> AbstractContextManager[object]:
 
 
 def hold_assets(out: Path, folders: Sequence[str]) -> None:
-    """Note the locks of the assets that a run is furnished with, so that it goes on with the same only: a baked folder may have
-    grown.
+    """Record which assets a run uses, so that it only resumes with the same ones: an asset folder may have grown.
 
     Raises:
-        InputError: the run began with others.
+        InputError: the run started with other assets.
     """
     record = out / "assets.json"
     locks = [lock_digest(folder) for folder in folders]
@@ -113,8 +112,8 @@ def hold_assets(out: Path, folders: Sequence[str]) -> None:
     there = read_json(record, "the locks of the assets of a run")
     if there != locks:
         raise InputError(
-            record, f"assets of the locks {', '.join(locks)}, which are asked for", f"others, {there}",
-            advice="give those that the run began with, or another run folder",
+            record, f"the requested assets (locks {', '.join(locks)})", f"others, {there}",
+            advice="use those that the run started with, or another run folder",
         )  # fmt: skip
 
 
@@ -122,7 +121,7 @@ def read_settings(out: Path) -> TrainingSettings:
     """The settings of a run.
 
     Raises:
-        InputError: the folder holds no run, or one that this version cannot read.
+        InputError: the folder is not a run, or is one that this version cannot read.
     """
     record = out / SETTINGS
     if not record.exists():
@@ -135,17 +134,17 @@ def read_settings(out: Path) -> TrainingSettings:
 
 
 def network(out: Path, settings: TrainingSettings) -> SemGS:
-    """The network of a run as it begins; of a run that has a checkpoint, one of the same shape, to be filled from there.
+    """The network that a run starts with. If the run has a checkpoint: one of the same shape, to be filled from it.
 
     Raises:
-        InputError: the weights to start from cannot be used, or the run has lost all its checkpoints.
+        InputError: the initial weights cannot be used, or the run has lost all its checkpoints.
     """
     classes = settings.classes or SCANNET20
     record = out / NETWORK
     if newest_checkpoint(out / "checkpoints") is None:
         if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
             raise InputError(
-                out, "a run with a checkpoint to go on from", f"none, but {' and '.join(lost)}",
+                out, "a checkpoint to resume from", f"none, but {' and '.join(lost)}",
                 advice=f"nothing was changed; train in a new folder, with --init {out / lost[0]} to keep what was learned",
             )  # fmt: skip
         model = start(
@@ -160,7 +159,7 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             record, "the settings of a network", f"{type(error).__name__}: {error}",
-            advice="another version of semgs wrote it; go on with that one or name a new folder",
+            advice="another version of semgs wrote it; resume with that version, or name a new folder",
         ) from error  # fmt: skip
 
 
@@ -168,16 +167,16 @@ def finished(run: Path) -> bool:
     """Whether a run's newest intact checkpoint is that of its last step.
 
     Raises:
-        InputError: the folder holds no run.
+        InputError: the folder is not a run.
     """
     checkpoint = newest_checkpoint(run / "checkpoints")
     return checkpoint is not None and checkpoint.numbers["step"] >= read_settings(run).steps
 
 
 def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
-    """Write the averaged weights of a run's newest checkpoint, or its best, as a file of weights, in bfloat16.
+    """Write a weights file with the averaged weights of a run's newest checkpoint, or of its best, in bfloat16.
 
-    Its header says of which training they are: settings, step, seed, the terms of its data and, where scenes are from files, their names.
+    Its header describes the training: settings, step, seed, terms of the data and, for scenes from files, their names.
 
     Raises:
         InputError: the run has no intact checkpoint yet.
@@ -209,7 +208,7 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
 
 
 def _switched(switches: Switches) -> dict[str, bool | int | tuple[int, ...]]:
-    """The switches that are not as they are by default."""
+    """The switches that differ from their defaults."""
     usual = Switches()
     return {
         one.name: getattr(switches, one.name)

@@ -1,4 +1,4 @@
-"""Samples: contexts and targets of one scene, from rooms or files, as a pure function of (seed, k) and of what the files hold."""
+"""Samples: input and target views of one scene, from generated rooms or from files. Sample k depends on the seed and k alone."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from semgs.training.teacher import Teacher, coordinates
 from semgs.training.turns import Turn, Turns, frame_of
 
 OPEN = 20_000
-"""Frames of the scenes that a process keeps open, but for the last one: their headers, not their pictures."""
+"""A process keeps scenes open until they have more frames than this in total (headers, not images)."""
 
 TRIES = 20
-"""Scenes that are tried for a sample before it is given up."""
+"""Scenes to try for a sample before giving up."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class TrainingSample:
 
     Attributes:
         context: the input views.
-        target: the views to compare with.
+        target: the target views.
         scene: its name.
-        bad: scenes that were tried before and could not be read: path and why.
-        taught: the teacher's class probabilities of the context [v k h/8 w/8], 0 where it says nothing; None without a teacher.
+        bad: scenes that were tried before and could not be read: path and reason.
+        taught: the teacher's class probabilities for the input views [v k h/8 w/8], 0 where it has none; None without a teacher.
     """
 
     context: Views
@@ -58,7 +58,7 @@ class Folder:
 
     Attributes:
         paths: where they are.
-        chances: of each to be drawn, adding up to 1; none are equal ones.
+        chances: probability of each, adding up to 1; empty if all are equally likely.
     """
 
     paths: tuple[Path, ...]
@@ -136,7 +136,7 @@ class Samples:
         """TrainingSample k.
 
         Raises:
-            InputError: twenty scenes, one after the other, could not be read.
+            InputError: twenty scenes in a row could not be read.
         """
         turn = None if self._turns is None else self._turns[k]
         source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances)) if turn is None else turn.source
@@ -156,7 +156,7 @@ class Samples:
         return replace(sample, context=context, target=target, taught=taught)
 
     def counts(self, k: int) -> tuple[int, int]:
-        """How many contexts and targets sample k has."""
+        """How many input and target views sample k has."""
         if isinstance(self._rooms, RoomSamples):
             return self._rooms.counts(k)
         if self._rooms is not None:
@@ -166,7 +166,7 @@ class Samples:
         return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), self._form.targets
 
     def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> TrainingSample:
-        """TrainingSample k from the first scene that can be read: the one whose turn it is, then those drawn for it."""
+        """Sample k from the first readable scene: the one whose turn it is, then scenes at random."""
         rng = self._generator(k, 5)
         bad: dict[str, str] = {}
         for attempt in range(TRIES):
@@ -184,7 +184,7 @@ class Samples:
         raise InputError(first, "a scene that can be read", why)
 
     def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> TrainingSample:
-        """Frames of a scene that go together, drawn."""
+        """Frames of a scene that go together, chosen at random."""
         contexts, targets = self.counts(k)
         scene, bounds = self._opened(path)
         choice = self._choose(scene, bounds, contexts, targets, rng)
@@ -193,7 +193,7 @@ class Samples:
         return TrainingSample(context, target, scene.name)
 
     def _single(self, path: Path, turn: Turn) -> TrainingSample:
-        """One frame of a scene, the one whose turn it is, and nothing to compare with."""
+        """The frame of a scene whose turn it is, without target views."""
         scene, bounds = self._opened(path)
         frame = frame_of(self._seed, turn, len(scene))
         views = self._read(scene, bounds, [frame], with_depths=False)
@@ -201,7 +201,7 @@ class Samples:
         return TrainingSample(views, views.select([]), scene.name, taught=taught)
 
     def _opened(self, path: Path) -> tuple[Scene, DepthRange]:
-        """A scene and its near and far, kept for the next time."""
+        """A scene and its near and far; it stays open for the next time."""
         if path not in self._open:
             scene = open_scene(path)
             self._open[path] = scene, scene.depth_range()
@@ -212,7 +212,7 @@ class Samples:
         return self._open[path]
 
     def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int], with_depths: bool = True) -> Views:
-        """Frames of a scene at one size, which those of the first are brought to."""
+        """Frames of a scene, all at the size of the first."""
         chosen = [scene.frames[index] for index in frames]
         if not with_depths:
             chosen = [replace(frame, depth=None) for frame in chosen]
@@ -225,7 +225,7 @@ class Samples:
 
 
 def relabelled(views: Views, table: ClassTable) -> Views:
-    """The views with their labels in another table: by the names of the classes; what the table does not have is ignored."""
+    """The views with their labels converted to another table by class name; classes that the table lacks are ignored."""
     if views.classes == table:
         return views
     if views.labels is None:
@@ -236,7 +236,7 @@ def relabelled(views: Views, table: ClassTable) -> Views:
 
 
 def completed(views: Views) -> Views:
-    """The views with labels and depths: all ignored, all unknown, where there are none, so that unlike scenes share a batch."""
+    """The views with labels and depths: 255 and 0 everywhere if they had none, so that different scenes fit in one batch."""
 
     if views.labels is not None and views.depths is not None:
         return views

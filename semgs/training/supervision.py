@@ -1,4 +1,4 @@
-"""Supervision: what a network learns from, and how it is validated. One class for each value of the setting."""
+"""Supervision: what a network learns from and how it is validated, one class for each value of the setting."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from semgs.training.teacher import divergence, teacher_of
 from semgs.training.validation import Comparison, Validation, validate, validate_depth
 
 ONLY_LABELS = "give --supervision rendered"
-"""What to do about scenes without labels, if labels are all that it learns from."""
+"""Advice for scenes without labels, if labels are all that is learned from."""
 
 
 def supervision_of(settings: TrainingSettings) -> Supervision:
     """The supervision that the settings ask for.
 
     Raises:
-        ValueError: the class weights are still a rule; `Survey.class_weights` has their numbers.
-        InputError: the teacher's folder holds no maps.
+        ValueError: the class weights are a rule, not numbers; `Survey.class_weights` has the numbers.
+        InputError: the teacher's folder has no maps.
     """
     weights = settings.class_weights
     if isinstance(weights, str):
-        raise ValueError(f"class_weights is {weights}; expected its numbers, which the survey of the data gives")
+        raise ValueError(f"class_weights is {weights}; expected numbers, which the survey of the data computes")
     if settings.supervision == "labels":
         return Labels(weights, settings.hold_shared)
     if settings.supervision == "pictures":
@@ -50,7 +50,7 @@ def supervision_of(settings: TrainingSettings) -> Supervision:
 
 
 def rate_shares(network: Any, settings: TrainingSettings) -> dict[str, float]:
-    """The learning rates of parameters, by name, as shares of the setting, where they are not 1."""
+    """Learning rates of parameters by name, relative to the setting, for those that differ from 1."""
     groups = (
         (network.depth_parameters(), settings.sweep_rate),
         (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), settings.class_rate),
@@ -64,13 +64,13 @@ def rate_shares(network: Any, settings: TrainingSettings) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Rendered(Supervision):
-    """Rendered views, as in the paper: every parameter learns.
+    """Learn from rendered views, as in the paper; every parameter learns.
 
     Attributes:
         losses: weights of the paper's three terms.
         class_weights: factor of each class in the cross-entropy; None is 1 for all.
-        depth_weight: weight of the error of log depth of the input views.
-        context_targets: render and compare the input views as well.
+        depth_weight: weight of the error in log depth of the input views.
+        context_targets: also render and compare the input views.
     """
 
     losses: LossWeights = field(default_factory=LossWeights)
@@ -79,7 +79,7 @@ class Rendered(Supervision):
     context_targets: bool = False
 
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
-        """The paper's terms and the depth error; all are NaN if the Gaussians cannot be drawn."""
+        """The paper's terms and the depth error; all are NaN if the Gaussians cannot be rendered."""
         encoding = network(batch.context)
         if not _can_be_drawn(encoding):
             return _broken(encoding)
@@ -115,11 +115,11 @@ class Rendered(Supervision):
 
 @dataclass(frozen=True)
 class Labels(Supervision):
-    """The classes of the input views' own pixels: nothing is rendered, and the semantic branch learns alone.
+    """Learn from the classes of the input views' own pixels. Nothing is rendered, and only the semantic branch learns.
 
     Attributes:
         class_weights: factor of each class in the cross-entropy; None is 1 for all.
-        hold_shared: keep the layers that both branches share as they are.
+        hold_shared: freeze the layers that both branches share.
     """
 
     without_labels = ONLY_LABELS
@@ -136,7 +136,7 @@ class Labels(Supervision):
         return _label_terms(network, network.class_maps(batch.context), batch.context, self.class_weights, "labels")
 
     def learning(self, network: Any) -> set[str]:
-        """The semantic branch, and the shared layers unless they are held."""
+        """The semantic branch, and the shared layers unless they are frozen."""
         return network.semantic_parameters(not self.hold_shared)
 
     def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
@@ -146,14 +146,14 @@ class Labels(Supervision):
 
 @dataclass(frozen=True)
 class Pictures(Supervision):
-    """As `Labels`, but of all views of a sample, each by itself: no view learns from another.
+    """Like `Labels`, but for all views of a sample and each on its own, without other views.
 
-    Its batches have enough unlike pictures for batch norms to measure.
+    Its batches have enough different images for batch norms to measure statistics.
 
     Attributes:
         class_weights, hold_shared: as for `Labels`.
-        teacher_classes: classes of a teacher whose probabilities are learned as well, by a head of their own; 0 for no teacher.
-        teacher_weight: of that second loss.
+        teacher_classes: number of classes of a teacher, whose probabilities an extra head learns; 0 for no teacher.
+        teacher_weight: weight of that second loss.
     """
 
     measures: ClassVar[bool] = True
@@ -165,17 +165,17 @@ class Pictures(Supervision):
     teacher_weight: float = 1.0
 
     def head(self, network: Any) -> nn.Module | None:
-        """From the evidence of the network's classes to the teacher's, linear, zero at first.
+        """A linear layer from the evidence of the network's classes to the teacher's classes; it starts at zero.
 
         Raises:
-            InputError: the network's refinement does not classify by itself.
+            InputError: the network does not classify each view on its own.
         """
         if not self.teacher_classes:
             return None
         channels = network.semantic.evidence_channels
         if not channels:
             raise InputError(
-                "--teacher", "a network whose refinement classifies each view by itself", "one that does not",
+                "--teacher", "a network that classifies each view on its own", "one that does not",
                 advice="give --network.class-backbone or --network.semantic-pyramid",
             )  # fmt: skip
         head = nn.Conv2d(channels, self.teacher_classes, 1)
@@ -184,10 +184,10 @@ class Pictures(Supervision):
         return head.to(next(network.parameters()).device)
 
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
-        """The cross-entropy of all views and, with a head and in `total` only, the divergence from the teacher.
+        """The cross-entropy of all views. With a head, `total` includes the divergence from the teacher.
 
         Raises:
-            ValueError: the views have no labels, or there is nothing of the teacher.
+            ValueError: the views have no labels, or there are no teacher's probabilities.
         """
         views = all_views(batch)
         maps = network.class_maps(views, alone=True)
@@ -195,17 +195,17 @@ class Pictures(Supervision):
         if head is None:
             return terms
         if batch.taught is None:
-            raise ValueError("the batch has nothing of the teacher; expected its probabilities beside the pictures")
+            raise ValueError("the batch has no teacher's probabilities; expected them for every image")
         taught = batch.taught.flatten(end_dim=-4).to(maps.distributions.device)
         second = divergence(head(maps.evidence), taught).mean()
         return terms | {"total": terms["total"] + self.teacher_weight * second}
 
     def learning(self, network: Any) -> set[str]:
-        """As for labels, without the layers that compare views."""
+        """The semantic branch without the layers that compare views, and the shared layers unless they are frozen."""
         return network.semantic_parameters(not self.hold_shared, alone=True)
 
     def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
-        """Scores of the input views' classes, each view by itself."""
+        """Scores of the input views' classes, each view on its own."""
         return validate(
             network, batches, lambda model, batch: _classified(model.classify(batch.context, alone=True), batch)
         )
@@ -213,13 +213,13 @@ class Pictures(Supervision):
 
 @dataclass(frozen=True)
 class Depth(Supervision):
-    """The depth of the input views as the plane sweep finds it, before refinement, against true depth: nothing is rendered.
+    """Learn depth by plane sweep, before refinement, from the true depth of the input views. Nothing is rendered.
 
-    Only the layers that this depth depends on learn. The refinement and the heads stay as they are, so a rendered stage should follow.
+    Only the layers that this depth depends on learn, not the refinement and the heads, so a rendered stage should follow.
 
     Attributes:
         losses: weights of the terms.
-        hold_shared: keep the layers that both branches share as they are.
+        hold_shared: freeze the layers that both branches share.
     """
 
     without_labels = None
@@ -240,7 +240,7 @@ class Depth(Supervision):
         return _terms(terms.total, depth=terms.log, gradients=terms.gradients, distribution=terms.distribution)
 
     def learning(self, network: Any) -> set[str]:
-        """What the plane sweep depends on, without the shared layers if they are held."""
+        """The layers of the plane sweep, and the shared layers unless they are frozen."""
         return network.depth_parameters(not self.hold_shared)
 
     def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
@@ -249,7 +249,7 @@ class Depth(Supervision):
 
 
 def _terms(total: Tensor, **found: Tensor) -> dict[str, Tensor]:
-    """Each of `TERMS`: the total with its gradient, and those found without; PSNR is NaN unless it was found, the others are 0."""
+    """Each of `TERMS`: the total with its gradient, the others without. Missing terms are 0, a missing PSNR is NaN."""
     none = total.new_zeros(())
     terms = dict.fromkeys(TERMS, none) | {"psnr": none + torch.nan} | found
     return {name: term.detach() for name, term in terms.items()} | {"total": total}
@@ -258,11 +258,7 @@ def _terms(total: Tensor, **found: Tensor) -> dict[str, Tensor]:
 def _label_terms(
     network: Any, maps: ClassMaps, views: Views, class_weights: tuple[float, ...] | None, supervision: str
 ) -> dict[str, Tensor]:
-    """The terms if only the classes of the views' own pixels count; nothing is rendered, so there is no PSNR.
-
-    Raises:
-        ValueError: the views have no labels.
-    """
+    """The terms if only the classes of the views' own pixels count. Nothing is rendered, so there is no PSNR."""
     if views.labels is None:
         raise ValueError(f"the scenes have no labels; supervision by {supervision} needs them")
     distributions = maps.distributions.flatten(end_dim=-4)
@@ -272,14 +268,14 @@ def _label_terms(
 
 
 def _rendered(network: Any, batch: Batch) -> Comparison:
-    """The target views as rendered, next to the truth."""
+    """The rendered target views and the true ones."""
     rendering, target = render_targets(network(batch.context), batch)
     decibels = psnr(rendering.images, target.images)
     return Comparison(target, rendering.semantics, strip(rendering, target), decibels)
 
 
 def _classified(distributions: Tensor, batch: Batch) -> Comparison:
-    """The classes of the input views, next to the truth."""
+    """The classes of the input views and the true ones."""
     return Comparison(batch.context, distributions, class_strip(distributions, batch.context))
 
 
@@ -289,7 +285,7 @@ def _can_be_drawn(encoding: Encoding) -> bool:
 
 
 def _broken(encoding: Encoding) -> dict[str, Tensor]:
-    """NaN for every term, with a gradient to everything, so that processes that share a step agree that it is none."""
+    """NaN for every term, with a gradient to every tensor, so that all processes that share the step skip it."""
     tensors = (encoding.depths, *encoding.gaussians.tensors().values())
     total = torch.stack([tensor.sum() for tensor in tensors]).sum() * torch.nan
     return dict.fromkeys(TERMS, total.detach()) | {"total": total}

@@ -1,4 +1,4 @@
-"""Validation: the averaged weights on scenes that no training sees."""
+"""Validation: scores of the averaged weights on scenes that are not trained on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from semgs.rendering.rendering import likeliest
 from semgs.training.strips import depth_strip
 
 PICTURED = 4
-"""Scenes in the strip of pictures."""
+"""Scenes in the strip of images."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Validation:
     """What a validation found.
 
     Attributes:
-        score: decides which checkpoint is the best: higher is better; NaN if nothing was measured.
+        score: decides which checkpoint is the best; higher is better, NaN if nothing was measured.
         numbers: for the log, by name.
-        phrases: for the console, one for each number that there is.
-        pictures: a row for each of the first scenes; uint8 [h w 3]; None without scenes.
+        phrases: for the console, one for each number that was measured.
+        pictures: a row of images for each of the first scenes; uint8 [h w 3]; None without scenes.
     """
 
     score: float
@@ -41,12 +41,12 @@ class Validation:
 def validation_of_views(
     psnr: float, miou: float | None, accuracy: float | None, pictures: np.ndarray | None
 ) -> Validation:
-    """How well views and their classes agree with the truth; the score is mean IoU, or PSNR without classes.
+    """Scores of views and their classes. The score that counts is mean IoU, or PSNR without classes.
 
     Args:
         psnr: mean over target views [dB]; NaN if nothing was rendered.
         miou: of all target pixels, from one confusion matrix; None without classes or labels.
-        accuracy: share of labelled target pixels whose class is right; None without classes or labels.
+        accuracy: share of labelled target pixels with the right class; None without classes or labels.
         pictures: columns image, truth, classes, truth, depth, truth.
     """
     rendered = [f"PSNR {psnr:.2f} dB"] if math.isfinite(psnr) else []
@@ -56,11 +56,11 @@ def validation_of_views(
 
 
 def validation_of_depth(abs_rel: float, delta_125: float, pictures: np.ndarray | None) -> Validation:
-    """How well the depth of input views agrees with the truth; the score is minus the relative error.
+    """Scores of the depth of input views. The score that counts is minus the relative error.
 
     Args:
         abs_rel: mean of |z - truth| / truth over all pixels with true depth; NaN if there are none.
-        delta_125: share of those pixels that are within a factor of 1.25 of the truth; likewise.
+        delta_125: share of those pixels within a factor of 1.25 of the truth; likewise.
         pictures: columns image, depth, truth.
     """
     numbers = {"depth_abs_rel": abs_rel, "depth_delta_125": delta_125}
@@ -69,13 +69,13 @@ def validation_of_depth(abs_rel: float, delta_125: float, pictures: np.ndarray |
 
 @dataclass(frozen=True)
 class Comparison:
-    """Views of one batch next to the truth.
+    """Predicted and true views of one batch.
 
     Attributes:
         target: the true views, on any device.
         semantics: class distributions of their pixels, on any device; None without classes.
-        row: pictures of the first view; uint8 [h w 3].
-        psnr: of each view [dB]; None where nothing was rendered.
+        row: images of the first view; uint8 [h w 3].
+        psnr: of each view [dB]; None if nothing was rendered.
     """
 
     target: Views
@@ -86,12 +86,12 @@ class Comparison:
 
 @torch.no_grad()
 def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch], Comparison]) -> Validation:
-    """Compare each batch, and score all of them together.
+    """Compare each batch with the truth, and score all batches together.
 
     Args:
         model: the network, in evaluation mode.
         batches: of validation.
-        compare: of the network and a batch.
+        compare: compares one batch.
     """
     decibels: list[Tensor] = []
     confusion = None
@@ -119,7 +119,7 @@ def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch
 
 @torch.no_grad()
 def validate_depth(model: Any, batches: Sequence[Batch]) -> Validation:
-    """Compare the depth that the plane sweep finds in the input views with the truth, all pixels together.
+    """Score the plane sweep's depth of the input views, over the pixels of all batches together.
 
     Args:
         model: the network, in evaluation mode.

@@ -1,6 +1,6 @@
-"""Format 1 of weights files, which versions before the network was composed of parts wrote: flat settings, and other names of tensors.
+"""Format 1 of weights files, from before the network was composed of parts: flat settings and other names of tensors.
 
-Such files keep loading; they are never written.
+These files still load but are no longer written.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ PREFIXES = {
     "semantic_upsampler.": "semantic.upsampler.",
     "semantic_head.": "semantic.head.",
 }
-"""Beginning of a tensor's name in format 1 and today; what follows is equal, and so are names that begin with none of these."""
+"""Beginnings of tensor names in format 1 and today. The rest is the same, and so are all other names."""
 
 
 def todays_name(name: str) -> str:
-    """The name today of a tensor of format 1."""
+    """Today's name of a tensor of format 1."""
     for first, today in PREFIXES.items():
         if name.startswith(first):
             return today + name.removeprefix(first)
@@ -40,7 +40,7 @@ def todays_name(name: str) -> str:
 
 
 def todays_tensors(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Tensors of format 1 under their names today."""
+    """Tensors of format 1 under today's names."""
     return {todays_name(name): tensor for name, tensor in tensors.items()}
 
 
@@ -48,13 +48,13 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
     """The settings of a file of format 1.
 
     Args:
-        flat: as its header has them.
+        flat: the settings in its header.
         semantic: whether the file has a class table, and so a semantic branch.
 
     Raises:
-        KeyError, TypeError, ValueError: these are no such settings.
+        KeyError, TypeError, ValueError: these are not settings of format 1.
     """
-    # The oldest files have none of these.
+    # The oldest files lack these three.
     s = {"paper_heads": False, "opacity_hidden": 32, "semantic_pyramid": (), **flat}
     for flag in ("paper_heads", "shared_layers"):
         if not isinstance(s[flag], bool):
@@ -95,7 +95,7 @@ def todays_settings(flat: Mapping[str, Any], semantic: bool = True) -> NetworkSe
         "hidden": s["colour_hidden"],
         "harmonics": s["harmonics"],
         "from_image": s["colour_from_image"],
-        "shrink_seen": 0.5 if s["name"] == "small" else 0.0,  # format 1 is older than the rule
+        "shrink_seen": 0.5 if s["name"] == "small" else 0.0,  # format 1 is older than this rule
     }
     widths = s["semantic_pyramid"]
     branch = {

@@ -1,6 +1,6 @@
-"""Published MobileNetV2 weights as a start for the class branch: safetensors that name the backbone's tensors as it does itself.
+"""Published MobileNetV2 weights to start the class branch from: safetensors with the backbone's own tensor names.
 
-A file may hold a head behind the backbone (an ImageNet classifier, a segmentation head); heads are left out, as their classes are not ours.
+A file may also contain a head (an ImageNet classifier, a segmentation head). Heads are left out, because their classes are not ours.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from semgs.model.semgs import SemGS
 from semgs.weights.file import fill, read_tensors
 
 BACKBONE = ("stem.", "blocks.")
-"""Where the names of the backbone's tensors begin; what is named otherwise belongs to a head."""
+"""Beginnings of the names of the backbone's tensors; other tensors belong to a head."""
 
 
 def is_published(path: str | Path) -> bool:
-    """Whether a file is safetensors with a stem and blocks by these names; says nothing about their shapes."""
+    """Whether a file is safetensors with a stem and blocks of these names; shapes are not checked."""
     try:
         with opened_tensors(path, "a safetensors file") as file:
             names = list(file.keys())
@@ -28,28 +28,28 @@ def is_published(path: str | Path) -> bool:
 
 
 def with_backbone(model: SemGS, path: str | Path) -> SemGS:
-    """A network whose class backbone is filled from a published file; `origin` of it says so.
+    """The network with its class backbone filled from a published file; its `origin` says so.
 
     Raises:
-        InputError: the network has no backbone, or as `fill_backbone`.
+        InputError: the network has no backbone, or the file does not fit.
     """
     refinement = None if model.semantic is None else model.semantic.refinement
     if not isinstance(refinement, MobileNetRefinement):
         advice = "give --network.class-backbone"
-        raise InputError(path, "a network that classifies by a MobileNetV2", "one that does not", advice=advice)
+        raise InputError(path, "a network with a MobileNetV2 class backbone", "one without", advice=advice)
     model.origin = f"{model.origin}; {fill_backbone(refinement.backbone, path)}"
     return model
 
 
 def fill_backbone(backbone: MobileNetV2, path: str | Path) -> str:
-    """Put the tensors of a published file into a backbone; on an error the backbone is left as it was.
+    """Fill a backbone with the tensors of a published file; on an error the backbone is unchanged.
 
     Args:
         backbone: takes all of its tensors from the file.
         path: the file.
 
     Returns:
-        What was taken and what was left out, in words, for `origin`.
+        A sentence for `origin`: what was used and what was left out.
 
     Raises:
         InputError: the file cannot be read, or a tensor of the backbone is missing, unknown, of another shape or not finite; it is named.

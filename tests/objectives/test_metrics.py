@@ -145,7 +145,7 @@ def test_the_truth_itself_scores_exactly_one():
 
 def test_a_label_outside_the_table_is_refused():
     truth = torch.zeros(2, 3, dtype=torch.uint8)
-    with pytest.raises(ValueError, match=r"predicted labels hold 3; expected 0\.\.2"):
+    with pytest.raises(ValueError, match=r"predicted labels contain 3; expected 0\.\.2"):
         confusion_matrix(truth + 3, truth, 3)
     with pytest.raises(ValueError, match=r"predicted labels are \(2, 3\) but the true ones \(3, 2\)"):
         confusion_matrix(truth, truth.mT, 3)

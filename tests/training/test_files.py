@@ -24,7 +24,8 @@ from semgs.files.errors import InputError
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.faults import BadScenes
 from semgs.training.loop import Feed, fit
-from semgs.training.samples import Folder, Samples, completed, relabelled
+from semgs.training.samples import Folder, Form, Mixture, Samples, completed, relabelled
+from semgs.training.session import Session
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.source import Source
 from semgs.training.survey.counts import inverse_frequency
@@ -163,7 +164,7 @@ def test_scenes_without_labels_are_refused_unless_classes_are_not_learned_or_oth
     (first, *_) = batches(blind, tmp_path / "blind")
     assert (first.target.labels == IGNORE).all()
     mixed = surveyed(replace(SETTINGS, data=(str(plain), str(scans))), tmp_path)
-    assert mixed.notes == ("1 of 4 scenes have no labels; they teach colour alone",)
+    assert mixed.notes == ("1 of 4 scenes have no labels and only teach colour",)
 
 
 def test_scenes_without_depth_are_refused_by_name_if_depth_is_learned_wherever_they_are(scans, tmp_path):
@@ -194,7 +195,7 @@ def test_a_run_does_not_go_on_with_other_scenes_but_does_elsewhere(scans, tmp_pa
     settings = replace(SETTINGS, data=(str(scans),))
     surveyed(settings, tmp_path)
     write_labelled(tmp_path / "more" / "scene0", 0)
-    with pytest.raises(InputError, match=r"the 3 scenes that the run began with, found 1, of which scene1 differs"):
+    with pytest.raises(InputError, match=r"the 3 scenes that the run started with, found 1, of which scene1 differs"):
         surveyed(replace(settings, data=(str(tmp_path / "more"),)), tmp_path)
 
 
@@ -253,14 +254,14 @@ def test_labels_are_brought_to_another_table_by_name(tmp_path):
 def test_scenes_of_another_table_need_one_to_be_named(scans, tmp_path):
     write_table(tmp_path / "three.json")
     own = write_labelled(tmp_path / "own", 6, change=lambda scene: scene.update(label_set="../three.json"))
-    with pytest.raises(InputError, match=r"labels of table scannet20, found those of three; .*--classes FILE"):
+    with pytest.raises(InputError, match=r"labels of class table scannet20, found labels of three; .*--classes FILE"):
         surveyed(replace(SETTINGS, data=(str(own),)), tmp_path)
     table = read_class_file(tmp_path / "three.json").table
     settings = replace(SETTINGS, data=(str(own), str(scans)), classes=table)
     found = surveyed(settings, tmp_path)
     assert found.notes == (
-        "labels of scannet20: 2 of 20 classes are in table three; pixels of the others are ignored",
-        "labels of rooms: 2 of 20 classes are in table three; pixels of the others are ignored",
+        "labels of scannet20: 2 of 20 classes are in three; pixels of the other classes are ignored",
+        "labels of rooms: 2 of 20 classes are in three; pixels of the other classes are ignored",
     )
     assert all(one.target.classes == table for one in batches(settings, tmp_path / "run"))
 
@@ -289,7 +290,7 @@ def test_validation_scenes_are_looked_at_before_the_first_step(scans, tmp_path):
     write_labelled(tmp_path / "own" / "a", 6, change=lambda scene: scene.update(label_set="../../three.json"))
     write_labelled(tmp_path / "short" / "a", 6, frames=3)
     settings = replace(SETTINGS, data=(str(scans),))
-    with pytest.raises(InputError, match="found those of three"):
+    with pytest.raises(InputError, match="found labels of three"):
         surveyed(replace(settings, validation=str(tmp_path / "own")), tmp_path)
     with pytest.raises(InputError, match="at least 4 usable frames"):
         surveyed(replace(settings, validation=str(tmp_path / "short")), tmp_path)
@@ -301,7 +302,7 @@ def test_sources_are_paths_with_weights():
     assert float(Source.parsed("scans=1e-1").weight) == 0.1
     assert Source.parsed("odd=name/scans").path == "odd=name/scans"
     for text in ("a=0", "a=-1", "a=much", "=2", ""):
-        with pytest.raises(ValueError, match="expected rooms, DIR, or either with =WEIGHT"):
+        with pytest.raises(ValueError, match="expected rooms or DIR, optionally with =WEIGHT"):
             Source.parsed(text)
 
 

@@ -191,7 +191,7 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, s
 def test_the_state_of_another_network_is_refused_by_name(session, settings, tmp_path):
     session(tmp_path, minutes=0.0)
     other = torch.nn.Conv2d(3, 5, 1)
-    with pytest.raises(InputError, match="expected states of this network, found those of another one"):
+    with pytest.raises(InputError, match="expected checkpoints of this network, found checkpoints of another one"):
         resume(
             TrainingState.begin(other, supervision_of(settings), settings.learning_rate, settings.average_decay),
             tmp_path,

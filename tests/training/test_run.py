@@ -64,9 +64,9 @@ def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):
     claim(tmp_path, settings)
     claim(tmp_path, settings)
-    with pytest.raises(ValueError, match=r"batch = 2 there, 3 asked.* only steps may change, and only grow"):
+    with pytest.raises(ValueError, match=r"batch = 2 there, 3 requested.* only steps may change, and only grow"):
         claim(tmp_path, replace(settings, batch=3, steps=13))
-    with pytest.raises(ValueError, match=r"steps = 12 there, 11 asked"):
+    with pytest.raises(ValueError, match=r"steps = 12 there, 11 requested"):
         claim(tmp_path, replace(settings, steps=11))
 
 
@@ -82,7 +82,7 @@ def test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter(setti
         with pytest.raises(InputError, match="another process is training"), alone(tmp_path):
             pass
     assert read_settings(tmp_path) == longer
-    with pytest.raises(ValueError, match=r"steps = 20 there, 12 asked"):
+    with pytest.raises(ValueError, match=r"steps = 20 there, 12 requested"):
         claim(tmp_path, settings)
 
 
@@ -107,7 +107,7 @@ def test_a_run_without_a_checkpoint_has_no_weights(settings, tmp_path):
 
 
 def test_unknown_fields_of_a_newer_version_are_named(settings):
-    with pytest.raises(ValueError, match="hold curriculum"):
+    with pytest.raises(ValueError, match="does not know the settings curriculum"):
         TrainingSettings.from_json({**settings.as_json(), "curriculum": True})
 
 
@@ -159,7 +159,7 @@ def test_a_run_of_a_version_with_flat_settings_is_refused_with_one_line(tmp_path
     )
     (tmp_path / NETWORK).write_text(json.dumps({"channels": 48, "cnn_widths": [16, 32, 48]}))
     with pytest.raises(
-        InputError, match="another version of semgs wrote it; go on with that one or name a new folder"
+        InputError, match="another version of semgs wrote it; resume with that version, or name a new folder"
     ) as told:
         network(tmp_path, settings)
     assert len(str(told.value).splitlines()) == 1

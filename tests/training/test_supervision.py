@@ -79,7 +79,7 @@ def test_rendered_views_need_all_layers_so_none_is_held(settings):
 
 
 def test_weights_of_classes_that_are_not_numbers_yet_are_refused(settings):
-    with pytest.raises(ValueError, match="expected its numbers, which the survey of the data gives"):
+    with pytest.raises(ValueError, match="expected numbers, which the survey of the data computes"):
         supervision_of(replace(settings, class_weights="inverse_root_frequency"))
 
 
@@ -135,7 +135,7 @@ def test_a_validation_of_depth_has_the_errors_of_all_pixels_with_depth_together(
     assert result.numbers["depth_abs_rel"] == pytest.approx((0.1 + 2 * 1.0) / 3, rel=1e-5)
     assert result.numbers["depth_delta_125"] == pytest.approx(1 / 3)
     assert result.score == -result.numbers["depth_abs_rel"]
-    assert result.phrases == ["AbsRel 0.7000", "delta < 1.25 0.333"]
+    assert list(result.phrases) == ["AbsRel 0.7000", "delta < 1.25 0.333"]
     assert result.pictures.shape == (3 * 16, 3 * 24, 3)
 
 
@@ -203,7 +203,7 @@ def test_a_training_begins_with_all_frozen_that_does_not_learn(supervision, clas
 )
 def test_the_best_is_that_of_mean_iou_or_else_of_psnr(result: Validation, score: float, told: list[str]):
     assert result.score == score
-    assert result.phrases == told
+    assert list(result.phrases) == told
     assert list(result.numbers) == ["psnr", "miou", "accuracy"]
 
 

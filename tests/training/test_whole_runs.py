@@ -325,7 +325,7 @@ def test_a_run_goes_on_with_the_assets_that_it_began_with(tmp_path):
     hold_assets(run, [str(tmp_path / "assets")])
     hold_assets(run, [str(tmp_path / "assets")])
     (tmp_path / "assets" / "lock.json").write_text("grown")
-    with pytest.raises(InputError, match="those that the run began with"):
+    with pytest.raises(InputError, match="those that the run started with"):
         hold_assets(run, [str(tmp_path / "assets")])
 
 

@@ -56,7 +56,9 @@ def test_one_flipped_bit_of_a_tensor_is_noticed_and_files_without_a_checksum_loa
     data = bytearray(path.read_bytes())
     data[-3] ^= 1
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"tensors_sha256: expected tensors of sha256 \w{12}.* found \w{12}; the file"):
+    with pytest.raises(
+        InputError, match=r"tensors_sha256: expected tensors with sha256 \w{12}.* found \w{12}; the file"
+    ):
         read_tensors(path)
     with pytest.raises(InputError, match="damaged"):
         restate(path, tmp_path / "again", {"licence": "CC0"})

@@ -54,9 +54,9 @@ def test_weights_are_found_by_name_or_by_path(written, tmp_path):
     assert find(written) == ("small", written)
     save_file({"encoder.x": torch.zeros(2)}, tmp_path / "foreign.safetensors")
     assert find(tmp_path / "foreign.safetensors") == ("mvsplat", tmp_path / "foreign.safetensors")
-    with pytest.raises(ValueError, match='no weights ship for "base"'):
+    with pytest.raises(ValueError, match='no included weights for "base"'):
         find("base")
-    with pytest.raises(InputError, match="expected a file of weights, or small, found nothing"):
+    with pytest.raises(InputError, match="expected a weights file, or small, found nothing"):
         find(tmp_path / "absent")
 
 
@@ -78,7 +78,7 @@ def test_drawing_is_a_function_of_the_seed_and_leaves_the_callers_state(small):
 
 
 def test_no_weights_ship_for_base():
-    with pytest.raises(ValueError, match='no weights ship for "base"'):
+    with pytest.raises(ValueError, match='no included weights for "base"'):
         load("base")
 
 
@@ -133,7 +133,7 @@ def test_a_truncated_file_is_refused(written, tmp_path):
 
 
 def test_a_missing_file_is_told(tmp_path):
-    with pytest.raises(InputError, match="expected a file of weights, found nothing"):
+    with pytest.raises(InputError, match="expected a weights file, found nothing"):
         load("small", weights=tmp_path / "none.safetensors")
 
 

@@ -214,7 +214,7 @@ def test_a_lightning_checkpoint_with_objects_names_the_way_out(state, tmp_path):
     assert "471 tensors of MVSplat taken" in load("mvsplat", weights=tmp_path / "plain.ckpt").origin
     torch.save({"state_dict": state, "lr_schedulers": [Schedule()], **plain}, tmp_path / "objects.ckpt")
     with pytest.raises(
-        InputError, match=r"found an object, test_mvsplat\.Schedule; if you trust it, take its tensors out once"
+        InputError, match=r"found an object, test_mvsplat\.Schedule; if you trust it, extract its tensors once"
     ) as told:
         load("mvsplat", weights=tmp_path / "objects.ckpt")
     assert "weights_only=False" not in str(told.value)
