@@ -1,4 +1,4 @@
-"""Build: from settings to a network. The order in which modules are made is the order in which a seed gives them weights."""
+"""Build a network from its settings. The order of construction matters: in this order a seed initialises the modules."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from semgs.model.transformer import CameraTransformer
 
 
 def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20) -> SemGS:
-    """An untrained network, with weights from torch's random state.
+    """An untrained network, initialised from torch's random state.
 
     Args:
-        settings: of the network; without semantic settings it is colour-only, whatever the classes.
-        classes: table of the semantic branch; None builds a colour-only network.
+        settings: of the network; without semantic settings it is colour-only.
+        classes: the class table of the semantic branch; None builds a colour-only network.
     """
     if settings.semantic is None or classes is None:
         settings, classes = replace(settings, semantic=None), None
@@ -79,7 +79,7 @@ def _decoder(settings: NetworkSettings) -> Decoder:
 
 
 def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, classes: int) -> SemanticBranch:
-    """The semantic branch; where the refinement classifies, the head starts without a say in the classes."""
+    """The semantic branch. If the refinement classifies, the head starts without influence on the classes."""
     channels, heads = settings.channels, settings.colour.heads
     factor, corners = SHRINK // settings.stride, settings.conventions.pixel_centres
     cnn = FeatureCNN(settings.cnn_widths, channels) if semantic.own_cnn else None
@@ -101,7 +101,7 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
 
 
 def _refinement(settings: TwoBlocks | Pyramid | MobileNet, channels: int, classes: int) -> ClassRefinement:
-    """What fits the slot of the class refinement."""
+    """The class refinement."""
     if isinstance(settings, Pyramid):
         return SemanticPyramid(channels, settings.widths, classes)
     if isinstance(settings, MobileNet):
@@ -116,12 +116,12 @@ def _transformer(channels: int, settings: TransformerSettings) -> CameraTransfor
 
 
 def _scaled(layers: nn.Sequential, factor: float) -> None:
-    """Shrink the random weights of the last of some layers."""
+    """Scale the random weights of the last layer."""
     layers[-1].get_parameter("weight").data.mul_(factor)
 
 
 def _start_at(head: Head, channels: slice, sigma: float | None) -> None:
-    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels; None leaves it."""
+    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels; None changes nothing."""
     if sigma is None:
         return
     share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)

@@ -1,4 +1,4 @@
-"""The plane sweep's correlation as one differentiable operation on the CPU, without the warped features in memory."""
+"""The correlation of the plane sweep as one differentiable operation on the CPU, without warped features in memory."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ def correlate_fused(
     smallest: Float[Tensor, " n"],
     mask_unseen: bool,
 ) -> tuple[Float[Tensor, "n l h w"], Float[Tensor, "n l h w"]]:
-    """As `semgs.model.cost_volume.correlate`, with channels last and gradients for the two feature maps alone."""
+    """The same as `semgs.model.cost_volume.correlate`, with channels last and gradients only for the two feature maps."""
     sums, seen = _correlate(reference, source, matrices, offsets, depths, smallest, mask_unseen)
     return sums, seen
 
@@ -72,7 +72,7 @@ torch.library.register_autograd(_correlate, _backward, setup_context=_setup)
 
 
 def _empty(reference: Tensor, depths: Tensor) -> tuple[Tensor, Tensor]:
-    """Memory for the sums, and for what is seen."""
+    """Memory for the sums and for whether points are seen."""
     n, h, w, _ = reference.shape
     sums = reference.new_empty(n, depths.shape[1], h, w)
     return sums, torch.empty_like(sums)

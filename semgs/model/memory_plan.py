@@ -1,8 +1,7 @@
-"""Memory plan: how much memory a scene will need, known before it is encoded, and how many views to work on at a time.
+"""Memory plan: how much memory a scene needs, computed before it is encoded, and how many views to process at a time.
 
-Each stage is the sum of `semgs.model.stage_memory`. On top come what the compiled kernels bring when they are loaded,
-and what the allocator cannot give back while holes are left between tensors: `LIBRARIES` and `HOLES`, which were measured
-(docs/benchmarks.md says how, and how far the sum is from the peak of a process).
+The memory of each stage is the sum in `semgs.model.stage_memory`, plus the compiled kernels (`LIBRARIES`) and the gaps between tensors
+that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks.md says how, and compares the plan with real peaks.
 """
 
 from __future__ import annotations
@@ -20,39 +19,39 @@ from semgs.model.semgs import SemGS
 from semgs.model.stage_memory import Work, seen_bytes, stage_bytes
 
 LIBRARIES = 178e6
-"""What a process takes when it loads the compiled kernels and the libraries under its convolutions [bytes]."""
+"""Memory of the compiled kernels and of the libraries for convolutions [bytes]."""
 
 HOLES, MOST_HOLES = 0.7, 320e6
-"""Share of its tensors that the allocator takes beyond them in a stage of many layers, and the most that it takes [bytes]: small
-tensors come from a heap, which keeps the holes between those that are gone; large ones go back whole."""
+"""The allocator's overhead in stages with many layers, relative to their tensors, and its maximum [bytes]: small tensors come from a
+heap, which keeps gaps where tensors were freed; large tensors are released completely."""
 
 FEW_HOLES = 0.2
-"""The same share where a few large tensors are all: in the cost volume, and where views are drawn."""
+"""The same overhead in stages with a few large tensors: the cost volume, and rendering."""
 
 ROUNDING = 1.04
-"""Small tensors that are not counted."""
+"""Factor for small tensors that are not counted."""
 
 JOINED = 64e6
-"""On a CPU the heads take views together while what they see of them is no more than this [bytes]: beyond it two views at a time
-take as long as one after the other, and more memory."""
+"""On a CPU the heads process views together up to this input size [bytes]. Beyond it, two views together are no faster than one after
+the other, and need more memory."""
 
 SMALLEST_SIDE = 32
 
 
 class NotEnoughMemoryError(MemoryError):
-    """A scene that would need more memory than there is; the text says what would fit."""
+    """A scene needs more memory than there is; the message says what would fit."""
 
 
 @dataclass(frozen=True)
 class MemoryPlan:
-    """How encoding and drawing a scene will use memory.
+    """How much memory encoding and rendering a scene will take.
 
     Attributes:
-        peak_bytes: the most that will be held at any time: by the process, or on the network's CUDA device.
-        stage: in which that is: one of `semgs.model.stages.STAGES`, or `render`.
-        chunks: how many views the cost volume and the heads take at a time; as many as is fastest where there is room.
-        short: whether there is none, so that views come fewer at a time than is fastest.
-        available_bytes: what the process holds now and what is free beside it, infinite where the system does not say.
+        peak_bytes: peak memory of the process, or on the network's CUDA device.
+        stage: the stage of the peak: one of `semgs.model.stages.STAGES`, or `render`.
+        chunks: views that the cost volume and the heads take at a time; the fastest choice if memory allows.
+        short: whether memory is short, so that fewer views are taken at a time than would be fastest.
+        available_bytes: memory that the process uses now plus what is free; infinite if unknown.
     """
 
     peak_bytes: float
@@ -65,16 +64,16 @@ class MemoryPlan:
 def memory_plan(
     model: SemGS, views: Views, targets: Views | None = None, *, available_bytes: float | None = None
 ) -> MemoryPlan:
-    """The memory that encoding a scene and drawing its views will need, and the chunks that are fastest, or the largest with which it fits.
+    """The memory for encoding a scene and rendering its views, with the fastest chunks or, if memory is short, the largest that fit.
 
     Args:
         model: on the device that it will compute on.
-        views: of one scene, that go in.
-        targets: that are drawn beside them, as `semgs.reconstruction.reconstruct` does.
-        available_bytes: what may be held altogether; None asks the system, its containers and limits, or the CUDA device.
+        views: the input views of one scene.
+        targets: target views to render as well, as `semgs.reconstruction.reconstruct` does.
+        available_bytes: memory that may be used in total; None reads it from the system, its containers and limits, or the CUDA device.
 
     Raises:
-        NotEnoughMemoryError: it does not fit, however few views are taken at a time.
+        NotEnoughMemoryError: it does not fit even with one view at a time.
     """
     device = next(model.parameters()).device
     if available_bytes is None:
@@ -88,7 +87,7 @@ def memory_plan(
 
 
 def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, float]:
-    """The most that a process holds in each stage that held so much before [bytes]."""
+    """Peak memory of a process in each stage, if it used `held` before [bytes]."""
     found = {}
     for stage, tensors in stage_bytes(model, work, chunks).items():
         share = FEW_HOLES if stage in ("cost_volume", "render") else HOLES
@@ -97,7 +96,7 @@ def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, fl
 
 
 def _fitting(model: SemGS, work: Work, held: float, available: float) -> MemoryPlan:
-    """The plan with the fastest chunks, the largest that fit, or the smallest where none do."""
+    """The plan with the fastest chunks, with the largest that fit, or with the smallest if none fit."""
     fastest = Chunks(heads=_joined(model, work))
 
     def largest(stages: tuple[str, ...], chunked: str) -> int | None:
@@ -116,7 +115,7 @@ def _fitting(model: SemGS, work: Work, held: float, available: float) -> MemoryP
 
 
 def _joined(model: SemGS, work: Work) -> int | None:
-    """How many views the heads take at a time where memory is no matter; None is all."""
+    """How many views the heads take at a time if memory is not short; None is all."""
     most = max(1, int(JOINED // seen_bytes(model, work)))
     return None if next(model.parameters()).device.type != "cpu" or most >= work.views else most
 
@@ -131,7 +130,7 @@ def _halves(views: int, most: int | None) -> Iterator[int | None]:
 
 
 def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: MemoryPlan, held: float) -> str:
-    """One line about what is needed, what there is, and what would fit."""
+    """One line on the memory that is needed, the memory that is free, and what would fit."""
     line = (
         f"N = {work.views} at {size[0]}x{size[1]} needs about {_gigabytes(best.peak_bytes)}, "
         f"{_gigabytes(best.available_bytes)} are free"
@@ -147,7 +146,7 @@ def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: MemoryPlan,
 
 
 def _work(views: int, size: tuple[int, ...], targets: int) -> Work:
-    """What `reconstruct` does: all views are drawn, those that went in and the targets."""
+    """The work of `reconstruct`: all views are rendered, input and target views."""
     height, width = (-(-side // MULTIPLE) * MULTIPLE for side in size)
     return Work(views, (height, width), views + targets, (height, width) != tuple(size))
 
@@ -158,17 +157,17 @@ def _rounded(side: float) -> int:
 
 
 def _gigabytes(count: float) -> str:
-    """Bytes as a reader wants them."""
+    """Bytes as text in gigabytes."""
     return f"{count / 1e9:.2g} GB"
 
 
 def _held(device: torch.device) -> float:
-    """What this process holds now where the network is."""
+    """Memory that this process uses now on the network's device."""
     return float(torch.cuda.memory_allocated(device)) if device.type == "cuda" else held_bytes()
 
 
 def _available(device: torch.device) -> float:
-    """What this process may hold altogether where the network is."""
+    """Memory that this process may use in total on the network's device."""
     if device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
         return float(free + torch.cuda.memory_reserved(device))

@@ -1,4 +1,4 @@
-"""Padded: what the network sees of a batch of scenes, and how its answer gets back to the size of the views."""
+"""Padded: a batch of scenes in the form that the network takes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Padded:
 
     Attributes:
         pictures: on the network's device and in its dtype.
-        small: the same at the Gaussians' scale.
+        small: the same images at the Gaussians' scale.
         cameras: of the padded images, [b v].
         depth_range: near and far of each view [m].
         views: v.
@@ -36,12 +36,12 @@ class Padded:
 
     @staticmethod
     def of(views: Views, like: Tensor, stride: int) -> Padded:
-        """Views of one scene, or of scenes with any leading axes.
+        """From views of one scene, or of scenes with any leading axes.
 
         Args:
             views: with images of any size.
             like: a tensor on the device and in the dtype of the network.
-            stride: pixels along each side of a Gaussian's place.
+            stride: pixels per Gaussian along each side.
         """
         count, (height, width) = len(views), views.size
         padded = (-(-height // MULTIPLE) * MULTIPLE, -(-width // MULTIPLE) * MULTIPLE)
