@@ -618,7 +618,7 @@ MUTANTS = (
     ),
     Mutant(
         "vignetting takes double from the corners", "semgs/training/photo.py",
-        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_camera.py",),
+        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_photo.py",),
     ),
     Mutant(
         "classes are brought to another table by position", "semgs/training/samples.py",
@@ -889,7 +889,7 @@ MUTANTS = (
     ),
     Mutant(
         "a network begins whether memory suffices or not", "semgs/model/semgs.py",
-        "return plan(self, views).chunks", "return WHOLE", ("tests/weights/test_load.py",),
+        "return memory_plan(self, views).chunks", "return WHOLE", ("tests/weights/test_load.py",),
     ),
     Mutant(
         "a loaded network has gradients", "semgs/weights/load.py",

@@ -234,7 +234,7 @@ def test_balanced_sampling_prefers_scenes_with_rare_classes(scans, tmp_path):
     first, second, third = balanced.folders[0].chances
     assert first == pytest.approx(second, rel=0.1)
     assert third > 1.2 * first
-    with pytest.raises(InputError, match="rooms alone"):
+    with pytest.raises(InputError, match="only rooms"):
         surveyed(replace(SETTINGS, sampling="balanced"), tmp_path)
 
 
