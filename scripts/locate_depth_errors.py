@@ -49,7 +49,7 @@ class Found:
 def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
     """What the network finds on its way."""
     scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
-    features = model.colour.transformer(model.cnn(scene.pictures), scene)
+    features = model.colour.transformer(model.cnn(scene.images), scene)
     cost = model.colour.depth.cost(features, scene, None)
     depth = model.colour.depth(cost, features, scene)
     candidates = depth.planes.depths[..., None, None]

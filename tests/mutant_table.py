@@ -575,6 +575,15 @@ MUTANTS = (
         "step * batch + self.rank * self.accumulate * each", "step * batch", ("tests/training/test_processes.py",),
     ),
     Mutant(
+        "only the processes of one machine share a step", "semgs/training/execution.py",
+        "self.devices * self.nodes, self.accumulate", "self.devices, self.accumulate", ("tests/training/test_execution.py",),
+    ),
+    Mutant(
+        "two processes train into one run folder", "semgs/training/run.py",
+        "return FileLock(out / LOCK).acquire(timeout=0)", "return nullcontext()",
+        ("tests/training/test_run.py::test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter",),
+    ),
+    Mutant(
         "validation uses the most input views of the training", "semgs/training/batches.py",
         "fewest = settings.contexts[0]", "fewest = settings.contexts[1]",
         ("tests/training/test_files.py::test_validation_rooms_have_the_fewest_input_views_of_the_training",),

@@ -13,7 +13,7 @@ from torch.nn.functional import interpolate, pad, relu6
 
 from semgs.model.cnn import SHRINK
 from semgs.model.pyramid import near_side, normed
-from semgs.model.refinement import Cues, PictureRefinement, Refined, Shallow
+from semgs.model.refinement import Cues, ImageRefinement, Refined, Shallow
 
 STEM = 32
 """Channels of the first convolution, at 1/2 of the image."""
@@ -110,9 +110,9 @@ class MobileNetV2(nn.Module):
             else:
                 nn.init.kaiming_normal_(parameter, nonlinearity="relu")
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c hk wk"]]:
+    def forward(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c hk wk"]]:
         """Maps of 24, 32, 96 and 320 channels at 1/4, 1/8, 1/16 and 1/32 (rounded up) of images in 0..1."""
-        x = (255 * pictures - 128) / 128
+        x = (255 * images - 128) / 128
         x = relu6(self.stem(x.contiguous(memory_format=torch.channels_last)), inplace=True)
         maps = []
         for k, block in enumerate(self.blocks):
@@ -122,7 +122,7 @@ class MobileNetV2(nn.Module):
         return maps
 
 
-class MobileNetRefinement(PictureRefinement):
+class MobileNetRefinement(ImageRefinement):
     """Class features from the image: MobileNetV2 and a decoder that sums its maps from coarse to fine.
 
     Only the decoder has batch norm. The shallow features are not used, because they are made to match points between views.
@@ -148,23 +148,23 @@ class MobileNetRefinement(PictureRefinement):
         self.features = nn.Conv2d(width, channels, 1)
         self.classifier = nn.Conv2d(width, classes, 1)
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features at 1/4 of the images, and the evidence for classes. Large images are downsampled first (`near_side`)."""
-        maps = self.backbone(near_side(pictures, SHRINK))
-        x = at_scale(self.decoded(maps), pictures, SHRINK)
+        maps = self.backbone(near_side(images, SHRINK))
+        x = at_scale(self.decoded(maps), images, SHRINK)
         return Refined(self.features(x), x, tuple(maps[k] for k in CUES))
 
-    def cues(self, pictures: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
         """The backbone's maps of 32 and 96 channels: depth reads them and never teaches them.
 
         They are contiguous, because torch 2.13 crashes in the gradient of a group norm on maps with channels last and without gradient.
         """
         if not seen:
             with torch.no_grad():
-                maps = self.backbone(near_side(pictures, SHRINK))
+                maps = self.backbone(near_side(images, SHRINK))
             seen = tuple(maps[k] for k in CUES)
         shown = (one.detach().contiguous() for one in seen)
-        return tuple(at_scale(one, pictures, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
+        return tuple(at_scale(one, images, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
 
     def decoded(self, maps: list[Tensor]) -> Float[Tensor, "n width h4 w4"]:
         """The decoder's finest map, at 1/4 of the backbone's images; classes and features are linear in it."""
@@ -177,10 +177,10 @@ class MobileNetRefinement(PictureRefinement):
 
 
 def at_scale(
-    maps: Float[Tensor, "n c h2 w2"], pictures: Float[Tensor, "n 3 h w"], shrink: int
+    maps: Float[Tensor, "n c h2 w2"], images: Float[Tensor, "n 3 h w"], shrink: int
 ) -> Float[Tensor, "n c hs ws"]:
     """Maps resampled to 1 / shrink of the images, unless they have that size already."""
-    size = (pictures.shape[-2] // shrink, pictures.shape[-1] // shrink)
+    size = (images.shape[-2] // shrink, images.shape[-1] // shrink)
     if size == maps.shape[-2:]:
         return maps
     return interpolate(maps, size=size, mode="bilinear", align_corners=False)

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, pixel_unshuffle
 
 from semgs.model.cnn import SHRINK
-from semgs.model.refinement import PictureRefinement, Refined, Shallow
+from semgs.model.refinement import ImageRefinement, Refined, Shallow
 
 BLOCKS = 2
 """Residual blocks per coarser map on the way down."""
@@ -22,7 +22,7 @@ SIDE = 240
 """Shorter side of the images that the class branch is trained for [px]; things look different at twice the size."""
 
 
-class SemanticPyramid(PictureRefinement):
+class SemanticPyramid(ImageRefinement):
     """Residual blocks with batch norm on maps of halved sizes, summed on the way back up; the finest gives classes.
 
     It uses batch norm, because the instance and group norms of the other branches remove what distinguishes one image from another.
@@ -46,20 +46,20 @@ class SemanticPyramid(PictureRefinement):
         self.merged = nn.ModuleList(Residual(width) for width in sizes[:-1])
         self.classifier = nn.Conv2d(channels, classes, 1)
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features at 1/4 of the images. Large images are downsampled first, and their features upsampled."""
-        known = near_side(pictures, SHRINK)
+        known = near_side(images, SHRINK)
         refined = self.refined(shallow(known), known)
-        if known is not pictures:
-            size = (pictures.shape[-2] // SHRINK, pictures.shape[-1] // SHRINK)
+        if known is not images:
+            size = (images.shape[-2] // SHRINK, images.shape[-1] // SHRINK)
             refined = interpolate(refined, size=size, mode="bilinear")
         return Refined(refined, refined)
 
     def refined(
-        self, features: Float[Tensor, "n c h4 w4"], pictures: Float[Tensor, "n 3 h w"]
+        self, features: Float[Tensor, "n c h4 w4"], images: Float[Tensor, "n 3 h w"]
     ) -> Float[Tensor, "n c h4 w4"]:
         """Features of the same size, from shallow features and their images (0..1)."""
-        x = torch.cat((features, pixel_unshuffle(2 * pictures - 1, SHRINK)), dim=1)
+        x = torch.cat((features, pixel_unshuffle(2 * images - 1, SHRINK)), dim=1)
         maps: list[Tensor] = [self.stem(x.contiguous(memory_format=torch.channels_last))]
         for down, blocks in zip(self.down, self.blocks, strict=True):
             maps.append(blocks(down(maps[-1])))
@@ -71,13 +71,13 @@ class SemanticPyramid(PictureRefinement):
         return x
 
 
-def near_side(pictures: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
+def near_side(images: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
     """Images downsampled by the integer that brings their shorter side closest to `SIDE`, to multiples of `shrink`; small ones are unchanged."""
-    times = round(min(pictures.shape[-2:]) / SIDE)
+    times = round(min(images.shape[-2:]) / SIDE)
     if times <= 1:
-        return pictures
-    height, width = (shrink * -(-side // (shrink * times)) for side in pictures.shape[-2:])
-    return interpolate(pictures, size=(height, width), mode="area")
+        return images
+    height, width = (shrink * -(-side // (shrink * times)) for side in images.shape[-2:])
+    return interpolate(images, size=(height, width), mode="area")
 
 
 class Residual(nn.Module):

@@ -61,28 +61,28 @@ class ClassRefinement(nn.Module, ABC):
         self.classifier = classifier
 
     @abstractmethod
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features at 1/4 of the images (0..1).
 
         Args:
-            pictures: with sides that are multiples of 16.
+            images: with sides that are multiples of 16.
             shallow: computes shallow features, of these images or of smaller ones.
         """
 
-    def cues(self, pictures: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
         """Coarse maps of each view for depth; this refinement has none.
 
         Args:
-            pictures: as for `forward`.
+            images: as for `forward`.
             seen: `Refined.seen` from `forward`; without it, only the necessary layers are computed.
         """
         return ()
 
 
-class PictureRefinement(ClassRefinement):
+class ImageRefinement(ClassRefinement):
     """A refinement on the images. Its convolutions use channels last in training too, which halves the time of a step."""
 
-    def train(self, mode: bool = True) -> PictureRefinement:
+    def train(self, mode: bool = True) -> ImageRefinement:
         """Set the mode, as for every module, and keep the memory format."""
         super().train(mode)
         lay_out(self, torch.channels_last)
@@ -96,7 +96,7 @@ class ResidualRefinement(ClassRefinement):
         super().__init__()
         self.residual = nn.Sequential(ResidualBlock(channels, channels), ResidualBlock(channels, channels))
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features of each view; no classes."""
-        features: Tensor = self.residual(shallow(pictures))
+        features: Tensor = self.residual(shallow(images))
         return Refined(features, features)

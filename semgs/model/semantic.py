@@ -93,13 +93,13 @@ class SemanticBranch(nn.Module):
             shallow: its features of the views; None computes them if they are needed.
         """
 
-        def features(pictures: Tensor) -> Tensor:
-            if shallow is not None and self.cnn is None and pictures is scene.pictures:
+        def features(images: Tensor) -> Tensor:
+            if shallow is not None and self.cnn is None and images is scene.images:
                 return shallow
-            own: Tensor = (self.cnn or cnn)(pictures)
+            own: Tensor = (self.cnn or cnn)(images)
             return own
 
-        refined: Refined = self.refinement(scene.pictures, features)
+        refined: Refined = self.refinement(scene.images, features)
         return refined
 
     def _attributes(

@@ -113,7 +113,7 @@ class SemGS(nn.Module):
         scene = self._padded(views)
         chunks = self._planned(views) if chunks is None else chunks
         with stage("cnn"):
-            shallow = self.cnn(scene.pictures)
+            shallow = self.cnn(scene.images)
         with stage("transformer_colour"):
             features = self.colour.transformer(shallow, scene)
         with stage("transformer_semantic"):
@@ -182,7 +182,7 @@ class SemGS(nn.Module):
             ValueError: there is only one view.
         """
         scene, conventions = self._padded(views), self.settings.conventions
-        features = self.colour.transformer(self.cnn(scene.pictures), scene)
+        features = self.colour.transformer(self.cnn(scene.images), scene)
         cost = self.colour.depth.cost(features, scene, None)
         depth = self.colour.depth(cost, features, scene, self._cues(scene))
         leading, (height, width) = views.images.shape[:-3], views.size
@@ -249,7 +249,7 @@ class SemGS(nn.Module):
         """The class branch's cues, if depth reads them; from its refinement of the views, if that was already computed."""
         if self.semantic is None or not self.colour.depth.reads_cues:
             return ()
-        return self.semantic.refinement.cues(scene.pictures, () if refined is None else refined.seen)
+        return self.semantic.refinement.cues(scene.images, () if refined is None else refined.seen)
 
     def _cue_layers(self) -> tuple[str, ...]:
         """Names of the layers of the class refinement on which depth depends."""

@@ -96,7 +96,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     texels = views * _texels(work.size, SHRINK)
     gaussians = views * _texels(work.size, model.stride)
     pixels = views * work.size[0] * work.size[1]
-    pictures = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
+    images = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
     features = texels * s.channels
 
     # Half-size maps of a residual block: its input, and two convolutions and their norms.
@@ -123,12 +123,12 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     if part < 1:
         last += _result(model, gaussians, pixels) * (1 + part)
     return {
-        "cnn": pictures + cnn,
-        "transformer_colour": pictures + features + _attention(s.colour.transformer, features, views),
-        "transformer_semantic": pictures + 3 * features + _semantic(s, features, views),
-        "cost_volume": pictures + cost,
-        "depth": pictures + depth,
-        "heads": pictures + last,
+        "cnn": images + cnn,
+        "transformer_colour": images + features + _attention(s.colour.transformer, features, views),
+        "transformer_semantic": images + 3 * features + _semantic(s, features, views),
+        "cost_volume": images + cost,
+        "depth": images + depth,
+        "heads": images + last,
     }
 
 

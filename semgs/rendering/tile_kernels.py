@@ -65,7 +65,7 @@ def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian,
     Args:
         ranks: [g], place in the depth order, negative if not rendered.
         first: tile of the run.
-        rectangles: [g 4], filled with the first and end row and column of tiles of the picture.
+        rectangles: [g 4], filled with the first and end row and column of tiles of the image.
         per_gaussian: [g], filled with the number of pairs.
         counts: [SHARES tiles], zeros, filled with each share's number of pairs in each tile of the run.
     """
@@ -193,7 +193,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
     channels, height, width = picture.shape
     top, bottom, left, right = _sides(tile, height, width)
     xs, ys = _centres(top, left)
-    light = np.full(PIXELS, -1.0)  # negative where a pixel is finished, or outside the picture
+    light = np.full(PIXELS, -1.0)  # negative where a pixel is finished, or outside the image
     latest = np.full(PIXELS, -1.0)
     for row in range(bottom - top):
         light[row * TILE_WIDTH : row * TILE_WIDTH + right - left] = 1.0
@@ -262,7 +262,7 @@ def _draw_tile_backward(
     xs, ys = _centres(top, left)
     grad = np.zeros((channels, PIXELS), features.dtype)
     light = np.ones(PIXELS)
-    # Sum of w_j (f_j . gradient) and of the gradient of T times T, over what lies behind.
+    # Sum of w_j (f_j . gradient) and of the gradient of T times T, over what is behind.
     behind = np.zeros(PIXELS)
     latest = np.full(PIXELS, -1.0)
     for row in range(top, bottom):

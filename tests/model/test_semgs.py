@@ -72,7 +72,7 @@ def test_other_sizes_are_padded_with_their_camera(small):
 
 def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
     views = posed_views(2, (37, 51))
-    padded = Padded.of(views, torch.zeros(1), 2).pictures
+    padded = Padded.of(views, torch.zeros(1), 2).images
     assert padded.shape == (2, 3, 48, 64)
     for row in range(48):
         for column in (0, 20, 50, 51, 63):

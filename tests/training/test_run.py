@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -148,6 +151,16 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
         assert {file: file.read_bytes() for file in out.iterdir()} == before
         other.kill()
     with alone(out):
+        pass
+
+
+@pytest.mark.parametrize("number", [errno.EOPNOTSUPP, errno.EACCES])
+def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monkeypatch, number: int):
+    def refused(self, timeout):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("semgs.training.run.FileLock.acquire", refused)
+    with nullcontext() if number == errno.EOPNOTSUPP else pytest.raises(PermissionError), alone(tmp_path):
         pass
 
 
