@@ -79,8 +79,9 @@ def training_batches(
 ) -> Iterable[Portion]:
     """The portions of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
 
-    Unlike `semgs.data.workers.outcomes` it never ends its workers early: the portions are consumed to the last step. Rooms that several
-    samples share are saved in the folder `pool`. Assets are not checked here; `semgs.rooms.assets.lock.verify` does that.
+    It has its own loader instead of `semgs.data.workers.outcomes`, because its workers prepare four steps ahead: steps differ in cost.
+    Rooms that several samples share are saved in the folder `pool`. Assets are not checked here; `semgs.rooms.assets.lock.verify` does
+    that.
 
     Raises:
         ValueError: a step cannot be shared equally.
