@@ -81,7 +81,7 @@ def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
 
 
 def test_one_view_is_refused(small):
-    with pytest.raises(ValueError, match="given 1 view"):
+    with pytest.raises(ValueError, match="got 1 view"):
         small(posed_views(2, SIZE).select([0]))
 
 
@@ -178,7 +178,7 @@ def test_base_has_the_papers_sizes():
     base = preset("base")
     assert len(base.colour.transformer.swin.layers) == 6
     assert len(base.semantic.transformer.swin.layers) == 3
-    assert base.colour.depth.candidates == 128
+    assert base.colour.depth.settings.candidates == 128
     assert base.cnn.conv2.out_channels == 128
     assert len([*base.cnn.layer1, *base.cnn.layer2, *base.cnn.layer3]) == 6
     assert len(base.semantic.refinement.residual) == 2
