@@ -77,7 +77,7 @@ def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, la
     assert main([*line, "--test", str(room)]) == 2
     assert "scenes with labels" in capsys.readouterr().err.splitlines()[-1]
     assert main([*line, "--test", str(labelled), "--learning-rate", "0.5"]) == 2
-    assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
+    assert "learning_rate = 0.001 there, 0.5 requested" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_path, labelled, trained, capsys):
