@@ -28,7 +28,7 @@ from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
 from semgs.geometry.plane_sweep import expected_depth
 from semgs.model.cnn import SHRINK
-from semgs.model.scene import Padded
+from semgs.model.padded import Padded
 from semgs.model.semgs import SemGS
 from semgs.weights.load import load
 
@@ -49,7 +49,7 @@ class Found:
 def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
     """What the network finds on its way."""
     scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
-    features = model.colour.transformer(model.cnn(scene.pictures), scene)
+    features = model.colour.transformer(model.cnn(scene.images), scene)
     cost = model.colour.depth.cost(features, scene, None)
     depth = model.colour.depth(cost, features, scene)
     candidates = depth.planes.depths[..., None, None]

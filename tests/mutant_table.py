@@ -37,7 +37,7 @@ SWIN = "semgs/model/swin.py"
 COST = "semgs/model/cost_volume.py"
 HEADS = "semgs/model/heads.py"
 PLACING = "semgs/model/placing.py"
-SCENE = "semgs/model/scene.py"
+SCENE = "semgs/model/padded.py"
 OVERLAP = "semgs/model/overlap.py"
 REFERENCE = "semgs/rendering/reference.py"
 RENDER = "semgs/rendering/render.py"
@@ -494,7 +494,7 @@ MUTANTS = (
     # Losses and metrics
     Mutant(
         "ignored pixels count as labelled", LOSSES,
-        "[..., 0, :, :], labels != IGNORE", "[..., 0, :, :], labels <= IGNORE", OF_LOSSES,
+        "[:, 0], labels != IGNORE", "[:, 0], labels <= IGNORE", OF_LOSSES,
     ),
     Mutant(
         "smoothness reaches across borders", LOSSES,
@@ -531,7 +531,7 @@ MUTANTS = (
         "truth[..., SHRINK // 2 :: SHRINK, SHRINK // 2 :: SHRINK]", "truth[..., ::SHRINK, ::SHRINK]", OF_DEPTH_LOSSES,
     ),
     Mutant(
-        "the semantic loss weighs as much as colour", "semgs/objectives/weights.py",
+        "the semantic loss weighs as much as colour", "semgs/objectives/loss_weights.py",
         "semantic: float = 0.1", "semantic: float = 1.0", OF_LOSSES,
     ),
     Mutant(
@@ -572,8 +572,17 @@ MUTANTS = (
         ("tests/training/test_step.py::test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted",),
     ),
     Mutant(
-        "all processes take the same scenes", "semgs/training/batches.py",
+        "all processes take the same scenes", "semgs/training/execution.py",
         "step * batch + self.rank * self.accumulate * each", "step * batch", ("tests/training/test_processes.py",),
+    ),
+    Mutant(
+        "only the processes of one machine share a step", "semgs/training/execution.py",
+        "self.devices * self.nodes, self.accumulate", "self.devices, self.accumulate", ("tests/training/test_execution.py",),
+    ),
+    Mutant(
+        "two processes train into one run folder", "semgs/training/run.py",
+        "return FileLock(out / LOCK).acquire(timeout=0)", "return nullcontext()",
+        ("tests/training/test_run.py::test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter",),
     ),
     Mutant(
         "validation uses the most input views of the training", "semgs/training/batches.py",
@@ -618,8 +627,8 @@ MUTANTS = (
         ("tests/training/test_teacher.py",),
     ),
     Mutant(
-        "vignetting takes double from the corners", "semgs/training/camera.py",
-        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_camera.py",),
+        "vignetting takes double from the corners", "semgs/training/photo.py",
+        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_photo.py",),
     ),
     Mutant(
         "classes are brought to another table by position", "semgs/training/samples.py",
@@ -890,7 +899,7 @@ MUTANTS = (
     ),
     Mutant(
         "a network begins whether memory suffices or not", "semgs/model/semgs.py",
-        "return plan(self, views).chunks", "return WHOLE", ("tests/weights/test_load.py",),
+        "return memory_plan(self, views).chunks", "return WHOLE", ("tests/weights/test_load.py",),
     ),
     Mutant(
         "a loaded network has gradients", "semgs/weights/load.py",
@@ -926,7 +935,7 @@ MUTANTS = (
         "a wall in front hides nothing", COVISIBILITY, "HIDDEN = 1.1", "HIDDEN = 100", OF_COVISIBILITY,
     ),
     Mutant(
-        "classes over the seen pixels are over all", "semgs/objectives/maps.py",
+        "classes over the seen pixels are over all", "semgs/objectives/map_scores.py",
         "truth.labels.masked_fill(~seen, IGNORE)", "truth.labels", OF_VIEW_SCORES,
     ),
     Mutant(
@@ -966,7 +975,7 @@ MUTANTS = (
     ),
     Mutant(
         "depth teaches the class backbone through its cue", "semgs/model/mobilenet.py",
-        "maps[k].detach()", "maps[k]",
+        "one.detach()", "one",
         ("tests/model/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
     ),
     Mutant(

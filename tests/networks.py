@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from semgs.data.classes import SCANNET20, ClassTable
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.conventions import OURS
 from semgs.model.semgs import SemGS
@@ -35,4 +35,4 @@ def network(classes: ClassTable | None = SCANNET20, **changes: object) -> SemGS:
 
 def preset(name: str, **changes: object) -> SemGS:
     """The network of a preset, or that with some of its switches set."""
-    return build(switched(presets.PRESETS[name](), changes))
+    return build(switched(networks.NETWORKS[name](), changes))

@@ -22,7 +22,7 @@ from semgs.model.settings import (
     TransformerSettings,
 )  # fmt: skip
 from semgs.model.switches import Switches
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 
 SETTINGS = (
     NetworkSettings,

@@ -39,7 +39,7 @@ MINIATURE = {
 }  # fmt: skip
 NETWORKS = {"small": lambda: preset("small"), "miniature, paper_heads": lambda: network(**MINIATURE)}
 
-pytestmark = pytest.mark.filterwarnings("ignore:Gaussians on a CUDA device are drawn on the CPU")
+pytestmark = pytest.mark.filterwarnings("ignore:Gaussians on a CUDA device are rendered on the CPU")
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from semgs.rooms.sets.demo import demo_scene
+from semgs.training.execution import Execution
 from semgs.training.loop import train
 from semgs.training.presets import small
 from semgs.weights.load import load
@@ -34,7 +35,7 @@ def test_four_steps_of_small_lead_where_they_always_led(tmp_path: Path):
     settings = replace(
         small(), steps=4, size=(32, 48), batch=2, contexts=(2, 2), targets=1, validation_scenes=0, data=(str(demo_scene()),)
     )  # fmt: skip
-    train(settings, tmp_path / "run", workers=0)
+    train(settings, tmp_path / "run", Execution(workers=0))
     last = json.loads((tmp_path / "run" / "log.jsonl").read_text().splitlines()[-1])
     assert last["step"] == 4
     expected = {

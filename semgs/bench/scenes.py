@@ -12,10 +12,10 @@ from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, Views, stack
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.model.presets import base
+from semgs.model.networks import base
 from semgs.model.semgs import SemGS
 from semgs.rooms.sets.demo import demo_scene
-from semgs.weights.load import drawn, load
+from semgs.weights.load import load, untrained
 
 TARGET = 5
 """Frame of the included room that is rendered."""
@@ -35,7 +35,7 @@ def network(name: str) -> SemGS:
     """A network: `small` with the included weights, or `base` with random ones whose Gaussians have a median size of 1 px."""
     if name == "small":
         return load("small")
-    return drawn(replace(base(), initial_sigma=SIGMA_PX), seed=0).eval()
+    return untrained(replace(base(), initial_sigma=SIGMA_PX), seed=0).eval()
 
 
 @cache

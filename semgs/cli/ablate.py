@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -17,6 +17,7 @@ from semgs.cli.training_options import PresetSettings
 from semgs.cli.types import Count, Device, Minutes, Views, Workers
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
+from semgs.training.execution import Execution
 
 if TYPE_CHECKING:
     from semgs.evaluation.tables.ablation import AblationRow
@@ -137,14 +138,11 @@ class Ablate:
         """Refuse --full if that run has other settings or is not finished."""
         if self.full is None:
             return
-        from semgs.training.differences import changed, told
+        from semgs.training.differences import changed, listed
         from semgs.training.run import finished, read_settings
 
         if other := changed(settings, read_settings(self.full)):
-            listed = ", ".join(
-                f"{name} = {told(there)} there, {told(here)} here" for name, (here, there) in other.items()
-            )
-            raise UsageError(f"--full {self.full} has other settings: {listed}")
+            raise UsageError(f"--full {self.full} has other settings: {listed(other, 'here')}")
         if not finished(self.full):
             raise UsageError(f"--full {self.full} is not finished; repeat its semgs train command first")
 
@@ -174,16 +172,16 @@ class Ablate:
             return False
         console = Console(stderr=True, highlight=False)
         console.print(title, markup=False)
-        options: dict[str, Any] = {
-            "device": chosen_device(self.device), "devices": self.devices, "precision": self.precision,
-            "accumulate": self.accumulate, "minutes": left, "workers": self.workers,
-        }  # fmt: skip
+        execution = Execution(
+            chosen_device(self.device), self.devices, precision=self.precision, accumulate=self.accumulate, minutes=left,
+            workers=self.workers,
+        )  # fmt: skip
         if self.devices > 1:
-            train_apart(run, **options)
+            train_apart(run, execution)
             return finished(run)
         try:
             with what_the_user_gave():
-                return train(settings, run, console=console, **options).finished
+                return train(settings, run, execution, console=console).finished
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error
 
@@ -251,9 +249,10 @@ class Ablate:
         settings = replace(self.settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1)
         warm = replace(settings, steps=1)
         with TemporaryDirectory() as folder, show_stage("Timing three steps"), what_the_user_gave():
-            train(warm, Path(folder) / "warm", device=chosen_device(self.device), workers=0)
+            execution = Execution(chosen_device(self.device), workers=0)
+            train(warm, Path(folder) / "warm", execution)
             began = time.perf_counter()
-            train(settings, Path(folder) / "timed", device=chosen_device(self.device), workers=0)
+            train(settings, Path(folder) / "timed", execution)
             seconds = (time.perf_counter() - began) / TIMED_STEPS
         full = self.settings
         height, width = full.size

@@ -79,7 +79,7 @@ def what_fits() -> Iterator[None]:
     Raises:
         UsageError: instead of a NotEnoughMemoryError.
     """
-    from semgs.model.plan import NotEnoughMemoryError  # torch takes seconds to import
+    from semgs.model.memory_plan import NotEnoughMemoryError  # torch takes seconds to import
 
     try:
         yield

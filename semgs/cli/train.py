@@ -66,21 +66,20 @@ class Train:
         import torch
         from rich.console import Console
 
-        from semgs.training.batches import Share
+        from semgs.training.execution import Execution
         from semgs.training.loop import train
         from semgs.training.run import claim
 
         device = chosen_device(self.device)
         if device == "cuda" and self.devices > torch.cuda.device_count():
             raise UsageError(f"--devices {self.devices}: torch finds {torch.cuda.device_count()} CUDA devices here")
+        execution = Execution(
+            device, self.devices, self.nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes
+        )  # fmt: skip
         with what_the_user_gave():
-            Share(0, self.devices * self.nodes, self.accumulate).check(self.settings.batch)
+            execution.share().check(self.settings.batch)
             claim(self.out, self.settings)
         try:
-            train(
-                self.settings, self.out, device=device, devices=self.devices, nodes=self.nodes, precision=self.precision,
-                accumulate=self.accumulate, minutes=self.minutes, workers=self.workers, save_minutes=self.save_minutes,
-                console=Console(stderr=True, highlight=False),
-            )  # fmt: skip
+            train(self.settings, self.out, execution, console=Console(stderr=True, highlight=False))
         except (FloatingPointError, ImportError) as error:
             raise UsageError(str(error)) from error

@@ -10,23 +10,26 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from semgs.cli.errors import UsageError
+from semgs.training.execution import Execution
 
 
-def train_apart(run: Path, **options: Any) -> None:
+def train_apart(run: Path, execution: Execution) -> None:
     """Train a run folder that has its settings, or resume it, and wait for the end.
 
     Args:
         run: the folder.
-        options: of `semgs.training.loop.train`, as JSON.
+        execution: how to run it.
 
     Raises:
         UsageError: the training failed; it has printed why.
     """
-    done = subprocess.run([sys.executable, "-m", "semgs.cli.train_apart", str(run), json.dumps(options)], check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "semgs.cli.train_apart", str(run), json.dumps(asdict(execution))], check=False
+    )
     if done.returncode:
         raise UsageError(f"the training in {run} ended with exit code {done.returncode}")
 
@@ -39,10 +42,10 @@ def main(arguments: list[str]) -> int:
     from semgs.training.loop import train
     from semgs.training.run import read_settings
 
-    run, options = Path(arguments[0]), json.loads(arguments[1])
+    run, execution = Path(arguments[0]), Execution(**json.loads(arguments[1]))
     console = Console(stderr=True, highlight=False)
     try:
-        train(read_settings(run), run, console=console, **options)
+        train(read_settings(run), run, execution, console=console)
     except (InputError, ValueError, FloatingPointError, ImportError) as error:
         console.print(f"error: {error}", markup=False)
         return 2

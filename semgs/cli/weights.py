@@ -108,7 +108,7 @@ def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     from semgs.evaluation.tables.grid import Cell, Grid
     from semgs.evaluation.tables.texts import with_interval
     from semgs.objectives.measures import TITLES
-    from semgs.weights.scores import Figure, read_scores
+    from semgs.weights.header_scores import Figure, read_scores
 
     def cell(metric: str, figure: Figure | None) -> Cell:
         return Cell("–" if figure is None else with_interval(metric, figure.value, figure.low, figure.high))

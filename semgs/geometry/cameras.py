@@ -2,7 +2,7 @@
 
 The corner of the first pixel is at (0, 0) and its centre at (0.5, 0.5), so `intrinsics` of an image of width W whose
 optical axis passes through its middle has cx = W / 2. A point X of the world is seen at u = K (R^T (X - t)) / z with
-`world_from_camera` = [R | t]. Every reader converts to this at its door; no other convention exists inside.
+`world_from_camera` = [R | t]. Every reader converts to this convention; no other one exists inside the package.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from semgs.geometry.rotations import nearest_rotation
 from semgs.geometry.summaries import tensor_summary
 
 Arrays = np.ndarray | Tensor | Sequence
-"""Numbers in whatever form a caller holds them."""
+"""Numbers in any of the forms that callers have."""
 
 ROTATION_TOLERANCE = 1e-2
-"""A pose whose 3x3 part is further than this from a rotation (largest element) is refused; ScanNet's are within 1e-3."""
+"""Poses whose 3x3 part differs from a rotation by more than this (largest element) are refused; ScanNet's are within 1e-3."""
 
 
 @dataclass(frozen=True, init=False)
 class Cameras:
     """Pinhole cameras of one image size, with any leading batch axes.
 
-    Whatever comes in (arrays, lists, tensors of any dtype or device) is held as float64 on the CPU; only relative poses,
-    in float32, go to a device. Poses that are nearly rotations are orthonormalised.
+    All input (arrays, lists, tensors of any dtype or device) is stored as float64 on the CPU; only relative poses, in float32, go to a
+    device. Poses that are nearly rigid are orthonormalised.
 
     Attributes:
         world_from_camera: poses, camera to world, OpenCV axes [m].
@@ -59,7 +59,7 @@ class Cameras:
 
     @classmethod
     def trusted(cls, world_from_camera: Tensor, intrinsics: Tensor, size: tuple[int, int]) -> Cameras:
-        """Cameras that follow from cameras that were checked: nothing is checked, copied or orthonormalised again."""
+        """Cameras computed from checked cameras: nothing is checked, copied or orthonormalised again."""
         cameras = object.__new__(cls)
         vars(cameras).update(world_from_camera=world_from_camera, intrinsics=intrinsics, size=size)
         return cameras
@@ -69,10 +69,10 @@ class Cameras:
         return f"Cameras([{views}] of {self.size[0]}x{self.size[1]}; focal lengths {tensor_summary(self.focal_px)} px)"
 
     def arranged(self, function: Callable[..., Tensor], *others: Cameras) -> Cameras:
-        """Cameras in another arrangement: `function` indexes, joins or reshapes the leading axes of poses and intrinsics.
+        """The cameras rearranged: `function` indexes, joins or reshapes the leading axes of poses and intrinsics.
 
         Args:
-            function: given the array of these cameras, then that of each of the others.
+            function: takes the array of these cameras, then that of each of the others.
             others: of the same size.
         """
         every = (self, *others)
@@ -81,16 +81,16 @@ class Cameras:
         )
 
     def adjusted(self, new_from_old: Float64[Tensor, "3 3"], size: tuple[int, int]) -> Cameras:
-        """The cameras of pictures whose pixels were moved: of a window, or another size.
+        """The cameras of cropped or resized images.
 
         Args:
-            new_from_old: from (x, y, 1) in the old picture to the same point in the new one [px].
-            size: (height, width) of the new ones [px].
+            new_from_old: from (x, y, 1) in the old image to the same point in the new one [px].
+            size: (height, width) of the new images [px].
         """
         return Cameras.trusted(self.world_from_camera, new_from_old @ self.intrinsics, size)
 
     def relative_to(self, origin: Arrays) -> Cameras:
-        """The same cameras in the world whose origin is at the point `origin` [3] of theirs, its axes the same."""
+        """The same cameras in a world with its origin at the point `origin` [3] of this world, and the same axes."""
         poses = self.world_from_camera.clone()
         poses[..., :3, 3] -= as_float64(origin)
         return Cameras.trusted(poses, self.intrinsics, self.size)
@@ -137,7 +137,7 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
 
 
 def as_float64(numbers: Arrays) -> Float64[Tensor, ...]:
-    """Numbers in whatever form as a float64 tensor on the CPU, without gradient."""
+    """Numbers in any form as a float64 tensor on the CPU, without gradient."""
     if isinstance(numbers, Tensor):
         return numbers.detach().to("cpu", torch.float64)
     if isinstance(numbers, list | tuple) and numbers and isinstance(numbers[0], Tensor):
@@ -181,7 +181,7 @@ def back_project(depths: Float[Tensor, "*batch h w"], cameras: Cameras) -> Float
 
 
 def project(points: Float[Tensor, "*batch n 3"], cameras: Cameras) -> Float[Tensor, "*batch n 3"]:
-    """(x, y, z) of world points in each camera: pixel position and z-depth [px, px, m]; x and y mean nothing where z <= 0."""
+    """(x, y, z) of world points in each camera: pixel position and z-depth [px, px, m]; x and y are meaningless if z <= 0."""
     pose = cameras.camera_from_world.to(points)
     inside = points @ pose[..., :3, :3].mT + pose[..., None, :3, 3]
     homogeneous = inside @ cameras.intrinsics.to(points).mT
@@ -190,11 +190,7 @@ def project(points: Float[Tensor, "*batch n 3"], cameras: Cameras) -> Float[Tens
 
 
 def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"]:
-    """The poses with orthonormal rotations.
-
-    Raises:
-        ValueError: a pose is not finite, its last row is not (0, 0, 0, 1), or it is far from a rigid motion.
-    """
+    """The poses with orthonormal rotations; refuses poses that are not rigid motions."""
     if not torch.isfinite(poses).all():
         raise ValueError(
             f"world_from_camera{_first(~torch.isfinite(poses).all(-1).all(-1))} has a number that is not finite"
@@ -205,7 +201,7 @@ def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"
         raise ValueError(f"world_from_camera{_first(bad)} has a last row other than (0, 0, 0, 1)")
     rotation = poses[..., :3, :3]
     exact = ((rotation @ rotation.mT - torch.eye(3, dtype=poses.dtype)).abs() < 1e-12).all(-1).all(-1)
-    if (exact & (torch.linalg.det(rotation) > 0)).all():  # cheaper than to look for the nearest
+    if (exact & (torch.linalg.det(rotation) > 0)).all():  # cheaper than finding the nearest
         return poses.clone()
     nearest = nearest_rotation(rotation)
     bad = ((rotation - nearest).abs() > ROTATION_TOLERANCE).any(-1).any(-1)
@@ -222,11 +218,7 @@ def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"
 
 
 def _checked_intrinsics(intrinsics: Float64[Tensor, "*batch 3 3"]) -> Float64[Tensor, "*batch 3 3"]:
-    """The intrinsics as they are.
-
-    Raises:
-        ValueError: a number is not finite, a focal length is not positive, or it is not an upper triangle with a last row of (0, 0, 1).
-    """
+    """The intrinsics, unchanged; refuses what is not [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with finite numbers and fx, fy > 0."""
     if not torch.isfinite(intrinsics).all():
         raise ValueError(
             f"intrinsics{_first(~torch.isfinite(intrinsics).all(-1).all(-1))} has a number that is not finite"
@@ -246,7 +238,7 @@ def _checked_intrinsics(intrinsics: Float64[Tensor, "*batch 3 3"]) -> Float64[Te
 
 
 def _first(bad: Tensor) -> str:
-    """The index of the first true element, as it is written behind a name ("[0, 2]"; nothing for a scalar)."""
+    """The index of the first true element, to write after a name ("[0, 2]"; empty for a scalar)."""
     if bad.ndim == 0:
         return ""
     return str(bad.nonzero()[0].tolist())

@@ -1,4 +1,4 @@
-"""The one way into compiled kernels: as operations of torch, in as many threads as torch uses."""
+"""Calls of compiled kernels: as operations of torch, in as many threads as torch uses."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 import torch
 
 OPERATIONS = torch.library.Library("semgs", "FRAGMENT")
-"""Where `torch.ops.semgs` comes from."""
+"""The library behind `torch.ops.semgs`."""
 
 
 def operation(function: Callable) -> torch._ops.OpOverload:
-    """`torch.ops.semgs.NAME` of a function of CPU tensors that changes none of them; NAME is its own, without the leading underscore.
+    """Register a function as `torch.ops.semgs.NAME`. It takes CPU tensors and changes none; NAME is its name without leading underscore.
 
-    What `torch.library.custom_op` makes imports torch's compiler when it is first called, which takes seconds and is not used.
+    `torch.library.custom_op` would do the same, but its first call imports torch's compiler, which takes seconds and is not needed.
     """
     name = function.__name__.lstrip("_")
     OPERATIONS.define(name + torch.library.infer_schema(function, mutates_args=()))
@@ -26,9 +26,9 @@ def operation(function: Callable) -> torch._ops.OpOverload:
 
 
 def in_threads(kernel: Callable[..., None], *arguments: Any) -> None:
-    """Call `kernel(*arguments, part, parts)` for each part, side by side in as many threads as torch uses here.
+    """Call `kernel(*arguments, part, parts)` for each part, in parallel, in as many threads as torch uses.
 
-    Kernels release Python's lock (`nogil`). Numba's own threads (`parallel`) would double the time it takes to compile them.
+    Kernels release Python's lock (`nogil`). Numba's own threads (`parallel`) would double their compile time.
     """
     parts = torch.get_num_threads()
     if parts == 1:
@@ -41,5 +41,5 @@ def in_threads(kernel: Callable[..., None], *arguments: Any) -> None:
 
 @cache
 def _threads(process: int, count: int) -> ThreadPoolExecutor:
-    """Threads that wait for work. A forked process has none of its parent's, so each process has its own."""
+    """Worker threads. Each process has its own, because a forked process does not inherit those of its parent."""
     return ThreadPoolExecutor(count, f"semgs-{process}")

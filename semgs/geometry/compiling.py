@@ -1,4 +1,4 @@
-"""How long Numba compiles: the first time a kernel is needed on a machine; later it is read from disk."""
+"""Measure how long Numba compiles. It compiles a kernel when a machine first needs it, and later reads it from disk."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ def watch_compiling(began: Callable[[], object]) -> Iterator[Callable[[], float]
     """Time what Numba compiles inside the block, in any thread.
 
     Args:
-        began: called each time that it begins; never for kernels that come from disk.
+        began: called whenever a compilation starts; never for kernels read from disk.
 
     Yields:
-        A function that says how long it has compiled so far [s].
+        A function that returns the time spent compiling so far [s].
     """
     from numba.core.event import Event, Listener, install_listener
 

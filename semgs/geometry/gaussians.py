@@ -1,4 +1,4 @@
-"""Gaussians: what a scene is made of, as activated quantities; how a network or file encodes them is its own affair."""
+"""Gaussians: the content of a scene, as activated quantities, independent of how a network or file encodes them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from semgs.geometry.summaries import summary, tensor_summary
 
 @dataclass(frozen=True)
 class Appearance:
-    """What one branch knows of each Gaussian: its shape and its features.
+    """One branch's part of each Gaussian: shape and features.
 
     Attributes:
         quaternions: axes in the world as unit quaternions (w, x, y, z).
@@ -44,7 +44,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Gaussians:
-    """Dual Gaussians: colour and semantic appearance on shared positions and opacities.
+    """Dual Gaussians: colour and semantic appearance with shared positions and opacities.
 
     Attributes:
         means: positions in the world [m].
@@ -86,30 +86,28 @@ class Gaussians:
         """These Gaussians, every number checked.
 
         Raises:
-            ValueError: one is not finite, an opacity is not in 0..1, a scale is negative, or a quaternion is not of length 1 to a
-                thousandth.
+            ValueError: one is not finite, an opacity is not in 0..1, a scale is negative, or the length of a quaternion is not 1 (to
+                0.001).
         """
-        branches = (("colour", self.colour), ("semantic", self.semantic))
-        for name, tensor in (
-            ("means", self.means),
-            ("opacities", self.opacities),
-            *(
-                (f"{name}.{one.name}", getattr(shape, one.name))
-                for name, shape in branches
-                if shape
-                for one in fields(shape)
-            ),
-        ):
+        for name, tensor in self.tensors().items():
             if not torch.isfinite(tensor).all():
-                raise ValueError(f"{name} hold a number that is not finite")
+                raise ValueError(f"{name} contain a number that is not finite")
             for part, good, expected in (
                 ("opacities", (tensor >= 0) & (tensor <= 1), "0 to 1"),
                 ("scales", tensor >= 0, "0 or more"),
                 ("quaternions", (tensor.norm(dim=-1) - 1).abs() < 1e-3, "a length of 1"),
             ):
                 if name.endswith(part) and not good.all():
-                    raise ValueError(f"{name} hold {tensor[~good][0].tolist()}; expected {expected}")
+                    raise ValueError(f"{name} contain {tensor[~good][0].tolist()}; expected {expected}")
         return self
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every tensor by its name, such as "colour.scales"."""
+        branches = {"colour": self.colour, "semantic": self.semantic}
+        shapes = {
+            f"{branch}.{name}": one for branch, shape in branches.items() if shape for name, one in vars(shape).items()
+        }
+        return {"means": self.means, "opacities": self.opacities, **shapes}
 
     def __len__(self) -> int:
         """The number of Gaussians of one scene."""
@@ -130,7 +128,7 @@ class Gaussians:
         )
 
     def to(self, *args, **kwargs) -> Gaussians:
-        """The same Gaussians on another device or in another dtype, as `Tensor.to` takes them."""
+        """The same Gaussians on another device or in another dtype; arguments as for `Tensor.to`."""
         return self.map(lambda tensor: tensor.to(*args, **kwargs))
 
     def detach(self) -> Gaussians:

@@ -62,7 +62,7 @@ def colours_from_harmonics(
         directions: from the camera to the Gaussian, unit length.
 
     Raises:
-        ValueError: k is none of these.
+        ValueError: k has another value.
     """
     degrees = {(degree + 1) ** 2: degree for degree in range(MAX_DEGREE + 1)}
     degree = degrees.get(harmonics.shape[-2])

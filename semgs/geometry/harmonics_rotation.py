@@ -1,7 +1,7 @@
-"""Turning harmonics: the coefficients of a colour function after the object that carries it is rotated.
+"""Rotation of harmonics: the coefficients of a colour function after its object was rotated.
 
-Instead of Wigner matrices in closed form, the coefficients that reproduce the turned function at many directions are
-solved for: exact to rounding, for any basis that is closed under rotation.
+Instead of Wigner matrices in closed form, this solves for the coefficients that reproduce the rotated function in many directions. That
+is exact up to rounding, for any basis that is closed under rotation.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from torch import Tensor
 from semgs.geometry.harmonics import basis
 
 SAMPLES = 64
-"""Directions at which functions are compared; any number well above the 16 coefficients will do."""
+"""Directions in which functions are compared; any number well above the 16 coefficients will do."""
 
 
 def rotated_harmonics(
@@ -27,8 +27,8 @@ def rotated_harmonics(
     Args:
         harmonics: of g Gaussians of each of n cameras, k = 1, 4, 9 or 16.
         rotations: world from camera.
-        mvsplat_basis: the coefficients are turned in e3nn's basis and then read in the basis of MVSplat's renderer,
-            which is e3nn's after a half-turn about y; else everything is in the standard basis.
+        mvsplat_basis: rotate the coefficients in e3nn's basis, then read them in the basis of MVSplat's renderer, which is e3nn's after
+            a half-turn about y; else everything is in the standard basis.
     """
     count = harmonics.shape[-2]
     if count == 1:
@@ -40,7 +40,7 @@ def rotated_harmonics(
 def rotation_matrix(
     rotations: Float64[Tensor, "n 3 3"], degree: int, *, mvsplat_basis: bool = False
 ) -> Float64[Tensor, "n k k"]:
-    """The matrix that turns coefficients up to `degree`: Y(d) M c = Y(R^T d) c for all directions d."""
+    """The matrix that rotates coefficients up to `degree`: Y(d) M c = Y(R^T d) c for all directions d."""
     directions, solve = _samples(degree)
     turned = directions @ rotations  # rows are R^T d
     if not mvsplat_basis:

@@ -1,4 +1,4 @@
-"""Plane sweep: depth candidates, and where a reference texel lies in a source view at each of them."""
+"""Plane sweep: depth candidates, and the position of a reference texel in a source view at each of them."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ def sweep(
 
     Args:
         reference: [*batch].
-        source: [*batch], of the same picture size.
-        grid: (height, width) of the feature maps that cover the pictures.
+        source: [*batch], with the same image size.
+        grid: (height, width) of the feature maps, which cover the images.
         own_intrinsics: project with the source's own K; else with the reference's.
-        pixel_centres: texel centres are at .5, as pixels'; else at integers.
+        pixel_centres: texel centres are at .5, like those of pixels; else at integers.
     """
     height, width = reference.size
     to_grid = torch.diag(torch.tensor([grid[1] / width, grid[0] / height, 1.0], dtype=torch.float64))

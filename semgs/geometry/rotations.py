@@ -8,7 +8,7 @@ from torch import Tensor
 
 
 def matrix_from_quaternion(quaternions: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 3 3"]:
-    """Rotation matrix of a quaternion (w, x, y, z); it need not have unit length, only not be zero."""
+    """Rotation matrix of a quaternion (w, x, y, z) of any length except zero."""
     w, x, y, z = torch.nn.functional.normalize(quaternions, dim=-1).unbind(-1)
     return torch.stack(
         (
@@ -23,8 +23,7 @@ def matrix_from_quaternion(quaternions: Float[Tensor, "*batch 4"]) -> Float[Tens
 def quaternion_from_matrix(matrices: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 4"]:
     """Unit quaternion (w, x, y, z) of a rotation matrix, w >= 0.
 
-    Of the four ways to write it the one with the largest divisor is taken, so it is exact for every rotation
-    (half-turns included).
+    There are four formulas; using the one with the largest divisor is exact for every rotation, including half-turns.
     """
     m = matrices
     diagonal = m.diagonal(dim1=-2, dim2=-1)

@@ -1,4 +1,4 @@
-"""Summaries: what `repr` says of types that hold tensors, in a few lines."""
+"""Summaries for the `repr` of types that contain tensors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from torch import Tensor
 
 
 def summary(kind: str, /, **parts: object) -> str:
-    """The name of a type and a line for each part; of tensors their shape and range, of what is None nothing."""
+    """The name of a type and a line for each part: shape and range of tensors; parts that are None are left out."""
     lines = [
         f"  {key}: {tensor_summary(part) if isinstance(part, Tensor) else str(part).replace(chr(10), chr(10) + '  ')}"
         for key, part in parts.items()
@@ -18,7 +18,7 @@ def summary(kind: str, /, **parts: object) -> str:
 
 
 def tensor_summary(tensor: Tensor) -> str:
-    """Shape and range, as in "[2 3 240 320] 0 to 1"; type and device as well where they are not float32 and the CPU."""
+    """Shape and range, as in "[2 3 240 320] 0 to 1"; also type and device, unless they are float32 and the CPU."""
     said = f"[{' '.join(map(str, tensor.shape))}]"
     if tensor.numel():
         low, high = tensor.detach().aminmax()
@@ -29,5 +29,5 @@ def tensor_summary(tensor: Tensor) -> str:
 
 
 def array_of(tensor: Tensor) -> np.ndarray:
-    """A tensor on whatever device as an array that NumPy can show: float32 at most, without gradient."""
+    """A tensor on any device as a float32 array, without gradient."""
     return tensor.detach().to("cpu", torch.float32).numpy()

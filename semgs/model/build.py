@@ -1,4 +1,4 @@
-"""Build: from settings to a network. The order in which modules are made is the order in which a seed gives them weights."""
+"""Build a network from its settings. The order of construction matters: in this order a seed initialises the modules."""
 
 from __future__ import annotations
 
@@ -11,15 +11,7 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.cnn import SHRINK, FeatureCNN
 from semgs.model.cost_filter import CostFilter
 from semgs.model.depth import CostRegressor, PlaneSweepDepth
-from semgs.model.heads import (
-    Decoder,
-    DepthRefinement,
-    Head,
-    MVSplatDecoder,
-    PaperDecoder,
-    PlainUpsampler,
-    Upsampler,
-)
+from semgs.model.heads import Decoder, DepthRefinement, Head, MVSplatDecoder, PaperDecoder, PlainUpsampler, Upsampler
 from semgs.model.mobilenet import CUE_WIDTHS, MobileNetRefinement
 from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
 from semgs.model.pyramid import SemanticPyramid
@@ -41,11 +33,11 @@ from semgs.model.transformer import CameraTransformer
 
 
 def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20) -> SemGS:
-    """An untrained network, with weights from torch's random state.
+    """An untrained network, initialised from torch's random state.
 
     Args:
-        settings: of the network; without semantic settings it is colour-only, whatever the classes.
-        classes: table of the semantic branch; None builds a colour-only network.
+        settings: of the network; without semantic settings it is colour-only.
+        classes: the class table of the semantic branch; None builds a colour-only network.
     """
     if settings.semantic is None or classes is None:
         settings, classes = replace(settings, semantic=None), None
@@ -61,19 +53,10 @@ def _colour_branch(settings: NetworkSettings) -> ColourBranch:
     """The colour branch and depth."""
     colour, depth = settings.colour, settings.colour.depth
     transformer = _transformer(settings.channels, colour.transformer)
-    regressor = CostRegressor(
-        settings.channels,
-        depth.candidates,
-        depth.width,
-        depth.hidden,
-        depth.levels,
-        depth.decoder_blocks,
-        depth.cost_prior,
-        CUE_WIDTHS if depth.cue else (),
-    )
+    regressor = CostRegressor(settings.channels, depth, CUE_WIDTHS if depth.cue else ())
     _scaled(regressor.head, depth.initial_scale)
     cost_filter = CostFilter(depth.cost_filter) if depth.cost_filter else None
-    sweep = PlaneSweepDepth(regressor, depth.candidates, depth.cosine_cost, settings.conventions, cost_filter)
+    sweep = PlaneSweepDepth(regressor, depth, settings.conventions, cost_filter)
     return ColourBranch(transformer, sweep, _decoder(settings))
 
 
@@ -88,15 +71,15 @@ def _decoder(settings: NetworkSettings) -> Decoder:
         _start_at(head, slice(0, 3), settings.initial_sigma)
         return PaperDecoder(opacity, head, colour.harmonics, factor, settings.conventions)
     upsampler = Upsampler(2 * settings.channels, heads.upsampled, factor, settings.conventions.pixel_centres)
-    refinement = DepthRefinement(heads.upsampled, heads.projected, heads.width, heads.levels, heads.decoder_blocks)
+    refinement = DepthRefinement(heads)
     _scaled(refinement.to_disparity, colour.depth.initial_scale)
     head = Head(heads.width + 3 + heads.upsampled, colour.hidden, 2 + outputs, last)  # two more: offsets in the image
     _start_at(head, slice(2, 5), settings.initial_sigma)
-    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, factor, settings.conventions)
+    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, settings.conventions)
 
 
 def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, classes: int) -> SemanticBranch:
-    """The semantic branch; where the refinement classifies, the head starts without a say in the classes."""
+    """The semantic branch. If the refinement classifies, the head starts without influence on the classes."""
     channels, heads = settings.channels, settings.colour.heads
     factor, corners = SHRINK // settings.stride, settings.conventions.pixel_centres
     cnn = FeatureCNN(settings.cnn_widths, channels) if semantic.own_cnn else None
@@ -118,7 +101,7 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
 
 
 def _refinement(settings: TwoBlocks | Pyramid | MobileNet, channels: int, classes: int) -> ClassRefinement:
-    """What fits the slot of the class refinement."""
+    """The class refinement."""
     if isinstance(settings, Pyramid):
         return SemanticPyramid(channels, settings.widths, classes)
     if isinstance(settings, MobileNet):
@@ -133,12 +116,12 @@ def _transformer(channels: int, settings: TransformerSettings) -> CameraTransfor
 
 
 def _scaled(layers: nn.Sequential, factor: float) -> None:
-    """Shrink the random weights of the last of some layers."""
+    """Scale the random weights of the last layer."""
     layers[-1].get_parameter("weight").data.mul_(factor)
 
 
 def _start_at(head: Head, channels: slice, sigma: float | None) -> None:
-    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels; None leaves it."""
+    """Set the bias of a head's size channels so that Gaussians start at `sigma` pixels; None changes nothing."""
     if sigma is None:
         return
     share = (sigma / (2 * SIGMA_UNIT) - SMALLEST_SIGMA) / (LARGEST_SIGMA - SMALLEST_SIGMA)

@@ -21,7 +21,7 @@ ROPE_BASE = 100.0
 """Base of the rotary frequencies, as PRoPE's."""
 
 MINIMAL_BASELINE = 0.01
-"""Smallest unit of translation, as a share of the near bound, so that a camera that only turns is valid input."""
+"""Smallest unit of translation, relative to the near bound, so that a camera that only rotates is valid input."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class TokenTransforms:
         inverse: P^-1 of each view.
         cosines: of the rotary angles, for each of the channels (column: first half, second half; row: likewise).
         sines: likewise, negative for the second halves.
-        output: whether the attention output is multiplied by G.
+        output: whether to multiply the attention output by G.
     """
 
     projection: Float[Tensor, "b v 4 4"]
@@ -47,19 +47,19 @@ class TokenTransforms:
         return self._apply(q, self.projection, 1)
 
     def keys(self, k: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v h w d"]:
-        """G^-1 k; values are treated alike."""
+        """G^-1 k; the same for values."""
         return self._apply(k, self.inverse.mT, 1)
 
     def outputs(self, o: Float[Tensor, "b v h w d"]) -> Float[Tensor, "b v h w d"]:
-        """G o, or o itself in the form of the paper's text."""
+        """G o, or o itself for the paper's text."""
         return self._apply(o, self.projection.mT, -1) if self.output else o
 
     @outside_autocast
     def _apply(self, x: Float[Tensor, "b v h w d"], right: Float[Tensor, "b v 4 4"], sign: int) -> Tensor:
-        """Row vectors of four times `right` in the first half of the channels; rotation by -sign * angle in the others.
+        """Multiply groups of four channels, as row vectors, by `right` in the first half; rotate the others by -sign * angle.
 
-        For the rotations G^T = G^-1, so queries, keys and values are all turned by -angle and outputs by +angle.
-        Computed in the dtype of G and returned in that of x.
+        For rotations G^T = G^-1, so queries, keys and values are rotated by -angle and outputs by +angle. Computed in the dtype of G and
+        returned in that of x.
         """
         b, v, h, w, d = x.shape
         tokens = x.to(right.dtype)
@@ -75,9 +75,8 @@ def normalised_projections(
 ) -> tuple[Float[Tensor, "b v 4 4"], Float[Tensor, "b v 4 4"]]:
     """P_i = [K_i R_i | K_i t_i; 0 1] (equation 1) of each view and its inverse, in float64.
 
-    Poses are those relative to the first camera, K is divided by width and height with the image centre at 0, and
-    translations are divided by the mean distance between camera centres (at least 1 % of the near bound). Both
-    matrices are in closed form.
+    Poses are relative to the first camera. K is divided by width and height, with the image centre at 0. Translations are divided by
+    the mean distance between camera centres (at least 1 % of the near bound). Both matrices are in closed form.
 
     Args:
         cameras: [b v].

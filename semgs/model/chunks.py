@@ -1,4 +1,4 @@
-"""Chunks: views that are worked on a few at a time where each is worked on by itself, so that memory does not grow with all."""
+"""Chunks: stages that treat each view on its own can take a few views at a time, to save memory."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from semgs.model.encoding import Encoding
 
 @dataclass(frozen=True)
 class Chunks:
-    """How many views are worked on at a time; None is all. The numbers do not change but for rounding.
+    """How many views to process at a time; None is all. Results only change by rounding.
 
     Attributes:
         cost: reference views of the cost volume.
-        heads: views whose features are brought to the Gaussians' scale and become Gaussians.
+        heads: views whose features are upsampled and become Gaussians.
 
     Raises:
         ValueError: one of them is less than 1.
@@ -40,12 +40,12 @@ Result = TypeVar("Result", Tensor, Encoding)
 
 
 def by_chunks(function: Callable[[slice], Result], views: int, at_a_time: int | None) -> Result:
-    """What `function` gives of all views, called for some of them at a time.
+    """The result of `function` for all views, which it computes for some of them at a time.
 
     Args:
-        function: given which of the views; every tensor of its result has them along the first axis.
-        views: how many there are.
-        at_a_time: how many it is given; None is all.
+        function: takes a slice of the views; every tensor of its result has the views along its first axis.
+        views: number of views.
+        at_a_time: views for one call; None is all.
     """
     if at_a_time is None or at_a_time >= views:
         return function(slice(0, views))
@@ -53,7 +53,7 @@ def by_chunks(function: Callable[[slice], Result], views: int, at_a_time: int | 
     for start in range(0, views, at_a_time):
         at = slice(start, min(start + at_a_time, views))
         part = function(at)
-        # Filled in place: joined at the end, all parts would be in memory twice.
+        # Filled in place: to join all parts at the end would need twice the memory.
         if whole is None:
             whole = _mapped(part, lambda tensor: tensor.new_empty(views, *tensor.shape[1:]))
         for target, tensor in zip(_tensors(whole), _tensors(part), strict=True):
@@ -63,21 +63,10 @@ def by_chunks(function: Callable[[slice], Result], views: int, at_a_time: int | 
 
 
 def _mapped(result: Result, function: Callable[[Tensor], Tensor]) -> Result:
-    """A tensor, or tensors that go together, through a function."""
-    if isinstance(result, Tensor):
-        return function(result)
-    return result.map(function)
+    """The function of a tensor, or of every tensor of an encoding."""
+    return function(result) if isinstance(result, Tensor) else result.map(function)
 
 
 def _tensors(result: Tensor | Encoding) -> list[Tensor]:
-    """The tensors of a result, in their order."""
-    if isinstance(result, Tensor):
-        return [result]
-    found: list[Tensor] = []
-
-    def look(tensor: Tensor) -> Tensor:
-        found.append(tensor)
-        return tensor
-
-    result.map(look)
-    return found
+    """The tensors of a result, in a fixed order."""
+    return [result] if isinstance(result, Tensor) else result.tensors()

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 SHRINK = 4
-"""Features are at 1/4 of the picture."""
+"""Features are at 1/4 of the image."""
 
 IMAGE_MEAN = (0.485, 0.456, 0.406)
 IMAGE_STD = (0.229, 0.224, 0.225)
@@ -22,7 +22,7 @@ class ResidualBlock(nn.Module):
     Args:
         inputs: channels in.
         outputs: channels out.
-        stride: of the first convolution; where it or the width changes, the input passes a 1x1 convolution.
+        stride: of the first convolution; if it is not 1 or the width changes, the input passes a 1x1 convolution.
     """
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
@@ -43,7 +43,7 @@ class ResidualBlock(nn.Module):
 
 
 class FeatureCNN(nn.Module):
-    """Six residual blocks from pictures to features at a quarter of their size.
+    """Six residual blocks, from images to features at a quarter of their size.
 
     Args:
         widths: channels of the three pairs of blocks, at 1/2, 1/4 and 1/4.
@@ -66,7 +66,7 @@ class FeatureCNN(nn.Module):
         self.register_buffer("std", torch.tensor(IMAGE_STD)[:, None, None], persistent=False)
 
     def forward(self, images: Float[Tensor, "n 3 h w"]) -> Float[Tensor, "n outputs h4 w4"]:
-        """Features of pictures in 0..1; both sides must be multiples of 4."""
+        """Features of images in 0..1; both sides must be multiples of 4."""
         x = (images - self.mean) / self.std
         x = torch.relu(self.norm1(self.conv1(x)))
         features: Tensor = self.conv2(self.layer3(self.layer2(self.layer1(x))))
@@ -74,5 +74,5 @@ class FeatureCNN(nn.Module):
 
 
 def instance_norm(channels: int) -> nn.GroupNorm:
-    """Every channel of every picture to mean 0 and variance 1: a group norm of as many groups, which takes half of `InstanceNorm2d`'s time."""
+    """Normalise every channel of every image: a group norm with one channel per group, twice as fast as `InstanceNorm2d`."""
     return nn.GroupNorm(channels, channels, affine=False)

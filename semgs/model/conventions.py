@@ -1,7 +1,7 @@
-"""Conventions: where MVSplat's code differs from our geometry, each difference a named choice.
+"""Conventions: the differences between MVSplat's geometry and ours, each as a named choice.
 
-The defaults are ours. MVSplat's published weights were trained with its own, so the `mvsplat` preset alone keeps them
-(`MVSPLAT`). The letters D2-D8 are those of `docs/method.md`, which shows each one's effect.
+The defaults are ours. MVSplat's published weights were trained with its own conventions, so only the network `mvsplat` uses them
+(`MVSPLAT`). The labels D2-D8 are those of `docs/method.md`, which shows the effect of each.
 """
 
 from __future__ import annotations

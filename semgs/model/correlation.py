@@ -1,4 +1,4 @@
-"""The plane sweep's correlation as one differentiable operation on the CPU, without the warped features in memory."""
+"""The correlation of the plane sweep as one differentiable operation on the CPU, without warped features in memory."""
 
 from typing import Any
 
@@ -19,24 +19,16 @@ def correlate_fused(
     smallest: Float[Tensor, " n"],
     mask_unseen: bool,
 ) -> tuple[Float[Tensor, "n l h w"], Float[Tensor, "n l h w"]]:
-    """As `semgs.model.cost_volume.correlate`, with channels last and gradients for the two feature maps alone."""
+    """The same as `semgs.model.cost_volume.correlate`, with channels last and gradients only for the two feature maps."""
     sums, seen = _correlate(reference, source, matrices, offsets, depths, smallest, mask_unseen)
     return sums, seen
 
 
 @operation
 def _correlate(
-    reference: torch.Tensor,
-    source: torch.Tensor,
-    matrices: torch.Tensor,
-    offsets: torch.Tensor,
-    depths: torch.Tensor,
-    smallest: torch.Tensor,
-    mask_unseen: bool,
-) -> tuple[torch.Tensor, torch.Tensor]:
-    n, h, w, _ = reference.shape
-    sums = reference.new_empty(n, depths.shape[1], h, w)
-    seen = torch.empty_like(sums)
+    reference: Tensor, source: Tensor, matrices: Tensor, offsets: Tensor, depths: Tensor, smallest: Tensor, mask_unseen: bool,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
+    sums, seen = _empty(reference, depths)
     inputs = _arrays(reference, source, matrices, offsets, depths, smallest)
     in_threads(kernels.correlate, *inputs, mask_unseen, *_arrays(sums, seen))
     return sums, seen
@@ -44,30 +36,16 @@ def _correlate(
 
 @torch.library.register_fake(_correlate)  # type: ignore[untyped-decorator]
 def _(
-    reference: Tensor,
-    source: Tensor,
-    matrices: Tensor,
-    offsets: Tensor,
-    depths: Tensor,
-    smallest: Tensor,
-    mask_unseen: bool,
-) -> tuple[Tensor, Tensor]:
-    n, h, w, _ = reference.shape
-    sums = reference.new_empty(n, depths.shape[1], h, w)
-    return sums, torch.empty_like(sums)
+    reference: Tensor, source: Tensor, matrices: Tensor, offsets: Tensor, depths: Tensor, smallest: Tensor, mask_unseen: bool,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
+    return _empty(reference, depths)
 
 
 @operation
 def _correlate_backward(
-    reference: torch.Tensor,
-    source: torch.Tensor,
-    matrices: torch.Tensor,
-    offsets: torch.Tensor,
-    depths: torch.Tensor,
-    smallest: torch.Tensor,
-    mask_unseen: bool,
-    grad: torch.Tensor,
-) -> tuple[torch.Tensor, torch.Tensor]:
+    reference: Tensor, source: Tensor, matrices: Tensor, offsets: Tensor, depths: Tensor, smallest: Tensor, mask_unseen: bool,
+    grad: Tensor,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
     d_reference, d_source = torch.zeros_like(reference), torch.zeros_like(source)
     inputs = _arrays(reference, source, matrices, offsets, depths, smallest)
     outputs = _arrays(grad, d_reference, d_source)
@@ -76,16 +54,7 @@ def _correlate_backward(
 
 
 @torch.library.register_fake(_correlate_backward)  # type: ignore[untyped-decorator]
-def _(
-    reference: Tensor,
-    source: Tensor,
-    matrices: Tensor,
-    offsets: Tensor,
-    depths: Tensor,
-    smallest: Tensor,
-    mask_unseen: bool,
-    grad: Tensor,
-) -> tuple[Tensor, Tensor]:
+def _(reference: Tensor, source: Tensor, *others: Any) -> tuple[Tensor, Tensor]:
     return torch.empty_like(reference), torch.empty_like(source)
 
 
@@ -102,5 +71,12 @@ def _backward(ctx: Any, grad: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
 torch.library.register_autograd(_correlate, _backward, setup_context=_setup)
 
 
-def _arrays(*tensors: torch.Tensor) -> tuple[Any, ...]:
+def _empty(reference: Tensor, depths: Tensor) -> tuple[Tensor, Tensor]:
+    """Memory for the sums and for whether points are seen."""
+    n, h, w, _ = reference.shape
+    sums = reference.new_empty(n, depths.shape[1], h, w)
+    return sums, torch.empty_like(sums)
+
+
+def _arrays(*tensors: Tensor) -> tuple[Any, ...]:
     return tuple(tensor.detach().contiguous().numpy() for tensor in tensors)

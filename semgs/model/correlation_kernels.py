@@ -10,7 +10,7 @@ Array = np.ndarray[Any, Any]
 
 @numba.njit(cache=True, error_model="numpy")
 def _taps(u: float, v: float, h: int, w: int, mask_unseen: bool) -> tuple[Any, ...]:
-    """The four texels around a position, their weights (0 outside the map unless its border extends)."""
+    """The four texels around a position and their weights (0 outside the map, unless its border is extended)."""
     left, top = int(np.floor(u)), int(np.floor(v))
     a, b = u - left, v - top
     x0, x1, y0, y1 = left, left + 1, top, top + 1
@@ -88,7 +88,7 @@ def correlate_backward(
     part: int,
     parts: int,
 ) -> None:
-    """Gradients of `correlate` in both feature maps, which must come in as zeros; each pair is one job, so no writes race."""
+    """Gradients of `correlate` in both feature maps, added to zeros; each pair is one job, so no writes race."""
     n, h, w, c = reference.shape
     planes = depths.shape[1]
     for i in range(part, n, parts):

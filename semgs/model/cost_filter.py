@@ -1,7 +1,7 @@
-"""A 3D filter of the cost volume: what a candidate costs at a texel is weighed against its neighbours, in the view and in depth.
+"""A 3D filter of the cost volume: it compares the cost of a candidate at a texel with its neighbours, in the view and in depth.
 
-The U-Net of depth takes the candidates as channels, so it has to learn for each of them anew what a surface looks like. A 3D convolution
-learns it once for all (Kendall et al., "End-to-End Learning of Geometry and Context for Deep Stereo Regression", ICCV 2017). Not in the paper.
+The depth U-Net takes candidates as channels, so it has to learn what a surface looks like for each of them. A 3D convolution learns it
+once for all (Kendall et al., "End-to-End Learning of Geometry and Context for Deep Stereo Regression", ICCV 2017). Not in the paper.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from torch.nn.functional import gelu, interpolate
 
 
 class CostFilter(nn.Module):
-    """cost + correction: two 3D convolutions at 1/2 and two at 1/4 of the volume's sides; starts as nothing.
+    """cost + correction: two 3D convolutions at 1/2 and two at 1/4 of the volume's sides. The correction starts at zero.
 
     Args:
         channels: at 1/2; twice as many at 1/4.
@@ -40,6 +40,6 @@ class CostFilter(nn.Module):
 
 
 def widened_to(volume: Float[Tensor, "n c l h w"], like: Tensor) -> Float[Tensor, "n c l2 h2 w2"]:
-    """A volume resampled to the size of another; torch does it seven times as fast with channels last."""
+    """A volume resampled to the size of another; with channels last torch is seven times as fast."""
     volume = volume.contiguous(memory_format=torch.channels_last_3d)
     return interpolate(volume, size=like.shape[-3:], mode="trilinear", align_corners=False)

@@ -1,9 +1,9 @@
-"""Cost volume: correlation of each view's features with those of the other views, warped at each depth candidate."""
+"""Cost volume: correlation of each view's features with those of the other views, warped for each depth candidate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
@@ -16,10 +16,10 @@ from semgs.model.conventions import OURS, Conventions
 from semgs.model.precision import outside_autocast
 
 BEHIND = 1e-3
-"""What is nearer to a source camera than this share of the near bound counts as behind it (MVSplat: this many metres)."""
+"""Points closer to a source camera than this fraction of the near bound count as behind it (MVSplat: this many metres)."""
 
 CHUNK = 16
-"""Depth candidates that the plain form warps at a time."""
+"""Depth candidates that the plain version warps at a time."""
 
 
 def cost_volume(
@@ -34,16 +34,16 @@ def cost_volume(
 ) -> Float[Tensor, "b v l h w"]:
     """C_i: for each view, texel and candidate the mean of <F_i, F_j warped to i> / sqrt(c) over the other views j.
 
-    The mean is over those views that see the point, and 0 where none does. No gradient flows through the positions.
+    The mean is over the views that see the point; it is 0 if none does. No gradient flows through the positions.
 
     Args:
         features: of N >= 2 views.
-        cameras: of the views' pictures [b v].
+        cameras: of the views [b v].
         near: near bounds [m].
         candidates: depths of each reference view [m].
         conventions: of geometry; MVSplat's mean is over all other views.
-        fused: use the compiled kernel; None chooses it on the CPU. The plain form is its specification.
-        views_at_a_time: reference views whose pairs are in memory together; None is all.
+        fused: use the compiled kernel; None uses it on the CPU. The plain version is its specification.
+        views_at_a_time: reference views to compute at a time; None is all.
     """
     if fused is None:
         fused = features.device.type == "cpu"
@@ -82,29 +82,14 @@ def _cost_of(
     offsets = plan.offset.to(features.device, precise).flatten(0, 1)
     depths = candidates[:, reference].to(precise).flatten(0, 1)
     limits = smallest[:, reference].to(precise).flatten(0, 1)
+    correlated: Callable[..., tuple[Tensor, Tensor]] = correlate
+    maps = features
     if fused:
         from semgs.model.correlation import correlate_fused
 
-        texels = features.permute(0, 1, 3, 4, 2)
-        sums, seen = correlate_fused(
-            texels[:, reference].flatten(0, 1).to(precise).contiguous(),
-            texels[:, source].flatten(0, 1).to(precise).contiguous(),
-            matrices,
-            offsets,
-            depths,
-            limits,
-            conventions.mask_unseen,
-        )
-    else:
-        sums, seen = correlate(
-            features[:, reference].flatten(0, 1).to(precise),
-            features[:, source].flatten(0, 1).to(precise),
-            matrices,
-            offsets,
-            depths,
-            limits,
-            conventions.mask_unseen,
-        )
+        correlated, maps = correlate_fused, features.permute(0, 1, 3, 4, 2)
+    both = (maps[:, index].flatten(0, 1).to(precise).contiguous() for index in (reference, source))
+    sums, seen = correlated(*both, matrices, offsets, depths, limits, conventions.mask_unseen)
     pairs = (b, len(views), v - 1, -1, h, w)
     sums = sums.reshape(pairs).sum(2) / math.sqrt(c)
     if not conventions.mask_unseen:
@@ -114,7 +99,7 @@ def _cost_of(
 
 
 def unit_features(features: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"]:
-    """Features without their mean over each picture, every texel of length sqrt(c); costs are then sqrt(c) times cosines."""
+    """Features minus their mean over each image, scaled to length sqrt(c) at every texel; costs are then sqrt(c) times cosines."""
     centred = features - features.mean((-2, -1), keepdim=True)
     length = centred.square().sum(1, keepdim=True).clamp(min=1e-12).sqrt()
     return centred * (math.sqrt(features.shape[1]) / length)
@@ -133,13 +118,13 @@ def correlate(
     """<reference, warped source> of pairs of feature maps at each depth, and 1 where the source sees the point.
 
     Args:
-        reference: features of the views that the result belongs to.
-        source: features that are sampled bilinearly.
+        reference: features of the reference views, to which the result belongs.
+        source: features of the source views, which are sampled bilinearly.
         matrices, offsets: the plane sweep's projective map in texels.
         depths: of each plane [m].
         smallest: depth in the source below which a point is behind it [m].
-        mask_unseen: what is behind or outside the source is 0 and unseen, and the border's texels extend to the
-            map's edge; else depth is clamped to `smallest` and the map is surrounded by zeros.
+        mask_unseen: points behind or outside the source view give 0 and are unseen, and border texels extend to the map's edge; else
+            depth is clamped to `smallest`, and the map is surrounded by zeros.
     """
     h, w = reference.shape[-2:]
     rows, columns = torch.meshgrid(

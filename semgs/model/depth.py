@@ -1,6 +1,6 @@
 """Depth by plane sweep: cost volume, and the probability of each depth candidate.
 
-In `base` and `mvsplat` layer shapes and names are MVSplat's, so that its weights load.
+In `base` and `mvsplat`, layer shapes and names are those of MVSplat, so that its weights load.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
 from semgs.model.cost_filter import CostFilter
 from semgs.model.cost_volume import cost_volume, unit_features
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
+from semgs.model.padded import Padded, widened
 from semgs.model.precision import FullPrecisionConv2d
 from semgs.model.refinement import Cues
-from semgs.model.scene import Padded, widened
+from semgs.model.settings import DepthSettings
 from semgs.model.unet import GROUPS, UNet
 
 
@@ -37,13 +38,13 @@ class Planes:
     bounds: Float[Tensor, "n 2"]
 
     def __getitem__(self, at: slice) -> Planes:
-        """Those of some of the views."""
+        """The candidates of some of the views."""
         return Planes(self.depths[at], self.bounds[at])
 
 
 @dataclass(frozen=True)
 class Depth:
-    """What the plane sweep says of n views at 1/4 of the images.
+    """The plane sweep's depth of n views at 1/4 of the images.
 
     Attributes:
         probabilities: of the candidates.
@@ -54,7 +55,7 @@ class Depth:
     planes: Planes
 
     def __getitem__(self, at: slice) -> Depth:
-        """That of some of the views."""
+        """The depth of some of the views."""
         return Depth(self.probabilities[at], self.planes[at])
 
     def confidences(self, factor: int) -> Float[Tensor, "n h w"]:
@@ -92,29 +93,26 @@ class CoarseDepth:
 
 
 class PlaneSweepDepth(nn.Module):
-    """The paper's depth: correlate the views' features at each candidate, and make probabilities of the cost.
+    """The paper's depth: correlate the views' features for each candidate, and turn the cost into probabilities.
 
     Args:
         regressor: from cost and features to logits.
-        candidates: L.
-        cosine_cost: correlate features of equal length (`semgs.model.settings.DepthSettings`).
+        settings: of depth; only `candidates` and `cosine_cost` are used.
         conventions: of geometry.
-        cost_filter: of the cost before the regressor sees it; None leaves it.
+        cost_filter: filters the cost before the regressor; None for no filter.
     """
 
     def __init__(
         self,
         regressor: CostRegressor,
-        candidates: int,
-        cosine_cost: bool,
+        settings: DepthSettings,
         conventions: Conventions,
         cost_filter: CostFilter | None = None,
     ) -> None:
         super().__init__()
         self.regressor = regressor
         self.filter = cost_filter
-        self.candidates = candidates
-        self.cosine_cost = cosine_cost
+        self.settings = settings
         self.conventions = conventions
 
     def cost(
@@ -124,11 +122,11 @@ class PlaneSweepDepth(nn.Module):
 
         Args:
             features: of the colour transformer.
-            scene: the views that they are of.
-            views_at_a_time: reference views whose costs are computed together; None is all.
+            scene: the views.
+            views_at_a_time: reference views to compute at a time; None is all.
         """
         planes, batch = self.planes(features, scene), scene.cameras.batch
-        matched = unit_features(features) if self.cosine_cost else features
+        matched = unit_features(features) if self.settings.cosine_cost else features
         return cost_volume(
             torch.unflatten(matched, 0, batch),
             scene.cameras,
@@ -140,19 +138,19 @@ class PlaneSweepDepth(nn.Module):
 
     @property
     def reads_cues(self) -> bool:
-        """Whether it looks at what each view shows by itself."""
+        """Whether it reads cues from the class branch."""
         return self.regressor.cues is not None
 
     def forward(
         self, cost: Float[Tensor, "n l h4 w4"], features: Float[Tensor, "n c h4 w4"], scene: Padded, cues: Cues = ()
     ) -> Depth:
-        """Probabilities of the depth candidates; within autocast filter and regressor alone compute in half precision.
+        """Probabilities of the depth candidates. Within autocast, only filter and regressor compute in half precision.
 
         Args:
-            cost: of `cost`.
+            cost: from `cost`.
             features: of the colour transformer.
-            scene: the views that they are of.
-            cues: of the class branch; they only count with `reads_cues`.
+            scene: the views.
+            cues: from the class branch; only used with `reads_cues`.
         """
         planes = self.planes(features, scene)
         if self.filter is not None:
@@ -161,9 +159,9 @@ class PlaneSweepDepth(nn.Module):
         return Depth(logits.to(planes.depths).softmax(1), planes)
 
     def planes(self, features: Tensor, scene: Padded) -> Planes:
-        """The candidates on the features' device, and in their dtype or float32 where that is less."""
+        """The candidates on the features' device, in their dtype or at least float32."""
         bounds = scene.depth_range.to(features.device, torch.promote_types(features.dtype, torch.float32))
-        depths = depth_candidates(scene.depth_range, self.candidates, self.conventions.candidates).to(bounds)
+        depths = depth_candidates(scene.depth_range, self.settings.candidates, self.conventions.candidates).to(bounds)
         return Planes(depths.flatten(0, 1), bounds.flatten(0, 1))
 
 
@@ -172,38 +170,20 @@ class CostRegressor(nn.Module):
 
     Args:
         channels: of the features.
-        candidates: L.
-        width: of the U-Net.
-        hidden: width between the two last convolutions.
-        levels, decoder_blocks: of the U-Net.
-        cost_prior: the logits are a correction of the cost itself, from normalised features.
-        cue_widths: channels of the maps that show, at 1/2 and 1/4 of the cost's size, what each view sees by itself; they start without
-            a say. Empty for none.
+        settings: of depth.
+        cue_widths: channels of the class branch's cues, maps at 1/2 and 1/4 of the cost's size; they start without influence. Empty for
+            no cues.
     """
 
-    def __init__(
-        self,
-        channels: int,
-        candidates: int,
-        width: int,
-        hidden: int,
-        levels: int = 3,
-        decoder_blocks: int = 2,
-        cost_prior: bool = False,
-        cue_widths: tuple[int, ...] = (),
-    ) -> None:
+    def __init__(self, channels: int, settings: DepthSettings, cue_widths: tuple[int, ...] = ()) -> None:
         super().__init__()
-        self.norm = nn.GroupNorm(GROUPS, candidates) if cost_prior else None
+        candidates, width, hidden = settings.candidates, settings.width, settings.hidden
+        self.norm = nn.GroupNorm(GROUPS, candidates) if settings.cost_prior else None
         inputs = channels + candidates
-        self.refine = nn.ModuleList(
-            [
-                nn.Conv2d(inputs, width, 3, padding=1),
-                nn.GroupNorm(GROUPS, width),
-                nn.GELU(),
-                UNet(width, levels, decoder_blocks),
-                nn.Conv2d(width, candidates, 3, padding=1),
-            ]
-        )
+        first = nn.Conv2d(inputs, width, 3, padding=1)
+        unet = UNet(width, settings.levels, settings.decoder_blocks)
+        last = nn.Conv2d(width, candidates, 3, padding=1)
+        self.refine = nn.ModuleList([first, nn.GroupNorm(GROUPS, width), nn.GELU(), unet, last])
         self.residual = nn.Conv2d(inputs, candidates, 1)
         self.head = nn.Sequential(
             nn.Conv2d(candidates, hidden, 3, padding=1),
@@ -225,7 +205,7 @@ class CostRegressor(nn.Module):
 
 
 def _cue(inputs: int, outputs: int) -> nn.Sequential:
-    """From a map of the class branch to what a level of the U-Net adds; zero at first."""
+    """From a cue to what a level of the U-Net adds; it starts at zero."""
     last = nn.Conv2d(outputs, outputs, 1)
     for parameter in last.parameters():
         nn.init.zeros_(parameter)

@@ -1,4 +1,4 @@
-"""Encoding: what the network returns."""
+"""Encoding: the output of the network."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ SUMS_TO_1 = 1e-3
 
 @dataclass(frozen=True)
 class Encoding:
-    """The network's answer to a set of context views.
+    """The network's output for a set of input views.
 
     Attributes:
         gaussians: in the order view, row, column.
-        depths: z-depth of every pixel of the context views, at their full size [m].
+        depths: z-depth of every pixel of the input views, at their full size [m].
         confidences: the largest probability among the depth candidates, at the same size, 0..1.
-        depth_spread: standard deviation of the logarithm of depth under the candidates' distribution, at the same size: 0.1 is
-            about 10 % of the depth. It carries no gradient.
-        depth_range: near and far of the context views, as they were given, in float64 on the CPU [m].
-        classes: the table of the Gaussians' classes; None for a colour-only network, or where nobody said.
+        depth_spread: standard deviation of log depth under the candidates' distribution, at the same size: 0.1 is about 10 % of the
+            depth. It carries no gradient.
+        depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
+        classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
     """
 
     gaussians: Gaussians
@@ -55,18 +55,18 @@ class Encoding:
         )
 
     def _repr_html_(self) -> str:
-        """Depth and how sure it is, as a notebook shows them; `render` has the pictures."""
+        """Depth and its confidence, for notebooks; `render` gives the images."""
         return html(
             repr(self),
             [depth_row("depths", array_of(self.depths)), depth_row("confidences", array_of(self.confidences))],
         )
 
     def render(self, cameras: Cameras, **options: Any) -> Rendering:
-        """What the Gaussians look like from cameras; the near bound is the smallest of each scene's context views.
+        """Render the Gaussians from cameras. The near bound is the smallest of each scene's input views.
 
         Args:
             cameras: the views of each scene, [v] or [*batch v].
-            options: as for `semgs.render`; `near` replaces that bound.
+            options: as for `semgs.render`; `near` overrides that bound.
 
         Raises:
             ValueError, ImportError: as `semgs.render`.
@@ -115,6 +115,10 @@ class Encoding:
             depth_spread=function(self.depth_spread),
             depth_range=function(self.depth_range),
         )
+
+    def tensors(self) -> list[Tensor]:
+        """Every tensor, those of the Gaussians included."""
+        return [*self.gaussians.tensors().values(), self.depths, self.confidences, self.depth_spread, self.depth_range]
 
     def to(self, device: torch.device | str, dtype: torch.dtype) -> Encoding:
         """The same encoding on a device and in a dtype; the near and far bounds stay as they are."""

@@ -1,7 +1,7 @@
-"""Memory of this machine: how much is left to this process, by the system, by every container around it, and by its own limits.
+"""Free memory for this process, within the limits of the system, of every container around it, and of the process itself.
 
-A container is a Linux control group. Groups lie in each other, and the one with the least left counts. What a group holds
-of files that can be read again is given back before anybody runs out, so it counts as free.
+A container is a Linux control group. Groups are nested, and the one with the least free memory counts. A group's cached file pages are
+released before memory runs out, so they count as free.
 """
 
 from __future__ import annotations
@@ -15,37 +15,37 @@ KIBIBYTE = 1024
 ROOT = Path("/")
 
 LIMITS = ("memory.max", "memory.high", "memory.limit_in_bytes")
-"""Files that hold the most that a group may have: of version 2, and of version 1."""
+"""Files with a group's memory limit: of version 2, and of version 1."""
 
 USES = ("memory.current", "memory.usage_in_bytes")
-"""Files that hold what it has."""
+"""Files with a group's memory use."""
 
 RECLAIMABLE = ("total_inactive_file", "inactive_file")
-"""Lines of `memory.stat` about files read long ago: the first, of version 1, counts the groups inside too."""
+"""Lines of `memory.stat` with cached file pages not used lately; the first, of version 1, includes nested groups."""
 
 
 def free_bytes(root: Path = ROOT) -> float:
-    """What this process may still take; infinite where nothing says.
+    """Memory that this process may still take; infinite if unknown.
 
     Args:
-        root: the folder that holds `proc`; control groups are looked for below it too.
+        root: the folder with `proc` and the control groups.
     """
     groups = (_left_in(group) for group in control_groups(root))
     return max(0.0, min((_available(root), _address_space_left(root), *groups), default=math.inf))
 
 
 def held_bytes(root: Path = ROOT) -> float:
-    """What this process has now; 0 where nothing says."""
+    """Memory that this process uses now; 0 if unknown."""
     return KIBIBYTE * _numbers(root / "proc/self/status").get("VmRSS", 0.0)
 
 
 def control_groups(root: Path = ROOT) -> Iterator[Path]:
-    """The folders of the memory groups that this process is in, from its own to the outermost that can be seen."""
+    """The folders of the memory groups of this process, from its own to the outermost visible one."""
     for kind, mounted, top in _mounts(root):
         own = _own_group(root, kind)
         if own is None:
             continue
-        # Inside a container the path may be told as seen from outside, where nothing of that name is to be seen.
+        # Inside a container the path may be the one seen from outside, which does not exist here.
         inside = Path(own).relative_to(mounted) if Path(own).is_relative_to(mounted) else Path()
         folder = top / inside
         while not folder.is_dir() and folder != top:
@@ -57,7 +57,7 @@ def control_groups(root: Path = ROOT) -> Iterator[Path]:
 
 
 def _mounts(root: Path) -> Iterator[tuple[str, str, Path]]:
-    """Every mount of memory groups: its type, the group that it shows as its top, and where that is."""
+    """Every mount of memory groups: its type, its top group, and its folder."""
     for line in _lines(root / "proc/self/mountinfo"):
         before, _, after = line.partition(" - ")
         fields, (kind, *rest) = before.split(), after.split() or [""]
@@ -76,7 +76,7 @@ def _own_group(root: Path, kind: str) -> str | None:
 
 
 def _left_in(group: Path) -> float:
-    """What a group may still take."""
+    """Memory that a group may still take."""
     limit = min((_number(group / name) for name in LIMITS), default=math.inf)
     used = [number for name in USES if math.isfinite(number := _number(group / name))]
     if not math.isfinite(limit) or not used:
@@ -86,12 +86,12 @@ def _left_in(group: Path) -> float:
 
 
 def _available(root: Path) -> float:
-    """What the system can give without swapping."""
+    """Memory that is available without swapping."""
     return KIBIBYTE * _numbers(root / "proc/meminfo").get("MemAvailable", math.inf)
 
 
 def _address_space_left(root: Path) -> float:
-    """What a limit on the address space (`ulimit -v`) leaves."""
+    """Memory left by a limit on the address space (`ulimit -v`)."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -103,7 +103,7 @@ def _address_space_left(root: Path) -> float:
 
 
 def _numbers(path: Path) -> dict[str, float]:
-    """The lines of a file that are a name and a number."""
+    """The lines of a file with a name and a number."""
     found = {}
     for line in _lines(path):
         name, *rest = line.replace(":", " ").split() or [""]
@@ -113,13 +113,13 @@ def _numbers(path: Path) -> dict[str, float]:
 
 
 def _number(path: Path) -> float:
-    """The number that is all of a file; infinite where it is `max`, or where there is no such file."""
+    """The number in a file; infinite if it is `max`, or if there is no file."""
     lines = _lines(path)
     return float(lines[0]) if lines and lines[0].strip().isdigit() else math.inf
 
 
 def _lines(path: Path) -> list[str]:
-    """The lines of a file; none where it cannot be read."""
+    """The lines of a file; none if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -1,6 +1,6 @@
-"""Heads: from features and depth to what each Gaussian is, in MVSplat's form and in the paper's.
+"""Heads: from features and depth to the attributes of each Gaussian, in MVSplat's form and in the paper's.
 
-In `base` and `mvsplat` layer shapes and names are MVSplat's, so that its weights load.
+In `base` and `mvsplat`, layer shapes and names are those of MVSplat, so that its weights load.
 """
 
 from __future__ import annotations
@@ -17,18 +17,23 @@ from semgs.geometry.plane_sweep import expected_depth
 from semgs.model.chunks import by_chunks
 from semgs.model.conventions import Conventions
 from semgs.model.depth import Depth
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
+from semgs.model.padded import Padded
 from semgs.model.precision import FullPrecisionConv2d
-from semgs.model.scene import Padded
+from semgs.model.settings import MVSplatHeads
 from semgs.model.unet import UNet
 
 RENDERED_HARMONICS = 16
-"""Coefficients a colour that are ever drawn: degrees 0 to 3."""
+"""Coefficients per colour channel that are rendered: degrees 0 to 3."""
+
+
+Features = Float[Tensor, "n c h4 w4"]
+"""Feature maps at the network's scale."""
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """What both forms of the heads predict for each Gaussian of n views.
+    """Predictions for each Gaussian of n views, in both forms of the heads.
 
     Attributes:
         depths: [m].
@@ -36,7 +41,7 @@ class Decoded:
         attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
         confidences: the largest probability among the depth candidates, 0..1.
         depth_spread: standard deviation of log depth under the candidates' distribution.
-        offsets: raw (x, y) shifts from the pixel's centre; None for none.
+        offsets: raw (x, y) shifts from the pixel's centre; None for no shifts.
     """
 
     depths: Float[Tensor, "n h w"]
@@ -59,13 +64,13 @@ class Upsampler(nn.Module):
     def forward(
         self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
     ) -> Float[Tensor, "n d h2 w2"]:
-        """Features `factor` times as large, from those after the transformer and those of each view by itself."""
+        """Features `factor` times as large, from features after the transformer and features of single views."""
         x = self.conv(beside(transformed, single))
         return nn.functional.gelu(upsampled(x, self.factor, self.pixel_centres))
 
 
 class PlainUpsampler(nn.Module):
-    """The paper's text: the transformer's features alone, upsampled."""
+    """The paper's text: upsample the features of the transformer."""
 
     def __init__(self, factor: int, pixel_centres: bool = True) -> None:
         super().__init__()
@@ -75,30 +80,24 @@ class PlainUpsampler(nn.Module):
     def forward(
         self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
     ) -> Float[Tensor, "n c h2 w2"]:
-        """Features `factor` times as large; those of each view by itself do not count."""
+        """Features `factor` times as large; features of single views are not used."""
         return upsampled(transformed, self.factor, self.pixel_centres)
 
 
 class DepthRefinement(nn.Module):
-    """Full-size correction of disparity, and opacity: a U-Net over picture, features, disparity and its probability.
+    """Full-size correction of disparity, and opacity: a U-Net on image, features, disparity and its probability.
 
     Args:
-        features: channels of the upsampled features.
-        projected: channels that `project` reduces them to.
-        width, levels, decoder_blocks: of the U-Net.
+        settings: of these heads.
     """
 
-    def __init__(self, features: int, projected: int, width: int, levels: int, decoder_blocks: int = 2) -> None:
+    def __init__(self, settings: MVSplatHeads) -> None:
         super().__init__()
-        self.project = nn.Conv2d(features, projected, 3, padding=1)
-        self.refine = nn.ModuleList(
-            [
-                nn.Conv2d(3 + projected + 2, width, 3, padding=1),
-                nn.GroupNorm(4, width),
-                nn.GELU(),
-                UNet(width, levels, decoder_blocks),
-            ]
-        )
+        width = settings.width
+        self.project = nn.Conv2d(settings.upsampled, settings.projected, 3, padding=1)
+        first = nn.Conv2d(3 + settings.projected + 2, width, 3, padding=1)
+        unet = UNet(width, settings.levels, settings.decoder_blocks)
+        self.refine = nn.ModuleList([first, nn.GroupNorm(4, width), nn.GELU(), unet])
         self.to_disparity = nn.Sequential(
             nn.Conv2d(width, 2 * width, 3, padding=1), nn.GELU(), FullPrecisionConv2d(2 * width, 2, 3, padding=1)
         )
@@ -113,7 +112,7 @@ class DepthRefinement(nn.Module):
     ) -> tuple[Float[Tensor, "n d h w"], Float[Tensor, "n 2 h w"]]:
         """Features of the refinement, and (correction of disparity, logit of opacity) in the dtype of the disparities.
 
-        `projected` is what `project` makes of the upsampled features.
+        `projected` are the upsampled features after `project`.
         """
         x = beside(images, projected, disparities[:, None], confidences[:, None])
         conv, norm, activation, unet = self.refine
@@ -127,7 +126,7 @@ class Head(nn.Sequential):
     Args:
         inputs, hidden, outputs: channels.
         last_kernel: of the second layer.
-        full: compute the second layer in full precision, also within autocast.
+        full: compute the second layer in full precision, even within autocast.
     """
 
     def __init__(self, inputs: int, hidden: int, outputs: int, last_kernel: int = 3, full: bool = False) -> None:
@@ -140,81 +139,64 @@ class Head(nn.Sequential):
 
 
 class Decoder(nn.Module, ABC):
-    """The slot of the heads: what turns features and depth into the attributes of Gaussians.
+    """The heads: they turn features and depth into the attributes of Gaussians.
 
     Attributes:
-        depth_layers: names of its parts that depth depends on.
+        depth_layers: names of the parts on which depth depends.
     """
 
     depth_layers: tuple[str, ...] = ()
 
     @abstractmethod
     def forward(
-        self,
-        scene: Padded,
-        shallow: Float[Tensor, "n c h4 w4"],
-        features: Float[Tensor, "n c h4 w4"],
-        depth: Depth,
-        views_at_a_time: int | None,
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> Decode:
-        """What has to be computed of all views together; the function that is returned decodes some of them.
+        """Compute what needs all views; return a function that decodes some of them.
 
         Args:
             scene: the views.
-            shallow: features of each view by itself.
+            shallow: features of single views.
             features: of the colour transformer.
             depth: of the plane sweep.
-            views_at_a_time: that will be decoded together; None is all.
+            views_at_a_time: views that will be decoded at a time; None is all.
         """
 
 
 Decode = Callable[[slice], Decoded]
-"""Given which of the views, what their Gaussians are."""
+"""From a slice of the views to the attributes of their Gaussians."""
 
 
 class MVSplatDecoder(Decoder):
-    """MVSplat's form: disparity is corrected and opacity predicted by the refinement, whose features the colour head sees.
+    """MVSplat's form: the refinement corrects disparity and predicts opacity, and the colour head reads its features.
 
     Args:
         upsampler: of the features.
         refinement: of disparity.
         colour: the head.
         harmonics: coefficients per colour channel.
-        factor: from the features' scale to the Gaussians'.
         conventions: of geometry.
     """
 
     depth_layers = ("upsampler", "refinement")
 
     def __init__(
-        self,
-        upsampler: Upsampler,
-        refinement: DepthRefinement,
-        colour: Head,
-        harmonics: int,
-        factor: int,
-        conventions: Conventions,
+        self, upsampler: Upsampler, refinement: DepthRefinement, colour: Head, harmonics: int, conventions: Conventions
     ) -> None:
         super().__init__()
         self.upsampler = upsampler
         self.refinement = refinement
         self.colour = colour
         self.harmonics = harmonics
-        self.factor = factor
+        self.factor = upsampler.factor
         self.conventions = conventions
 
     def forward(
-        self,
-        scene: Padded,
-        shallow: Float[Tensor, "n c h4 w4"],
-        features: Float[Tensor, "n c h4 w4"],
-        depth: Depth,
-        views_at_a_time: int | None,
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> Decode:
-        """As `Decoder`; the refinement looks at all views together."""
+        """The decoder of all views; the refinement sees them together."""
         confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
         disparities = coarse_disparities(depth, self.factor, self.conventions)
-        # The upsampled features are needed twice; where views come in chunks they are made twice rather than kept.
+        # The upsampled features are needed twice. If views come in chunks, they are computed twice to save memory.
         kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
 
         def wide(at: slice) -> Tensor:
@@ -236,10 +218,10 @@ class MVSplatDecoder(Decoder):
 
 
 class PaperDecoder(Decoder):
-    """The paper's text; upsampling is linear, so the expectation of the upsampled distribution is the upsampled one.
+    """The paper's text. Upsampling is linear, so the expectation of the upsampled distribution is the upsampled expectation.
 
     Args:
-        opacity: the CNN on the upsampled distribution.
+        opacity: a CNN on the upsampled distribution.
         colour: the head.
         harmonics: coefficients per colour channel.
         factor: from the features' scale to the Gaussians'.
@@ -255,14 +237,9 @@ class PaperDecoder(Decoder):
         self.conventions = conventions
 
     def forward(
-        self,
-        scene: Padded,
-        shallow: Float[Tensor, "n c h4 w4"],
-        features: Float[Tensor, "n c h4 w4"],
-        depth: Depth,
-        views_at_a_time: int | None,
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> Decode:
-        """As `Decoder`; each view is decoded by itself."""
+        """The decoder of all views; each view is decoded on its own."""
         sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
 
         def decoded(at: slice) -> Decoded:
@@ -282,7 +259,7 @@ class PaperDecoder(Decoder):
 
 
 def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
-    """The output of a head whose last channels are `harmonics` coefficients a colour, without those never drawn."""
+    """The output of a head, whose last channels are `harmonics` coefficients per colour, without those that are never rendered."""
     if harmonics <= RENDERED_HARMONICS:
         everything: Tensor = head(x)
         return everything
@@ -303,5 +280,5 @@ def coarse_disparities(depth: Depth, factor: int, conventions: Conventions) -> F
 
 
 def upsampled(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:
-    """Bilinear upsampling that keeps image corners, or the centres of the corner texels."""
+    """Bilinear upsampling that preserves image corners, or the centres of the corner texels."""
     return nn.functional.interpolate(x, scale_factor=factor, mode="bilinear", align_corners=not pixel_centres)

@@ -1,7 +1,7 @@
-"""MobileNetV2 on the picture, and a light decoder: the class branch that can start from published weights.
+"""MobileNetV2 on the image, and a light decoder: the class branch that can start from published weights.
 
 Sandler et al., "MobileNetV2: Inverted Residuals and Linear Bottlenecks" (CVPR 2018), table 2 at width 1.0. Batch norms are folded into
-the convolutions, as in the published files, so the backbone has no norm; names of its parameters are those of the files.
+the convolutions, as in the published files, so the backbone has no norms. Its parameters have the names in these files.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from torch.nn.functional import interpolate, pad, relu6
 
 from semgs.model.cnn import SHRINK
 from semgs.model.pyramid import near_side, normed
-from semgs.model.refinement import Cues, PictureRefinement, Refined, Shallow
+from semgs.model.refinement import Cues, ImageRefinement, Refined, Shallow
 
 STEM = 32
-"""Channels of the first convolution, at 1/2 of the picture."""
+"""Channels of the first convolution, at 1/2 of the image."""
 
 LAYOUT = (
     (1, 16, 1, 1), (6, 24, 2, 2), (6, 32, 3, 2), (6, 64, 4, 2), (6, 96, 3, 1), (6, 160, 3, 2), (6, 320, 1, 1),
 )  # fmt: skip
-"""Groups of blocks: expansion, channels out, how many blocks, stride of the first."""
+"""Groups of blocks: expansion, output channels, number of blocks, stride of the first."""
 
 TAPS = (2, 5, 12, 16)
-"""Blocks whose outputs the decoder reads: the last at 1/4, 1/8, 1/16 and 1/32 of the picture."""
+"""Blocks whose outputs the decoder reads: the last ones at 1/4, 1/8, 1/16 and 1/32 of the image."""
 
 WIDTHS = (24, 32, 96, 320)
 """Channels of those outputs."""
@@ -33,11 +33,11 @@ CUES = (1, 2)
 """Which of the outputs depth may see: those at 1/8 and 1/16."""
 
 CUE_WIDTHS = tuple(WIDTHS[k] for k in CUES)
-"""Channels of those."""
+"""Their channels."""
 
 
 class SameConv2d(nn.Conv2d):
-    """A convolution with bias and TensorFlow's SAME padding: ceil(n / stride) texels out of n, the odd zero at the far side.
+    """A convolution with bias and TensorFlow's SAME padding: ceil(n / stride) texels from n, with an odd zero at the far side.
 
     With stride 2 and a 3x3 kernel an even side is padded by 0 before and 1 after, an odd one by 1 and 1.
 
@@ -45,7 +45,7 @@ class SameConv2d(nn.Conv2d):
         inputs: channels in.
         outputs: channels out.
         kernel: side of the kernel.
-        stride: texels between two of its places.
+        stride: step between two positions, in texels.
         groups: as for `nn.Conv2d`.
     """
 
@@ -67,12 +67,12 @@ class SameConv2d(nn.Conv2d):
 
 
 class InvertedResidual(nn.Module):
-    """Widen by 1x1, convolve each channel by itself with 3x3, narrow by 1x1; ReLU6 after the first two, none after the last.
+    """Widen by 1x1, convolve each channel with 3x3, narrow by 1x1; ReLU6 after the first two, none after the last.
 
     Args:
         inputs: channels in.
-        outputs: channels out; if they are as many as come in and the stride is 1, the input is added.
-        expansion: channels between are this many times those that come in; 1 leaves out the first convolution.
+        outputs: channels out; if they equal `inputs` and the stride is 1, the input is added.
+        expansion: intermediate channels relative to `inputs`; 1 leaves out the first convolution.
         stride: of the 3x3.
     """
 
@@ -92,7 +92,7 @@ class InvertedResidual(nn.Module):
 
 
 class MobileNetV2(nn.Module):
-    """The convolutions of MobileNetV2 1.0 up to its 320 channels, 1.80 million parameters; neither its 1,280 channels nor a classifier."""
+    """The convolutions of MobileNetV2 1.0 up to 320 channels (1.80 million parameters), without the 1,280 channels and the classifier."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -104,15 +104,15 @@ class MobileNetV2(nn.Module):
                 inputs = outputs
         self.blocks = nn.ModuleList(blocks)
         for name, parameter in self.named_parameters():
-            # There are no norms to make up for PyTorch's own draw, which would let the features fade.
+            # Without norms, features would fade with PyTorch's own initialisation.
             if name.endswith("bias"):
                 nn.init.zeros_(parameter)
             else:
                 nn.init.kaiming_normal_(parameter, nonlinearity="relu")
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c hk wk"]]:
-        """Maps of 24, 32, 96 and 320 channels at 1/4, 1/8, 1/16 and 1/32 (rounded up) of pictures in 0..1."""
-        x = (255 * pictures - 128) / 128
+    def forward(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c hk wk"]]:
+        """Maps of 24, 32, 96 and 320 channels at 1/4, 1/8, 1/16 and 1/32 (rounded up) of images in 0..1."""
+        x = (255 * images - 128) / 128
         x = relu6(self.stem(x.contiguous(memory_format=torch.channels_last)), inplace=True)
         maps = []
         for k, block in enumerate(self.blocks):
@@ -122,14 +122,14 @@ class MobileNetV2(nn.Module):
         return maps
 
 
-class MobileNetRefinement(PictureRefinement):
-    """Class features of the picture alone: MobileNetV2 and a decoder that sums its maps from coarse to fine.
+class MobileNetRefinement(ImageRefinement):
+    """Class features from the image: MobileNetV2 and a decoder that sums its maps from coarse to fine.
 
-    Batch norm stands in the decoder only. The shallow features are not read: they were made to match points between views.
+    Only the decoder has batch norm. The shallow features are not used, because they are made to match points between views.
 
     Args:
         channels: of the features for the transformer.
-        classes: how many.
+        classes: number of classes.
         width: channels in the decoder.
     """
 
@@ -148,27 +148,26 @@ class MobileNetRefinement(PictureRefinement):
         self.features = nn.Conv2d(width, channels, 1)
         self.classifier = nn.Conv2d(width, classes, 1)
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
-        """Features at 1/4 of the pictures, and what the classes are linear in; large pictures are averaged down first (`near_side`)."""
-        maps = self.backbone(near_side(pictures, SHRINK))
-        x = at_scale(self.decoded(maps), pictures, SHRINK)
-        return Refined(self.features(x), x, self._cues(maps, pictures))
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features at 1/4 of the images, and the evidence for classes. Large images are downsampled first (`near_side`)."""
+        maps = self.backbone(near_side(images, SHRINK))
+        x = at_scale(self.decoded(maps), images, SHRINK)
+        return Refined(self.features(x), x, tuple(maps[k] for k in CUES))
 
-    @torch.no_grad()
-    def cues(self, pictures: Float[Tensor, "n 3 h w"]) -> Cues:
-        """The backbone's maps of 32 and 96 channels."""
-        return self._cues(self.backbone(near_side(pictures, SHRINK)), pictures)
+    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+        """The backbone's maps of 32 and 96 channels: depth reads them and never teaches them.
 
-    def _cues(self, maps: list[Tensor], pictures: Tensor) -> Cues:
-        """Those of the backbone's maps that depth sees: it reads them and never teaches them.
-
-        They are contiguous: torch 2.13 crashes in the gradient of a group norm on maps that have channels last and need no gradient.
+        They are contiguous, because torch 2.13 crashes in the gradient of a group norm on maps with channels last and without gradient.
         """
-        shown = (maps[k].detach().contiguous() for k in CUES)
-        return tuple(at_scale(one, pictures, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
+        if not seen:
+            with torch.no_grad():
+                maps = self.backbone(near_side(images, SHRINK))
+            seen = tuple(maps[k] for k in CUES)
+        shown = (one.detach().contiguous() for one in seen)
+        return tuple(at_scale(one, images, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
 
     def decoded(self, maps: list[Tensor]) -> Float[Tensor, "n width h4 w4"]:
-        """The decoder's finest map, at 1/4 of the pictures that the backbone's maps are of; classes and features are linear in it."""
+        """The decoder's finest map, at 1/4 of the backbone's images; classes and features are linear in it."""
         *finer, coarsest = (lateral(one) for lateral, one in zip(self.lateral, maps, strict=True))
         x = coarsest
         for merged, fine in zip(reversed(self.merged), reversed(finer), strict=True):
@@ -178,10 +177,10 @@ class MobileNetRefinement(PictureRefinement):
 
 
 def at_scale(
-    maps: Float[Tensor, "n c h2 w2"], pictures: Float[Tensor, "n 3 h w"], shrink: int
+    maps: Float[Tensor, "n c h2 w2"], images: Float[Tensor, "n 3 h w"], shrink: int
 ) -> Float[Tensor, "n c hs ws"]:
-    """Maps resampled to 1 / shrink of the pictures, where they are not of that size already."""
-    size = (pictures.shape[-2] // shrink, pictures.shape[-1] // shrink)
+    """Maps resampled to 1 / shrink of the images, unless they have that size already."""
+    size = (images.shape[-2] // shrink, images.shape[-1] // shrink)
     if size == maps.shape[-2:]:
         return maps
     return interpolate(maps, size=size, mode="bilinear", align_corners=False)

@@ -1,4 +1,4 @@
-"""Overlap: by how many of a scene's input views a point is seen. What follows from it for Gaussians is not in the paper."""
+"""Overlap: how many of a scene's input views see a point, and what follows for the sizes of Gaussians. Not in the paper."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from semgs.geometry.cameras import Cameras, inverse_rigid
 from semgs.model.precision import outside_autocast
 
 PAIR = 2
-"""The number of views for which sizes stay as predicted: most of what the shipped weights learned came from pairs."""
+"""The number of views for which sizes stay as predicted: the included weights learned mostly from pairs."""
 
 
 @dataclass(frozen=True)
 class Others:
-    """From the frames of n views' cameras to the pictures of the m other views of each one's scene, on the features' device.
+    """Projections from the camera frames of n views to the images of the m other views of the same scene, on the features' device.
 
-    A point x in the frame of a view's own camera is at (u z, v z, z) = matrix x + offset, with (u, v) in pixels of the other picture
-    and z the depth there [m]. Only relative poses enter, so a scene far from the origin loses nothing in float32.
+    A point x in a view's own camera frame is at (u z, v z, z) = matrix x + offset, with (u, v) in pixels of the other image and z the
+    depth there [m]. Only relative poses are used, so float32 is precise even far from the origin.
 
     Attributes:
         matrix: K R.
         offset: K t.
-        size: (height, width) of the pictures [px].
+        size: (height, width) of the images [px].
     """
 
     matrix: Float[Tensor, "n m 3 3"]
@@ -34,12 +34,12 @@ class Others:
 
     @staticmethod
     def of(cameras: Cameras, size: tuple[int, int], like: Tensor) -> Others:
-        """Of the cameras [b v] of b scenes, computed in float64.
+        """From the cameras [b v] of b scenes, computed in float64.
 
         Args:
             cameras: of all views.
-            size: (height, width) of their pictures before these were padded [px].
-            like: a tensor of the device and dtype to compute with.
+            size: (height, width) of the images before padding [px].
+            like: a tensor with the device and dtype of the result.
         """
         poses, count = cameras.world_from_camera, cameras.batch[-1]
         own = torch.arange(count)[:, None]
@@ -51,15 +51,15 @@ class Others:
         return Others(matrix.flatten(0, 1).to(like), offset.flatten(0, 1).to(like), size)
 
     def __getitem__(self, at: slice) -> Others:
-        """Those of some of the n views."""
+        """The projections of some of the n views."""
         return Others(self.matrix[at], self.offset[at], self.size)
 
 
 @outside_autocast
 def seen_by(points: Float[Tensor, "n h w 3"], others: Others) -> Float[Tensor, "n h w"]:
-    """By how many input views of its scene each point is seen: its own, and the others that it is in front of and within the borders of.
+    """How many input views of its scene see each point: its own view, and all others with the point in front and inside the image.
 
-    Nothing hides a point: what stands before it in another view does not count.
+    Occlusion is ignored.
 
     Args:
         points: in the frame of each view's own camera [m].
@@ -70,16 +70,14 @@ def seen_by(points: Float[Tensor, "n h w 3"], others: Others) -> Float[Tensor, "
     count = flat.new_ones(flat.shape[0], flat.shape[2])
     for matrix, offset in zip(others.matrix.unbind(1), others.offset.unbind(1), strict=True):
         x, y, z = (matrix @ flat + offset[..., None]).unbind(1)
-        count += (
-            (x >= 0) & (x < width * z) & (y >= 0) & (y < height * z)
-        )  # nothing behind the camera, where z < 0, is within these
+        count += (x >= 0) & (x < width * z) & (y >= 0) & (y < height * z)  # never true behind the camera, where z < 0
     return torch.unflatten(count, 1, points.shape[1:3])
 
 
 def shrinkage(seen: Float[Tensor, "*n"], exponent: float) -> Float[Tensor, "*n"]:
-    """(2 / max(n, 2))^exponent: what the sizes of a Gaussian are multiplied by that n input views see.
+    """(2 / max(n, 2))^exponent: factor for the sizes of a Gaussian that n input views see.
 
-    Each view that sees a surface puts Gaussians there. Left at their size, more views would make surfaces thicker, and the learned colours,
-    which are made for what two views draw, too strong.
+    Each view that sees a surface puts Gaussians there. At unchanged size, more views would make surfaces thicker, and colours too strong,
+    because they were learned for the Gaussians of two views.
     """
     return (PAIR / seen.clamp(min=PAIR)) ** exponent

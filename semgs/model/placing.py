@@ -1,4 +1,4 @@
-"""Placing: from what the heads predict for each pixel to Gaussians in the world."""
+"""Placing: from the heads' predictions for each pixel to Gaussians in the world."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from semgs.model.conventions import Conventions
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoded
 from semgs.model.overlap import PAIR, Others, seen_by, shrinkage
+from semgs.model.padded import Padded, shrunk, widened
 from semgs.model.precision import outside_autocast
-from semgs.model.scene import Padded, shrunk, widened
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 0.5, 15.0
-"""Range of a Gaussian's size before `SIGMA_UNIT`."""
+"""Range of a Gaussian's size, in units of `SIGMA_UNIT`."""
 
 SIGMA_UNIT = 0.1
-"""Share of (1 / fx + 1 / fy) that a size of 1 means: sizes are 0.1 to 3 pixels where fx = fy."""
+"""A size of 1, as a fraction of (1 / fx + 1 / fy): sizes are 0.1 to 3 pixels if fx = fy."""
 
 HARMONICS_DC = 0.28209479177387814
 """The constant basis function of degree 0."""
@@ -31,7 +31,7 @@ HARMONICS_DC = 0.28209479177387814
 
 @dataclass(frozen=True)
 class Rays:
-    """What placing a Gaussian per pixel needs of the cameras, on the features' device and in their dtype.
+    """Camera data for placing one Gaussian per pixel, on the features' device and in their dtype.
 
     Attributes:
         rotation: world from camera.
@@ -39,7 +39,7 @@ class Rays:
         inverse_k: K^-1.
         pixel: 1 / fx + 1 / fy.
         quaternion: of the rotation, (w, x, y, z).
-        others: the other views of each one's scene; None where nothing depends on them.
+        others: projections to the other views of the scene; None if they are not needed.
     """
 
     rotation: Float[Tensor, "n 3 3"]
@@ -51,20 +51,18 @@ class Rays:
 
     @staticmethod
     def of(cameras: Cameras, like: Tensor) -> Rays:
-        """Of cameras [n], computed in float64."""
-        poses = cameras.world_from_camera
-        numbers = (
-            poses[..., :3, :3],
-            poses[..., :3, 3],
-            torch.linalg.inv(cameras.intrinsics),
-            (1 / cameras.focal_px).sum(-1),
-            quaternion_from_matrix(poses[..., :3, :3]),
+        """From cameras [n], computed in float64."""
+        rotation = cameras.world_from_camera[..., :3, :3]
+        return Rays(
+            rotation.to(like),
+            cameras.centres.to(like),
+            torch.linalg.inv(cameras.intrinsics).to(like),
+            (1 / cameras.focal_px).sum(-1).to(like),
+            quaternion_from_matrix(rotation).to(like),
         )
-        rotation, centre, inverse_k, pixel, quaternion = (number.to(like) for number in numbers)
-        return Rays(rotation, centre, inverse_k, pixel, quaternion)
 
     def __getitem__(self, at: slice) -> Rays:
-        """Those of some of the cameras."""
+        """The data of some of the cameras."""
         others = None if self.others is None else self.others[at]
         return Rays(self.rotation[at], self.centre[at], self.inverse_k[at], self.pixel[at], self.quaternion[at], others)
 
@@ -89,7 +87,7 @@ def points(
 def directions(
     depths: Float[Tensor, "n h w"], offsets: Float[Tensor, "n 2 h w"] | None, rays: Rays, conventions: Conventions
 ) -> Float[Tensor, "n h w 3"]:
-    """What `points` multiplies by depth: means at a depth of 1, in the frames of their own cameras."""
+    """Means at a depth of 1, in the frames of their own cameras."""
     centres = pixel_centres((depths.shape[-2], depths.shape[-1]), depths.dtype).to(depths.device)
     if offsets is None:
         shifted = centres.expand(len(depths), -1, -1, -1)
@@ -108,7 +106,7 @@ def shapes(
     """Standard deviations [m] and world quaternions (w, x, y, z) from raw sizes and raw camera-frame (x, y, z, w)."""
     size = SMALLEST_SIGMA + (LARGEST_SIGMA - SMALLEST_SIGMA) * scales.sigmoid()
     unit = SIGMA_UNIT * rays.pixel[:, None, None] * depths
-    length = quaternions.square().sum(1, keepdim=True).clamp(min=1e-16).sqrt()  # far faster than a norm over this axis
+    length = quaternions.square().sum(1, keepdim=True).clamp(min=1e-16).sqrt()  # much faster than a norm over this axis
     own = (quaternions / length).roll(1, dims=1).permute(0, 2, 3, 1)
     return size.permute(0, 2, 3, 1) * unit[..., None], quaternion_product(rays.quaternion[:, None, None], own)
 
@@ -125,10 +123,10 @@ def colour_appearance(
 
     Args:
         raw: channels (3 sizes, 4 quaternion, 3 k harmonics), harmonics by colour, then by k.
-        images: added to the constant harmonic, so that the network predicts a correction; None adds nothing.
+        images: colours to add to the constant harmonic, so that the network predicts a correction; None adds nothing.
         depths: of the Gaussians [m].
         rays: of the cameras.
-        conventions: of geometry; says in which basis the harmonics are.
+        conventions: of geometry; they define the basis of the harmonics.
     """
     raw = raw.to(depths.dtype)
     scales, quaternions = shapes(raw[:, :3], raw[:, 3:7], depths, rays)
@@ -156,13 +154,13 @@ def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n 
 
 @dataclass(frozen=True)
 class Placer:
-    """Gives Gaussians their place, shape and appearance in the world.
+    """Gives Gaussians their position, shape and appearance in the world.
 
     Attributes:
-        stride: pixels along each side of a Gaussian's place.
+        stride: pixels per Gaussian along each side.
         from_image: add the image's own colour to the predicted one.
         conventions: of geometry.
-        shrink_seen: exponent of `semgs.model.overlap.shrinkage`, for the sizes of colour Gaussians; 0 leaves them.
+        shrink_seen: exponent of `semgs.model.overlap.shrinkage` for the sizes of colour Gaussians; 0 for no shrinkage.
     """
 
     stride: int
@@ -171,12 +169,12 @@ class Placer:
     shrink_seen: float = 0.0
 
     def rays(self, scene: Padded, size: tuple[int, int], like: Tensor) -> Rays:
-        """Of all views, at the Gaussians' scale.
+        """Camera data of all views, at the Gaussians' scale.
 
         Args:
             scene: the views.
-            size: (height, width) of the images before they were padded [px].
-            like: a tensor of the device and dtype to compute with.
+            size: (height, width) of the images before padding [px].
+            like: a tensor with the device and dtype of the result.
         """
         rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), like)
         if self.shrink_seen == 0 or scene.views <= PAIR:
@@ -196,11 +194,11 @@ class Placer:
 
         Args:
             decoded: of the n views.
-            raw: what the semantic head says; None leaves the Gaussians without semantics.
+            raw: output of the semantic head; None for Gaussians without semantics.
             small: the images at the Gaussians' scale.
             rays: of their cameras.
             depth_range: near and far of the views [m].
-            size: (height, width) of the images before they were padded [px].
+            size: (height, width) of the images before padding [px].
         """
         depths = decoded.depths
         means = points(depths, decoded.offsets, rays, self.conventions)

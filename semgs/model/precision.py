@@ -1,4 +1,4 @@
-"""Precision: geometry computes in float32 or better, whatever autocast says to the layers around it."""
+"""Precision: geometry computes in float32 or better, even within autocast."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 
 
 class FullPrecisionConv2d(nn.Conv2d):
-    """A convolution in the precision of its own weights, whatever autocast says: for the last layer before depth and opacity."""
+    """A convolution in the precision of its weights, even within autocast: for the last layers before depth and opacity."""
 
     def forward(self, input: Tensor) -> Tensor:
         """The convolved map."""
@@ -23,9 +23,9 @@ class FullPrecisionConv2d(nn.Conv2d):
 
 
 def outside_autocast(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """A function that computes as if there were no autocast on the device of its first tensor.
+    """Disable autocast inside a function, on the device of its first tensor.
 
-    Autocast would round the operands of every matrix product to half precision: positions to a 256th of themselves.
+    Autocast would round the operands of every matrix product to half precision, for positions a relative error of 1/256.
     """
 
     @wraps(function)

@@ -1,8 +1,8 @@
-"""A pyramid of features for the semantic branch: down to coarse maps that see much of the picture, and back up.
+"""A pyramid of features for the semantic branch: down to coarse maps that see much of the image, and back up.
 
-What a thing is shows in its surroundings and in its colours as they are. The shallow layers see neither: they were made to match points
-between views, a few pixels wide and normalised in each picture. This takes the place of the paper's two residual blocks where
-settings say so (`semgs.model.settings.Pyramid`).
+To recognise a thing, a network needs its surroundings and its true colours. The shallow layers see neither: they are made to match
+points between views, are a few pixels wide and normalise each image. With `semgs.model.settings.Pyramid` in the settings, the pyramid
+replaces the paper's two residual blocks.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, pixel_unshuffle
 
 from semgs.model.cnn import SHRINK
-from semgs.model.refinement import PictureRefinement, Refined, Shallow
+from semgs.model.refinement import ImageRefinement, Refined, Shallow
 
 BLOCKS = 2
-"""Residual blocks of each coarser map on the way down."""
+"""Residual blocks per coarser map on the way down."""
 
 SIDE = 240
-"""Shorter side of the pictures that a pyramid knows [px]: pieces twice as large are others to it."""
+"""Shorter side of the images that the class branch is trained for [px]; things look different at twice the size."""
 
 
-class SemanticPyramid(PictureRefinement):
-    """Residual blocks with batch norm on maps each half the size of the one before, summed on the way back; classes from the finest.
+class SemanticPyramid(ImageRefinement):
+    """Residual blocks with batch norm on maps of halved sizes, summed on the way back up; the finest gives classes.
 
-    Batch norm, not the instance and group norms of the other branches: those take from each picture what makes it differ from others.
+    It uses batch norm, because the instance and group norms of the other branches remove what distinguishes one image from another.
 
     Args:
         channels: of the features, in and out.
-        widths: of the coarser maps.
-        classes: how many.
+        widths: channels of the coarser maps.
+        classes: number of classes.
     """
 
     def __init__(self, channels: int, widths: tuple[int, ...], classes: int) -> None:
@@ -46,20 +46,20 @@ class SemanticPyramid(PictureRefinement):
         self.merged = nn.ModuleList(Residual(width) for width in sizes[:-1])
         self.classifier = nn.Conv2d(channels, classes, 1)
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
-        """Features at 1/4 of the pictures; those of large pictures are made of smaller ones and widened."""
-        known = near_side(pictures, SHRINK)
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features at 1/4 of the images. Large images are downsampled first, and their features upsampled."""
+        known = near_side(images, SHRINK)
         refined = self.refined(shallow(known), known)
-        if known is not pictures:
-            size = (pictures.shape[-2] // SHRINK, pictures.shape[-1] // SHRINK)
+        if known is not images:
+            size = (images.shape[-2] // SHRINK, images.shape[-1] // SHRINK)
             refined = interpolate(refined, size=size, mode="bilinear")
         return Refined(refined, refined)
 
     def refined(
-        self, features: Float[Tensor, "n c h4 w4"], pictures: Float[Tensor, "n 3 h w"]
+        self, features: Float[Tensor, "n c h4 w4"], images: Float[Tensor, "n 3 h w"]
     ) -> Float[Tensor, "n c h4 w4"]:
-        """Features of the same size, from shallow ones and from the pictures that they are of (0..1)."""
-        x = torch.cat((features, pixel_unshuffle(2 * pictures - 1, SHRINK)), dim=1)
+        """Features of the same size, from shallow features and their images (0..1)."""
+        x = torch.cat((features, pixel_unshuffle(2 * images - 1, SHRINK)), dim=1)
         maps: list[Tensor] = [self.stem(x.contiguous(memory_format=torch.channels_last))]
         for down, blocks in zip(self.down, self.blocks, strict=True):
             maps.append(blocks(down(maps[-1])))
@@ -71,13 +71,13 @@ class SemanticPyramid(PictureRefinement):
         return x
 
 
-def near_side(pictures: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
-    """Pictures averaged down by the whole number that brings their shorter side nearest to `SIDE`, to multiples of `shrink`; small ones as they are."""
-    times = round(min(pictures.shape[-2:]) / SIDE)
+def near_side(images: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
+    """Images downsampled by the integer that brings their shorter side closest to `SIDE`, to multiples of `shrink`; small ones are unchanged."""
+    times = round(min(images.shape[-2:]) / SIDE)
     if times <= 1:
-        return pictures
-    height, width = (shrink * -(-side // (shrink * times)) for side in pictures.shape[-2:])
-    return interpolate(pictures, size=(height, width), mode="area")
+        return images
+    height, width = (shrink * -(-side // (shrink * times)) for side in images.shape[-2:])
+    return interpolate(images, size=(height, width), mode="area")
 
 
 class Residual(nn.Module):

@@ -1,4 +1,4 @@
-"""The slot of the class branch's refinement: what makes features of each view by itself, before the transformer."""
+"""The refinement of the class branch: features of single views, before the transformer."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.cnn import ResidualBlock
-from semgs.model.layout import lay_out
+from semgs.model.memory_format import lay_out
 
 Shallow = Callable[[Tensor], Tensor]
-"""Gives the shallow CNN's features [n c h/4 w/4] of images [n 3 h w]."""
+"""From images [n 3 h w] to the shallow CNN's features [n c h/4 w/4]."""
 
 Cues = tuple[Tensor, ...]
-"""Coarse maps of what each of n views shows by itself, [n c h8 w8] and [n c h16 w16], or none; they carry no gradient."""
+"""Coarse maps of n single views for depth, [n c h8 w8] and [n c h16 w16], or none; they carry no gradient."""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """What a refinement makes of each view by itself.
+    """The output of a refinement, for single views.
 
     Attributes:
         features: for the transformer.
-        evidence: for the refinement's own classifier, where it has one.
-        cues: of depth, where it gives some (`ClassRefinement.cues`).
+        evidence: for the refinement's own classifier, if it has one.
+        seen: maps from which `ClassRefinement.cues` makes depth's cues, if it makes any.
     """
 
     features: Float[Tensor, "n c h4 w4"]
     evidence: Float[Tensor, "n k h4 w4"]
-    cues: Cues = ()
+    seen: tuple[Tensor, ...] = ()
 
     def __getitem__(self, at: slice) -> Refined:
-        """That of some of the views."""
-        return Refined(self.features[at], self.evidence[at], tuple(cue[at] for cue in self.cues))
+        """The same of some of the views, without `seen`."""
+        return Refined(self.features[at], self.evidence[at])
 
 
 class ClassRefinement(nn.Module, ABC):
-    """What fits the slot.
+    """Turns images and shallow features into features for the transformer.
 
     Attributes:
-        reads_shallow: whether it reads the shallow features, so that these learn from classes where they are shared.
-        feature_layers: names of its layers that only the transformer needs.
-        cue_layers: names of the layers that `cues` needs.
+        reads_shallow: whether it uses the shallow features, so that shared layers learn from classes.
+        feature_layers: names of layers that only the transformer needs.
+        cue_layers: names of layers that `cues` needs.
 
     Args:
-        classifier: from `Refined.evidence` to logits of the classes, which the head then corrects; None leaves the classes to the head.
+        classifier: from `Refined.evidence` to class logits, which the head then corrects; None leaves the classes to the head.
     """
 
     reads_shallow: ClassVar[bool] = True
@@ -61,37 +61,42 @@ class ClassRefinement(nn.Module, ABC):
         self.classifier = classifier
 
     @abstractmethod
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features at 1/4 of the images (0..1).
 
         Args:
-            pictures: with sides that are multiples of 16.
-            shallow: gives the shallow features of images, these or smaller ones.
+            images: with sides that are multiples of 16.
+            shallow: computes shallow features, of these images or of smaller ones.
         """
 
-    def cues(self, pictures: Float[Tensor, "n 3 h w"]) -> Cues:
-        """What `forward` says to depth, at less cost; this refinement says nothing."""
+    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+        """Coarse maps of each view for depth; this refinement has none.
+
+        Args:
+            images: as for `forward`.
+            seen: `Refined.seen` from `forward`; without it, only the necessary layers are computed.
+        """
         return ()
 
 
-class PictureRefinement(ClassRefinement):
-    """What reads the images themselves, with convolutions that are channels last in training too, where that halves the time of a step."""
+class ImageRefinement(ClassRefinement):
+    """A refinement on the images. Its convolutions use channels last in training too, which halves the time of a step."""
 
-    def train(self, mode: bool = True) -> PictureRefinement:
-        """As of every module, and the layout stays."""
+    def train(self, mode: bool = True) -> ImageRefinement:
+        """Set the mode, as for every module, and keep the memory format."""
         super().train(mode)
         lay_out(self, torch.channels_last)
         return self
 
 
 class ResidualRefinement(ClassRefinement):
-    """The paper's: two residual blocks on the shallow features."""
+    """The paper's refinement: two residual blocks on the shallow features."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.residual = nn.Sequential(ResidualBlock(channels, channels), ResidualBlock(channels, channels))
 
-    def forward(self, pictures: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
         """Features of each view; no classes."""
-        features: Tensor = self.residual(shallow(pictures))
+        features: Tensor = self.residual(shallow(images))
         return Refined(features, features)

@@ -11,9 +11,9 @@ from torch import Tensor, nn
 
 from semgs.model.cnn import FeatureCNN
 from semgs.model.heads import Head, PlainUpsampler, Upsampler, upsampled
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
+from semgs.model.padded import Padded
 from semgs.model.refinement import ClassRefinement, Refined
-from semgs.model.scene import Padded
 from semgs.model.transformer import CameraTransformer
 
 SHAPE = 7
@@ -21,16 +21,16 @@ SHAPE = 7
 
 
 Attributes = Callable[[slice], Tensor]
-"""Given which of the views, what the head says of them [n channel h w]: raw sizes, quaternions and logits of the classes."""
+"""From a slice of the views to the head's output [n channel h w]: raw sizes, quaternions and class logits."""
 
 
 @dataclass(frozen=True)
 class ClassMaps:
-    """What classes the branch sees at each Gaussian's place in the views.
+    """Class distributions at each Gaussian's position in the views.
 
     Attributes:
-        distributions: over the classes; the texels at the lower and right border may reach past the view.
-        evidence: what the classes of each view by itself are linear in, at 1/4 of its padded size; None after the transformer.
+        distributions: over the classes; texels at the lower and right border may reach past the view.
+        evidence: maps in which the class logits of single views are linear, at 1/4 of the padded size; None after the transformer.
     """
 
     distributions: Float[Tensor, "*batch v class h2 w2"]
@@ -38,11 +38,11 @@ class ClassMaps:
 
 
 class SemanticBranch(nn.Module):
-    """The branch as composed of its parts.
+    """The branch, composed of its parts.
 
     Args:
-        cnn: a shallow CNN of its own; None shares the colour branch's.
-        refinement: of the shallow features.
+        cnn: its own shallow CNN; None shares that of the colour branch.
+        refinement: features of single views.
         transformer: over all views.
         upsampler: to the Gaussians' scale.
         head: on the image and the upsampled features.
@@ -64,48 +64,48 @@ class SemanticBranch(nn.Module):
         self.head = head
 
     def forward(self, refined: Refined, scene: Padded) -> Attributes:
-        """The transformer sees all views; the function that is returned says what the head makes of some of them.
+        """Apply the transformer to all views; return a function that applies the head to some of them.
 
         Args:
-            refined: what `refined` says of each view.
+            refined: from `refined`.
             scene: the views.
         """
         features: Tensor = self.transformer(refined.features, scene)
         return lambda at: self._attributes(scene.small[at], features[at], refined[at])
 
     def logits_of(self, refined: Refined, scene: Padded) -> Float[Tensor, "n class h w"]:
-        """Class logits of each view by itself: the refinement's own, or else those of the head without the transformer."""
+        """Class logits of single views: those of the refinement, or else those of the head without the transformer."""
         if self.refinement.classifier is not None:
             return self._own_logits(self.refinement.classifier, refined)
         return self._attributes(scene.small, refined.features, refined)[:, SHAPE:]
 
     @property
     def evidence_channels(self) -> int:
-        """Channels of the evidence that the refinement classifies by; 0 if it does not classify by itself."""
+        """Channels of the evidence for the refinement's classifier; 0 if it has none."""
         return 0 if self.refinement.classifier is None else self.refinement.classifier.in_channels
 
     def refined(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Refined:
-        """What the refinement makes of each view by itself.
+        """The refinement's output for single views.
 
         Args:
             scene: the views.
             cnn: the shared CNN.
-            shallow: what it made of the views; None computes that if it is needed.
+            shallow: its features of the views; None computes them if they are needed.
         """
 
-        def features(pictures: Tensor) -> Tensor:
-            if shallow is not None and self.cnn is None and pictures is scene.pictures:
+        def features(images: Tensor) -> Tensor:
+            if shallow is not None and self.cnn is None and images is scene.images:
                 return shallow
-            own: Tensor = (self.cnn or cnn)(pictures)
+            own: Tensor = (self.cnn or cnn)(images)
             return own
 
-        refined: Refined = self.refinement(scene.pictures, features)
+        refined: Refined = self.refinement(scene.images, features)
         return refined
 
     def _attributes(
         self, small: Float[Tensor, "n 3 h w"], features: Float[Tensor, "n c h4 w4"], refined: Refined
     ) -> Float[Tensor, "n channel h w"]:
-        """What the head says, with the refinement's own logits added where it has some."""
+        """The output of the head, plus the refinement's own logits if it has any."""
         raw: Tensor = self.head(beside(small, self.upsampler(features, refined.features)))
         if self.refinement.classifier is None:
             return raw
@@ -118,11 +118,11 @@ class SemanticBranch(nn.Module):
 
     @property
     def shares_cnn(self) -> bool:
-        """Whether it reads the features of the shared CNN."""
+        """Whether it uses the features of the shared CNN."""
         return self.cnn is None and self.refinement.reads_shallow
 
     def layers(self, alone: bool = False) -> tuple[str, ...]:
-        """Beginnings of the names of the parameters that the classes depend on; with `alone`, those of `logits_of`."""
+        """Beginnings of the names of the parameters on which the classes depend; with `alone`, on which `logits_of` depends."""
         refinement = [f"refinement.{name}" for name, _ in self.refinement.named_children()]
         if not alone:
             return ("cnn", *refinement, "transformer", "upsampler", "head")

@@ -1,4 +1,4 @@
-"""SemGS: the whole network, from views to dual Gaussians."""
+"""SemGS: the complete network, from views to dual Gaussians."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from semgs.model.cnn import SHRINK, FeatureCNN
 from semgs.model.depth import CoarseDepth, PlaneSweepDepth
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoder, coarse_disparities
-from semgs.model.layout import lay_out
+from semgs.model.memory_format import lay_out
+from semgs.model.padded import Padded, widened
 from semgs.model.placing import Placer
-from semgs.model.refinement import Cues
-from semgs.model.scene import Padded, widened
+from semgs.model.refinement import Cues, Refined
 from semgs.model.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
@@ -28,7 +28,7 @@ from semgs.model.transformer import CameraTransformer
 __all__ = ["STAGES", "ColourBranch", "SemGS"]
 
 PARTS = ("shared", "depth", "colour", "semantic", "classes")
-"""What `SemGS.parts` divides a network into."""
+"""The parts of a network in `SemGS.parts`."""
 
 
 class ColourBranch(nn.Module):
@@ -48,22 +48,22 @@ class ColourBranch(nn.Module):
 
 
 class SemGS(nn.Module):
-    """Views in, dual Gaussians out. `semgs.model.build.build` composes it of its settings.
+    """Views in, dual Gaussians out. `semgs.model.build.build` builds it from settings.
 
     Args:
-        settings: that the parts were built from; they go into files of weights.
-        classes: table of the semantic branch; None for a colour-only network.
+        settings: from which the parts were built; they are saved with the weights.
+        classes: the class table of the semantic branch; None for a colour-only network.
         cnn: the shallow CNN.
         colour: the colour branch and depth.
         semantic: the semantic branch; None for a colour-only network.
 
     Attributes:
-        name: of the preset.
-        class_count: classes of the table, 0 without one.
-        stride: pixels along each side of a Gaussian's place.
+        name: of the network, such as "small".
+        class_count: number of classes, 0 without a class table.
+        stride: pixels per Gaussian along each side.
         origin: one sentence on where the weights come from.
-        temperatures: for `semgs.tempered`, of "rendered" pixels and of single "gaussians", where the weights have some; the network
-            itself never applies them.
+        temperatures: for `semgs.tempered`, of "rendered" pixels and of single "gaussians", if the weights have any; the network itself
+            never applies them.
     """
 
     def __init__(
@@ -90,30 +90,30 @@ class SemGS(nn.Module):
         )
 
     def train(self, mode: bool = True) -> SemGS:
-        """As of every module; its convolutions take the faster layout: channels last, but for training."""
+        """Set the mode, as for every module. Convolutions use the faster memory format: channels last, except in training."""
         lay_out(self, torch.contiguous_format if mode else torch.channels_last)
-        super().train(mode)  # parts may have a layout of their own
+        super().train(mode)  # some parts choose their own memory format
         return self
 
     def forward(self, views: Views, chunks: Chunks | None = None, stage: Stage = nullcontext) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size.
 
-        Within autocast the layers compute in its half precision; depth, cameras and Gaussians stay in float32 or better.
+        Within autocast the layers compute in half precision; depth, cameras and Gaussians stay in float32 or better.
 
         Args:
             views: of one scene, or of a batch of scenes.
-            chunks: how much is done at a time; fewer views at a time need less memory and give the same numbers. None is what
-                `semgs.model.plan.plan` says for one scene in evaluation mode, and all at once for a batch or in training.
-            stage: stands around each of `semgs.model.stages.STAGES`, to time it, say.
+            chunks: views to process at a time; fewer need less memory and give the same numbers. None uses
+                `semgs.model.memory_plan.memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
+            stage: context manager around each of `semgs.model.stages.STAGES`, for example to time it.
 
         Raises:
-            ValueError: there is one view only.
-            NotEnoughMemoryError: without `chunks`, one scene in evaluation mode would not fit into memory, however little is done at a time.
+            ValueError: there is only one view.
+            NotEnoughMemoryError: without `chunks`, one scene in evaluation mode does not fit into memory even with one view at a time.
         """
         scene = self._padded(views)
         chunks = self._planned(views) if chunks is None else chunks
         with stage("cnn"):
-            shallow = self.cnn(scene.pictures)
+            shallow = self.cnn(scene.images)
         with stage("transformer_colour"):
             features = self.colour.transformer(shallow, scene)
         with stage("transformer_semantic"):
@@ -122,7 +122,7 @@ class SemGS(nn.Module):
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, scene, chunks.cost)
         with stage("depth"):
-            depth = self.colour.depth(cost, features, scene, () if refined is None else refined.cues)
+            depth = self.colour.depth(cost, features, scene, self._cues(scene, refined))
             decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
         bounds = scene.depth_range.flatten(0, 1)
         rays = self.placer.rays(scene, views.size, depth.planes.bounds)
@@ -133,34 +133,34 @@ class SemGS(nn.Module):
 
         with stage("heads"):
             encoding = by_chunks(placed, len(features), chunks.heads)
-        # What was one scene for each view becomes the views of each scene.
+        # So far each view was a scene of its own; now views of the same scene are joined.
         leading, count = views.images.shape[:-4], len(views)
         encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
         return replace(encoding, classes=self.classes)
 
     def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:
-        """The distribution over classes of every pixel of N >= 2 views, as their own Gaussians have it: the semantic branch alone.
+        """The class distribution of every pixel of N >= 2 views, from the semantic branch alone.
 
-        Nothing is placed in space nor splatted; where Gaussians stand for several pixels, those have the same distribution.
+        Nothing is placed in space or splatted. Pixels that share a Gaussian have the same distribution.
 
         Args:
             views: of one scene, or of a batch of scenes.
-            alone: skip what looks at several views, so that no view learns from another; one will do, and cameras do not matter.
+            alone: classify each view on its own, without layers that compare views; then one view is enough, and cameras do not matter.
 
         Raises:
-            ValueError: there is one view only, or the network has no semantic branch.
+            ValueError: there is only one view, or the network has no semantic branch.
         """
         maps = self.class_maps(views, alone).distributions
         return widened(maps, self.stride)[..., : views.size[0], : views.size[1]]
 
     def class_maps(self, views: Views, alone: bool = False) -> ClassMaps:
-        """As `classify`, one distribution for each Gaussian's place; the cheaper way to learn from labels.
+        """The distributions of `classify`, one for each Gaussian; this is cheaper for training with labels.
 
         Raises:
             ValueError: as for `classify`.
         """
         if self.semantic is None:
-            raise ValueError("the network has no semantic branch; it cannot classify")
+            raise ValueError("the network has no semantic branch, so it cannot classify")
         scene, evidence = self._padded(views, fewest=1 if alone else 2), None
         refined = self.semantic.refined(scene, self.cnn)
         if alone:
@@ -173,16 +173,16 @@ class SemGS(nn.Module):
         return ClassMaps(classes.reshape(*views.images.shape[:-3], *classes.shape[1:]), evidence)
 
     def sweep(self, views: Views) -> CoarseDepth:
-        """The depth of N >= 2 views as the plane sweep finds it: no refinement, no heads, no semantic branch.
+        """The depth of N >= 2 views from the plane sweep alone, without refinement, heads or semantic branch.
 
         Args:
             views: of one scene, or of a batch of scenes.
 
         Raises:
-            ValueError: there is one view only.
+            ValueError: there is only one view.
         """
         scene, conventions = self._padded(views), self.settings.conventions
-        features = self.colour.transformer(self.cnn(scene.pictures), scene)
+        features = self.colour.transformer(self.cnn(scene.images), scene)
         cost = self.colour.depth.cost(features, scene, None)
         depth = self.colour.depth(cost, features, scene, self._cues(scene))
         leading, (height, width) = views.images.shape[:-3], views.size
@@ -198,10 +198,11 @@ class SemGS(nn.Module):
         )
 
     def parts(self) -> dict[str, frozenset[str]]:
-        """Names of the tensors (parameters and buffers) of each of `PARTS`; each tensor is in exactly one.
+        """Names of the tensors (parameters and buffers) in each of `PARTS`; each tensor is in exactly one.
 
-        "shared" is what both branches use: the shallow CNN, and layers of the class branch where depth takes its cues from them; "depth" what depth depends on beside that, "colour" the rest of the colour branch,
-        "semantic" the semantic branch without "classes", the layers that predict its classes.
+        "shared" is used by both branches: the shallow CNN, and layers of the class branch that give depth its cues. "depth" is the rest
+        of what depth depends on, and "colour" the rest of the colour branch. "classes" are the layers that predict classes, and
+        "semantic" the rest of the semantic branch.
         """
         shares = self.semantic is not None and self.semantic.shares_cnn
         cues = tuple(f"semantic.refinement.{one}." for one in self._cue_layers())
@@ -221,7 +222,7 @@ class SemGS(nn.Module):
         return {part: frozenset(names) for part, names in found.items()}
 
     def semantic_parameters(self, shared: bool = True, alone: bool = False) -> set[str]:
-        """Names of the parameters that `classify` depends on; without `shared`, those of them that nothing else depends on."""
+        """Names of the parameters on which `classify` depends; without `shared`, only those on which nothing else depends."""
         if self.semantic is None:
             return set()
         used = tuple(f"semantic.{one}." for one in self.semantic.layers(alone))
@@ -231,9 +232,9 @@ class SemGS(nn.Module):
         return {name for name, _ in self.named_parameters() if name.startswith(used) and name not in held}
 
     def depth_parameters(self, shared: bool = True) -> set[str]:
-        """Names of the parameters that `sweep` teaches; without `shared`, those of them that the semantic branch does not use.
+        """Names of the parameters that learn from `sweep`; without `shared`, only those that the semantic branch does not use.
 
-        Layers of the class branch that give depth its cues are not among them: depth reads them and never teaches them.
+        Layers of the class branch that give depth its cues are not included, because depth never trains them.
         """
         used: tuple[str, ...] = ("colour.transformer.", "colour.depth.")
         if shared or self.semantic is None or not self.semantic.shares_cnn:
@@ -241,39 +242,31 @@ class SemGS(nn.Module):
         return {name for name, _ in self.named_parameters() if name.startswith(used)}
 
     def pretrained_parameters(self) -> set[str]:
-        """Names of the parameters that can start from published weights, and then should learn at a lower rate than the others."""
+        """Names of the parameters that can start from published weights; they should then learn at a lower rate."""
         return {name for name, _ in self.named_parameters() if name.startswith("semantic.refinement.backbone.")}
 
-    def _cues(self, scene: Padded) -> Cues:
-        """What the class branch shows to depth, if depth looks."""
+    def _cues(self, scene: Padded, refined: Refined | None = None) -> Cues:
+        """The class branch's cues, if depth reads them; from its refinement of the views, if that was already computed."""
         if self.semantic is None or not self.colour.depth.reads_cues:
             return ()
-        return self.semantic.refinement.cues(scene.pictures)
+        return self.semantic.refinement.cues(scene.images, () if refined is None else refined.seen)
 
     def _cue_layers(self) -> tuple[str, ...]:
-        """Names of the layers of the class refinement that depth depends on."""
+        """Names of the layers of the class refinement on which depth depends."""
         if self.semantic is None or not self.colour.depth.reads_cues:
             return ()
         return self.semantic.refinement.cue_layers
 
     def _planned(self, views: Views) -> Chunks:
-        """How much to do at a time.
-
-        Raises:
-            NotEnoughMemoryError: one scene in evaluation mode would not fit into memory.
-        """
+        """How many views to process at a time."""
         if self.training or views.images.ndim > 4:
             return WHOLE
-        from semgs.model.plan import plan  # which adds up the memory of this very class
+        from semgs.model.memory_plan import memory_plan  # which imports this class
 
-        return plan(self, views).chunks
+        return memory_plan(self, views).chunks
 
     def _padded(self, views: Views, fewest: int = 2) -> Padded:
-        """The views as the layers take them.
-
-        Raises:
-            ValueError: there are too few.
-        """
+        """The views in the form that the layers take; refuses too few views."""
         if len(views) < fewest:
-            raise ValueError(f"the network was given {len(views)} view; expected two or more that overlap")
+            raise ValueError(f"the network got {len(views)} view; expected two or more that overlap")
         return Padded.of(views, self.cnn.conv1.weight, self.stride)

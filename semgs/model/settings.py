@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, is_dataclass
 from itertools import cycle
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -16,7 +16,7 @@ from semgs.model.conventions import OURS, Conventions
 Part = TypeVar("Part")
 
 LARGEST = 4096
-"""No whole number in the settings of a file may be larger."""
+"""The largest integer allowed in the settings of a file."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class TransformerSettings:
     """The transformer of one branch.
 
     Attributes:
-        blocks: how many.
+        blocks: number of blocks.
         windows: along each side of the token map; 1 is full attention (ablation *Sw-Trans*).
         expansion: of the feed-forward networks.
         reduction: 2 lets the blocks work at 1/8 of the image.
@@ -45,15 +45,15 @@ class DepthSettings:
     """Depth by plane sweep.
 
     Attributes:
-        candidates: L.
-        width, hidden, levels, decoder_blocks: of the U-Net that turns cost into probabilities, `hidden` between its last two layers.
-        cosine_cost: correlate features that are centred in each image and of equal length, so that costs are cosines times the
-            root of d; a network that starts from random weights learns depth far sooner with it.
-        cost_prior: depth's logits are a correction of the cost itself, from normalised features; else they are free, and at a
-            high learning rate they saturate into one candidate before the features have learned to match.
-        initial_scale: factor on the random weights of depth's last layers; below 1 all candidates start alike.
+        candidates: number of depth candidates (the paper's L).
+        width, hidden, levels, decoder_blocks: of the U-Net that turns cost into probabilities; `hidden` is between its last two layers.
+        cosine_cost: correlate features that are centred in each image and have equal length, so that costs are cosines times the root
+            of d. With it, a network learns depth much faster from random weights.
+        cost_prior: predict logits as a correction of the cost, from normalised features. Without it, at a high learning rate, they
+            saturate at one candidate before the features have learned to match.
+        initial_scale: factor for the random weights of depth's last layers; below 1, all candidates start with similar probability.
         cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.cost_filter`); 0 for none.
-        cue: the U-Net also sees coarse maps of what each view shows by itself, from the class branch, where that is a `MobileNet`.
+        cue: the U-Net also reads coarse maps of single views from the class branch, which must be a `MobileNet`.
     """
 
     candidates: int = 128
@@ -70,11 +70,11 @@ class DepthSettings:
 
 @dataclass(frozen=True)
 class MVSplatHeads:
-    """MVSplat's way from features to Gaussians: a U-Net at the Gaussians' scale corrects disparity and predicts opacity.
+    """MVSplat's heads: a U-Net at the Gaussians' scale corrects disparity and predicts opacity.
 
     Attributes:
         upsampled: channels of the features at the Gaussians' scale.
-        projected: channels of them that the U-Net sees.
+        projected: channels to which these are reduced for the U-Net.
         width, levels, decoder_blocks: of the U-Net.
         kind: which heads these are, in JSON.
     """
@@ -89,8 +89,8 @@ class MVSplatHeads:
 
 @dataclass(frozen=True)
 class PaperHeads:
-    """The paper's text word by word: depth is the upsampled expectation without refinement, means lie on pixel centres, opacity is a CNN
-    on the upsampled distribution over the candidates, and the heads see the image and the upsampled transformer features alone.
+    """The paper's text taken literally: depth is the upsampled expectation without refinement, means are on pixel centres, opacity is a
+    CNN on the upsampled distribution over the candidates, and the heads only see the image and the upsampled transformer features.
 
     Attributes:
         opacity_hidden: width between the two layers of the opacity CNN.
@@ -108,10 +108,9 @@ class ColourSettings:
     Attributes:
         transformer, depth, heads: its parts.
         hidden: width between the two layers of the colour head.
-        harmonics: coefficients per colour channel that the head predicts; those beyond degree 3 are never rendered nor computed.
+        harmonics: coefficients per colour channel in the head; those beyond degree 3 are never computed or rendered.
         from_image: the head predicts a correction of the image's own colour.
-        shrink_seen: exponent of the rule by which Gaussians that n > 2 input views see are smaller, their sizes times
-            (2 / n)^shrink_seen; 0 leaves them.
+        shrink_seen: multiply the sizes of Gaussians that n > 2 input views see by (2 / n)^shrink_seen; 0 for no shrinkage.
     """
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=6))
@@ -132,7 +131,7 @@ class TwoBlocks:
 
 @dataclass(frozen=True)
 class Pyramid:
-    """A pyramid of coarser maps that classifies each view by itself; the head corrects its classes.
+    """A pyramid of coarser maps that classifies each view on its own; the head corrects its classes.
 
     Attributes:
         widths: of the maps at 1/8 of the image and so on.
@@ -145,7 +144,7 @@ class Pyramid:
 
 @dataclass(frozen=True)
 class MobileNet:
-    """MobileNetV2 on the image and a light decoder: it classifies each view by itself and can start from published weights.
+    """MobileNetV2 on the image and a light decoder: it classifies each view on its own and can start from published weights.
 
     Attributes:
         width: channels in the decoder.
@@ -162,7 +161,7 @@ class SemanticSettings:
 
     Attributes:
         transformer, refinement: its parts.
-        own_cnn: a shallow CNN of its own; else it shares the colour branch's (ablation *Sh-Layer*).
+        own_cnn: its own shallow CNN; else it shares that of the colour branch (ablation *Sh-Layer*).
         hidden: width between the two layers of the semantic head.
     """
 
@@ -174,21 +173,21 @@ class SemanticSettings:
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """A whole network.
+    """A complete network.
 
     Attributes:
-        name: of the preset that it began as.
+        name: of the network from which these settings started.
         channels: d, of features and transformers.
         cnn_widths: channels of the shallow CNN.
         stride: 1 places a Gaussian per pixel, 2 one per 2x2 pixels.
         last_kernel: side of the heads' second layer.
-        initial_sigma: size at which Gaussians start, in pixels of their own grid; None leaves it to the random weights.
+        initial_sigma: initial size of Gaussians, in pixels of their own grid; None leaves it to the random weights.
         colour: the colour branch and depth.
         semantic: the semantic branch; None for a colour-only network.
         conventions: of geometry.
 
     Raises:
-        ValueError: depth has a cue, and the class branch none to give.
+        ValueError: depth has a cue, but the class branch is no `MobileNet`.
     """
 
     name: str = "base"
@@ -212,55 +211,45 @@ class NetworkSettings:
 
     @classmethod
     def from_json(cls, saved: Mapping[str, Any]) -> NetworkSettings:
-        """The settings that `as_json` gave, also after a way through a file.
+        """The settings from `as_json`, also read back from a file.
 
         Raises:
-            KeyError, TypeError, ValueError: these are no such settings.
+            KeyError, TypeError, ValueError: these are not settings.
         """
-        colour, semantic = saved["colour"], saved["semantic"]
-        return made(
-            cls,
-            **{
-                **saved,
-                "cnn_widths": tuple(saved["cnn_widths"]),
-                "colour": made(
-                    ColourSettings,
-                    **{
-                        **colour,
-                        "transformer": made(TransformerSettings, **colour["transformer"]),
-                        "depth": made(DepthSettings, **colour["depth"]),
-                        "heads": _one_of(colour["heads"], MVSplatHeads, PaperHeads),
-                    },
-                ),
-                "semantic": None if semantic is None else made(
-                    SemanticSettings,
-                    **{
-                        **semantic,
-                        "transformer": made(TransformerSettings, **semantic["transformer"]),
-                        "refinement": _one_of(semantic["refinement"], TwoBlocks, Pyramid, MobileNet),
-                    },
-                ),
-                "conventions": made(Conventions, **saved["conventions"]),
-            },
-        )  # fmt: skip
+        return _made(cls, saved)
 
 
-def made(cls: type[Part], /, **values: Any) -> Part:
-    """One of the dataclasses from values that a file gave.
+def _made(cls: type[Part], saved: Mapping[str, Any]) -> Part:
+    """One of the dataclasses, with the dataclasses inside it, from the values of a file.
 
-    Raises:
-        ValueError: a value is not of its field's type ("yes" for true), not finite, or a whole number not within 0 to `LARGEST`.
-        TypeError: a field is unknown, or missing.
+    It refuses missing parts (KeyError), unknown fields (TypeError) and values of another type, such as "yes" for true, that are not
+    finite, or integers outside 0 to `LARGEST` (ValueError).
     """
     hints = get_type_hints(cls)
-    for name, value in values.items():
-        if name in hints and not _fits(value, hints[name]):
-            raise ValueError(f"{name} is {value!r:.60}; expected {cls.__annotations__[name]}")
+    values = {name: _as_hinted(value, hints.get(name)) for name, value in saved.items()}
+    for name, hint in hints.items():
+        if name not in values and any(map(is_dataclass, get_args(hint) or (hint,))):
+            raise KeyError(name)
+        if name in values and not _fits(values[name], hint):
+            raise ValueError(f"{name} is {values[name]!r:.60}; expected {cls.__annotations__[name]}")
     return cls(**values)
 
 
+def _as_hinted(value: object, hint: Any) -> object:
+    """A value from JSON: lists as tuples, objects as the field's dataclass; of several dataclasses, the one that `kind` names."""
+    if isinstance(value, list):
+        return tuple(value)
+    parts: list[Any] = [part for part in get_args(hint) or (hint,) if is_dataclass(part)]
+    if not isinstance(value, Mapping) or not parts:
+        return value
+    fitting = [part for part in parts if len(parts) == 1 or part.kind == value.get("kind")]
+    if not fitting:
+        raise ValueError(f"kind is {value.get('kind')!r}; expected {' or '.join(part.kind for part in parts)}")
+    return _made(fitting[0], value)
+
+
 def _fits(value: object, hint: Any) -> bool:
-    """Whether a value is of a type, as far as settings have types."""
+    """Whether a value has a type; only types that occur in settings."""
     kinds = get_args(hint)
     if get_origin(hint) is Literal:
         return value in kinds
@@ -273,17 +262,3 @@ def _fits(value: object, hint: Any) -> bool:
     if hint is float:
         return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
     return type(value) is hint and (hint is not int or 0 <= value <= LARGEST)  # type: ignore[operator]
-
-
-def _one_of(saved: Mapping[str, Any], *kinds: type[Any]) -> Any:
-    """The settings of the kind that they name.
-
-    Raises:
-        ValueError: they name none of these.
-    """
-    for kind in kinds:
-        if kind.kind == saved.get("kind"):
-            return made(
-                kind, **{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}
-            )
-    raise ValueError(f"kind is {saved.get('kind')!r}; expected {' or '.join(kind.kind for kind in kinds)}")

@@ -1,4 +1,4 @@
-"""Stages: the parts of the network that take time, and what may stand around them."""
+"""Stages: the parts of the forward pass, and context managers around them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 
 STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads")
-"""In their order."""
+"""The stages, in order."""
 
 Stage = Callable[[str], AbstractContextManager[object]]
-"""What stands around each stage, given its name."""
+"""From a stage's name to a context manager around it."""

@@ -1,7 +1,7 @@
 """Multi-view Swin Transformer: windowed self-attention, then cross-attention to the other views, in every block.
 
-Layer shapes and names are MVSplat's (UniMatch's transformer), so that its weights load; one class serves the colour and
-the semantic branch. The paper's ablation replaces windows by full attention (`windows=1`).
+Layer shapes and names are those of MVSplat (UniMatch's transformer), so that its weights load. The colour and the semantic branch use
+the same class. The paper's ablation replaces windows by full attention (`windows=1`).
 """
 
 from __future__ import annotations
@@ -73,23 +73,23 @@ class Block(nn.Module):
     def forward(
         self, tokens: Float[Tensor, "b v h w d"], windows: Windows, transforms: TokenTransforms | None
     ) -> Float[Tensor, "b v h w d"]:
-        """All views in lock-step: each attends to the other views as they were at the input of this block."""
+        """All views at once: each attends to the other views as they were at the input of this block."""
         own = self.self_attn(tokens, tokens, windows, transforms, cross=False)
         known: Tensor = self.cross_attn_ffn(own, tokens, windows, transforms, cross=True)
         return known
 
 
 class Windows:
-    """A partition of a feature map into windows, or into those moved down and right by half a window and cut off at its borders.
+    """A partition of a feature map into windows, or into windows shifted down and right by half a window and cut off at the borders.
 
-    Swin rolls the map by half a window, takes the same windows again and masks, by -100 in the logits, what the roll brought together from
-    opposite borders: with 2x2 windows nine regions (figure 4 there). A token's keys are those of its region either way, and e^-100 is
-    nothing; without the roll nothing is computed to be masked, which is 44 % of the products there.
+    Swin rolls the map by half a window, uses the same windows again, and masks pairs of tokens from opposite borders by -100 in the
+    logits. With 2x2 windows this gives nine regions (figure 4 there). Cutting the map into these regions gives every token the same keys,
+    up to e^-100, and saves the masked products, which are 44 %.
 
     Args:
         grid: (height, width) of the map, multiples of `count`.
         count: windows along each side; 1 is full attention.
-        shifted: move the windows by half of their sides.
+        shifted: shift the windows by half of their sides.
 
     Raises:
         ValueError: the map cannot be divided.
@@ -97,7 +97,7 @@ class Windows:
 
     def __init__(self, grid: tuple[int, int], count: int, shifted: bool) -> None:
         if grid[0] % count or grid[1] % count:
-            raise ValueError(f"a map of {grid} (height, width) cannot be cut into {count}x{count} windows")
+            raise ValueError(f"a map of {grid} (height, width) cannot be divided into {count}x{count} windows")
         self.size = (grid[0] // count, grid[1] // count)
         self.rows, self.columns = (
             _bands(side, size, size // 2 if shifted and count > 1 else 0)
@@ -152,11 +152,11 @@ class MultiViewSwin(nn.Module):
 
     Args:
         channels: d.
-        blocks: how many.
+        blocks: number of blocks.
         windows: along each side of the map; 1 is full attention.
         expansion: of the feed-forward networks (MVSplat: 4).
-        reduction: 2 lets the blocks work at half of the features' size: a strided convolution before, and bilinear
-            upsampling with a residual connection after (a choice of `small`; the paper has 1).
+        reduction: with 2, blocks work at half of the features' size, between a strided convolution and bilinear upsampling with a
+            residual connection (used by `small`; the paper has 1).
     """
 
     def __init__(self, channels: int, blocks: int, windows: int = 2, expansion: int = 4, reduction: int = 1) -> None:
@@ -169,13 +169,13 @@ class MultiViewSwin(nn.Module):
             self.expand = nn.Conv2d(channels, channels, 1)
 
     def grid(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Size of the token map for features of that size."""
+        """The size of the token map, for features of a size."""
         return size[0] // self.reduction, size[1] // self.reduction
 
     def forward(
         self, features: Float[Tensor, "b v d h w"], transforms: TokenTransforms | None
     ) -> Float[Tensor, "b v d h w"]:
-        """Features that know of the other views, of the same size."""
+        """Features of the same size, with information from the other views."""
         b, v = features.shape[:2]
         x = features.flatten(0, 1)
         if self.reduction > 1:

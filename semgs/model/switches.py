@@ -1,4 +1,4 @@
-"""Switches: parts that the paper's ablation takes away, and readings of its text, as flat choices that change the settings of a preset."""
+"""Switches: parts that the paper's ablation removes and other choices, as flat fields that change a network's settings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Switches:
 
 
 def switches_of(settings: NetworkSettings) -> Switches:
-    """How the switches of a network are set; those of a semantic branch that it does not have, as by default."""
+    """The switches of a network; without a semantic branch, its switches have their defaults."""
     colour, semantic = settings.colour, settings.semantic
     found = Switches(
         windows=colour.transformer.windows,
@@ -68,24 +68,22 @@ def switches_of(settings: NetworkSettings) -> Switches:
 
 
 def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
-    """The settings of a network with some of its switches set; a pyramid takes the place of a backbone, and the other way round.
+    """The settings of a network with some of its switches changed. A pyramid replaces a backbone, and vice versa.
 
     Args:
         settings: of the network.
         changes: values by the names of `Switches`; the others stay.
 
     Raises:
-        TypeError: there is no switch of a name.
-        ValueError: depth_cue is set without a class backbone to take it from.
+        TypeError: there is no switch with a name.
+        ValueError: depth_cue is set without a class backbone.
     """
-    before = switches_of(settings)
+    before, replaced = switches_of(settings), dict[str, Any]()
     if changes.get("semantic_pyramid"):
-        before_refinement: dict[str, Any] = {"class_backbone": False, "depth_cue": False}
+        replaced = {"class_backbone": False, "depth_cue": False}
     elif changes.get("class_backbone"):
-        before_refinement = {"semantic_pyramid": ()}
-    else:
-        before_refinement = {}
-    now = replace(before, **before_refinement | dict(changes))
+        replaced = {"semantic_pyramid": ()}
+    now = replace(before, **replaced | dict(changes))
     both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
     colour = replace(
         settings.colour,
@@ -107,7 +105,7 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
 
 
 def _refinement(switches: Switches) -> TwoBlocks | Pyramid | MobileNet:
-    """The refinement of the classes that the switches ask for."""
+    """The refinement that the switches select."""
     if switches.semantic_pyramid:
         return Pyramid(switches.semantic_pyramid)
     return MobileNet() if switches.class_backbone else TwoBlocks()

@@ -1,4 +1,4 @@
-"""The transformer of a branch with what it needs of the cameras."""
+"""The transformer of a branch, with its camera-aware attention."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.camera_attention import token_transforms
-from semgs.model.scene import Padded
+from semgs.model.padded import Padded
 from semgs.model.swin import MultiViewSwin
 
 
 class CameraTransformer(nn.Module):
-    """Features of all views in, features that know of the other views out.
+    """Adds information from the other views to each view's features.
 
     Args:
         swin: the blocks.
-        camera_aware: camera-aware attention; else the features are blind to cameras (ablation *C-Inj*).
+        camera_aware: camera-aware attention; else the transformer ignores cameras (ablation *C-Inj*).
         output_transform: multiply the attention output by G; False is the paper's text.
     """
 

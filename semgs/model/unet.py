@@ -1,6 +1,6 @@
-"""The 2D U-Net of depth: residual blocks with group norm, attention across all views at its coarsest level.
+"""The 2D U-Net of depth: residual blocks with group norm, and attention across all views at its coarsest level.
 
-Layer shapes and names are MVSplat's (the latent-diffusion U-Net without time), so that its weights load.
+Layer shapes and names are those of MVSplat (the latent-diffusion U-Net without time), so that its weights load.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.model.layout import beside
+from semgs.model.memory_format import beside
 
 GROUPS = 8
 
@@ -27,7 +27,7 @@ class ResBlock(nn.Module):
         self.skip_connection = nn.Identity() if inputs == outputs else nn.Conv2d(inputs, outputs, 1)
 
     def forward(self, x: Float[Tensor, "n c h w"], views: int) -> Float[Tensor, "n d h w"]:
-        """Features of the same size; `views` is for the attention blocks alone."""
+        """Features of the same size; only attention blocks use `views`."""
         changed: Tensor = self.skip_connection(x) + self.out_layers(self.in_layers(x))
         return changed
 
@@ -47,7 +47,7 @@ class CrossViewAttention(nn.Module):
         n, c, h, w = x.shape
         joined = x.reshape(n // views, views, c, h * w).transpose(1, 2).flatten(2)
         parts = self.qkv(joined).unflatten(1, (self.heads, 3, c // self.heads)).transpose(-1, -2)
-        # Channels of a token must lie side by side, or torch keeps the weights of all pairs of tokens in memory.
+        # A token's channels must be adjacent in memory, or torch stores the weights of all pairs of tokens.
         q, k, v = parts.contiguous().unbind(2)
         out = nn.functional.scaled_dot_product_attention(q, k, v)
         out = self.proj_out(out.transpose(-1, -2).flatten(1, 2))
@@ -82,7 +82,7 @@ class Upsample(nn.Module):
 
 
 class Stem(nn.Conv2d):
-    """The first convolution, in the list of input blocks like all others."""
+    """The first convolution, with the same signature as the other input blocks."""
 
     def forward(self, x: Float[Tensor, "n c h w"], views: int) -> Float[Tensor, "n c h w"]:  # type: ignore[override]
         """Features of the same size."""
@@ -94,7 +94,7 @@ class UNet(nn.Module):
 
     Args:
         channels: width of every level, a multiple of 8.
-        levels: sizes, each half of the one before; attention across views at the last.
+        levels: number of levels, each half the size of the previous one; the last has attention across views.
         decoder_blocks: residual blocks of each level on the way up (MVSplat: 2).
     """
 
@@ -129,8 +129,8 @@ class UNet(nn.Module):
 
         Args:
             x: [(scene, view) channels height width], both sides multiples of 2^(levels - 1).
-            views: how many belong to a scene.
-            seen: maps [n c hk wk] that are added at the sizes below the first, from fine to coarse; none beyond those given.
+            views: number of views per scene.
+            seen: maps [n c hk wk] to add at the sizes below the first, from fine to coarse.
         """
         skips, more = [], iter(seen)
         for blocks in self.input_blocks:
@@ -153,7 +153,7 @@ class UNet(nn.Module):
 
 
 def zero_norm(channels: int) -> nn.GroupNorm:
-    """A group norm whose scale and shift start at zero, so that its branch starts as nothing."""
+    """A group norm whose scale and shift start at zero, so that its branch starts without effect."""
     norm = nn.GroupNorm(GROUPS, channels)
     nn.init.zeros_(norm.weight)
     nn.init.zeros_(norm.bias)

@@ -1,4 +1,4 @@
-"""Calibration: whether what is said with 80 % is right in 80 % of cases, and one temperature that brings it nearer to that.
+"""Calibration: are predictions with 80 % confidence right in 80 % of cases? One temperature brings them closer to that.
 
 A temperature T takes the distribution p to softmax(log p / T) (Guo et al. 2017, on log S of a rendered pixel or on a Gaussian's own
 distribution). It never changes the order of the classes, so arg max and every class metric stay as they are.
@@ -15,10 +15,10 @@ from torch import Tensor
 from torchmetrics.functional.classification import multiclass_calibration_error
 
 BINS = 15
-"""Of confidence, equally wide, as in Guo et al."""
+"""Bins of confidence, equally wide, as in Guo et al."""
 
 COLDEST, HOTTEST = 0.05, 20.0
-"""Range in which a temperature is looked for."""
+"""Range in which a temperature is searched."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Bin:
 
     Attributes:
         share: of all pixels.
-        confidence: mean of their largest probability, 0 where there are none.
-        accuracy: share of them that are right, 0 where there are none.
+        confidence: mean of their largest probability, 0 without pixels.
+        accuracy: share of them that are right, 0 without pixels.
     """
 
     share: float
@@ -48,15 +48,15 @@ def tempered(distributions: Float[Tensor, "*batch class"], temperature: float) -
 
 
 def fitted_temperature(distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"]) -> float:
-    """The temperature at which labelled distributions have the smallest negative log-likelihood, between 0.05 and 20.
+    """The temperature that minimises the negative log-likelihood of labelled distributions, between 0.05 and 20.
 
-    The likelihood is convex in 1 / T, so a bounded search in it finds the one minimum.
+    The negative log-likelihood is convex in 1 / T, so a bounded search over 1 / T finds its only minimum.
 
     Raises:
-        ValueError: there is nothing to fit to.
+        ValueError: there are no labels.
     """
     if not len(labels):
-        raise ValueError("a temperature is fitted to labelled pixels, and there are none")
+        raise ValueError("there are no labelled pixels to fit a temperature to")
     logarithms = _logarithms(distributions.double())
 
     def mean_cost(inverse: float) -> float:
@@ -76,7 +76,7 @@ def expected_calibration_error(
 def reliability(
     distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"], bins: int = BINS
 ) -> tuple[Bin, ...]:
-    """What a reliability plot shows: pixels by their largest probability, each bin (low, high], with how many were right."""
+    """The bins of a reliability plot: pixels by their largest probability, in (low, high], and how many were right."""
     confidence, said = distributions.double().max(-1)
     right = (said == labels).double()
     of = torch.bucketize(confidence, torch.linspace(0, 1, bins + 1, dtype=torch.float64)[1:-1])
@@ -86,6 +86,6 @@ def reliability(
 
 
 def _logarithms(distributions: Float[Tensor, "*batch class"]) -> Float[Tensor, "*batch class"]:
-    """log p, never below float32; the smallest normal number stands in for a zero."""
+    """log p in float32 or better; the smallest normal number replaces zeros."""
     exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
     return exact.clamp(min=torch.finfo(exact.dtype).tiny).log()

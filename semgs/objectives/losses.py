@@ -1,9 +1,9 @@
-"""What training minimises: cross-entropy of classes, squared error of colour, regional smoothness of classes.
+"""The loss: cross-entropy of classes, squared error of colour, regional smoothness of classes.
 
     L = semantic L_sem + colour L_c + smoothness L_rs                                     (the paper, section III-D)
 
-Every term is first brought to one number per view, then averaged over views and batch, so that gradients of shards of a
-batch (several processes, accumulated steps) average to the gradient of the whole.
+Every term is one number per view, averaged over views and batch, so that the gradients of parts of a batch (several processes,
+accumulated steps) average to the gradient of the batch.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from torch.nn.functional import pad
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 from semgs.rendering.rendering import Rendering
 
 
@@ -31,8 +31,8 @@ class Losses:
         semantic: L_sem, mean cross-entropy of a labelled pixel [nat].
         colour: L_c, mean squared error of a channel of a pixel.
         smoothness: L_rs, a mean or a sum over pixels as `LossWeights.smoothness_over` says.
-        total: the weighted sum, to be minimised.
-        unlabelled: views whose semantic terms are 0 because they have no labelled pixel, or the rendering no classes.
+        total: the weighted sum, which training minimises.
+        unlabelled: views whose semantic terms are 0, because they have no labelled pixel or the rendering has no classes.
     """
 
     semantic: Float[Tensor, ""]
@@ -51,17 +51,17 @@ def losses(
 ) -> Losses:
     """The paper's losses of rendered views.
 
-    Ignored pixels (label 255) enter neither semantic term; the colour term knows no labels.
+    Ignored pixels (label 255) count in neither semantic term; the colour term ignores labels.
 
     Args:
-        rendering: the target views as rendered [... v].
-        target: the views as they were, with labels where there are any [... v].
+        rendering: the rendered target views [... v].
+        target: the true views, with or without labels [... v].
         weights: of the terms; None is the paper's.
-        class_weights: factors of the cross-entropy of each true class, for classes that are rare; None (the paper) is 1
-            for all. The divisor stays the number of labelled pixels.
+        class_weights: factors of the cross-entropy of each true class, to favour rare classes; None (the paper) is 1 for all. The
+            divisor stays the number of labelled pixels.
 
     Raises:
-        ValueError: the rendering is not of the target's size, views or classes.
+        ValueError: size, number of views or classes of rendering and target differ.
     """
     weights = weights or LossWeights()
     if rendering.images.shape != target.images.shape:
@@ -94,35 +94,27 @@ def losses(
 
 
 def cross_entropy(
-    distributions: Float[Tensor, "v class h w"],
-    labels: UInt8[Tensor, "v h w"],
-    class_weights: Sequence[float] | None = None,
-) -> Float[Tensor, " v"]:
-    """L_sem of each view: - sum_l S_l log S^_l, the mean over its labelled pixels; 0 where a view has none [nat].
-
-    A rendered distribution is positive everywhere, because the light that passes all Gaussians is spread evenly over
-    the classes. The smallest normal number stands in for a zero that rounding might leave.
-    """
-    return coarse_cross_entropy(distributions, labels, 1, class_weights)
-
-
-def coarse_cross_entropy(
     distributions: Float[Tensor, "v class h2 w2"],
     labels: UInt8[Tensor, "v h w"],
-    stride: int,
     class_weights: Sequence[float] | None = None,
+    stride: int = 1,
 ) -> Float[Tensor, " v"]:
-    """As `cross_entropy` of the distributions with each of their pixels repeated `stride` times along both sides.
+    """L_sem of each view: - sum_l S_l log S^_l, the mean over its labelled pixels; 0 for a view without any [nat].
 
-    No large map is made of them: each distribution is asked for all labels of its `stride` x `stride` pixels. The last row and
-    column may reach past the labels.
+    A rendered distribution is positive everywhere, because the light that passes all Gaussians is spread evenly over
+    the classes. The smallest normal number replaces a zero that rounding might leave.
+
+    Args:
+        distributions: of the classes.
+        labels: of the pixels.
+        class_weights: factor of each true class; None is 1 for all.
+        stride: pixels along each side that share a distribution. The last row and column may reach past the labels.
     """
-    asked = _gathered(labels, distributions.shape[-2:], stride)
-    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
-    probability, labelled = exact.gather(-3, _indices(asked)), asked != IGNORE
+    each = _per_distribution(labels, distributions.shape[-2:], stride)
+    probability, labelled = _true_class_probability(distributions, each), each != IGNORE
     terms = -probability.clamp(min=torch.finfo(probability.dtype).tiny).log()
     if class_weights is not None:
-        terms = terms * terms.new_tensor(class_weights)[_indices(asked)]
+        terms = terms * terms.new_tensor(class_weights)[_indices(each)]
     return per_known_pixel((terms * labelled).sum((-3, -2, -1)), labels != IGNORE)
 
 
@@ -131,13 +123,13 @@ def regional_smoothness(
     labels: UInt8[Tensor, "v h w"],
     over: Literal["pixels", "sum"] = "pixels",
 ) -> Float[Tensor, " v"]:
-    """L_rs of each view, divided by the number of its labelled pixels or, with `over` "sum", as it is; 0 where a view has none.
+    """L_rs of each view, divided by the number of its labelled pixels, or with `over` "sum" undivided; 0 for a view without any.
 
-    The paper's double sum runs over classes l and, inside, over neighbours down and right that both belong to the region
-    of l, of |S^_l - S^_l|. A pixel belongs to one region only, so that is one sum over neighbours of equal label, in
-    the channel of that label. Borders between classes cost nothing.
+    The paper's double sum of |S^_l - S^_l| runs over classes l and over neighbours down and right that both belong to the region of l.
+    A pixel belongs to one region only, so this is one sum over neighbours with equal labels, in the channel of that label. Borders
+    between classes cost nothing.
     """
-    probability, labelled = _true_class_probability(distributions, labels)
+    probability, labelled = _true_class_probability(distributions, labels[:, None])[:, 0], labels != IGNORE
     down = (labels[..., 1:, :] == labels[..., :-1, :]) & labelled[..., 1:, :]
     right = (labels[..., :, 1:] == labels[..., :, :-1]) & labelled[..., :, 1:]
     total = (probability.diff(dim=-2).abs() * down).sum((-2, -1))
@@ -146,7 +138,7 @@ def regional_smoothness(
 
 
 def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*batch v h w"]) -> Float[Tensor, ""]:
-    """Mean |log depth - log truth| over the pixels whose truth is known (> 0), then over views; no part of the paper's loss.
+    """Mean |log depth - log truth| over the pixels with known truth (> 0), then over views; not part of the paper's loss.
 
     A factor of 1.1 costs the same near and far, and in any unit.
     """
@@ -156,15 +148,15 @@ def depth_error(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*ba
 
 
 def _true_class_probability(
-    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v h w"]
-) -> tuple[Float[Tensor, "v h w"], Bool[Tensor, "v h w"]]:
-    """The probability given to each pixel's true class, never below float32, and which pixels are labelled."""
+    distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v s h w"]
+) -> Float[Tensor, "v s h w"]:
+    """The probability that each distribution gives to each of its s true classes, in float32 or better; of class 0 if ignored."""
     exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
-    return exact.gather(-3, _indices(labels)[..., None, :, :])[..., 0, :, :], labels != IGNORE
+    return exact.gather(-3, _indices(labels))
 
 
-def _gathered(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int) -> UInt8[Tensor, "v s h2 w2"]:
-    """The s = stride x stride labels of each texel; beyond the picture they are ignored."""
+def _per_distribution(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int) -> UInt8[Tensor, "v s h2 w2"]:
+    """The s = stride x stride labels of each distribution; 255 past the borders of the image."""
     (rows, columns), (height, width) = size, labels.shape[-2:]
     whole = pad(labels, (0, stride * columns - width, 0, stride * rows - height), value=IGNORE)
     blocks = whole.reshape(-1, rows, stride, columns, stride)
@@ -172,10 +164,10 @@ def _gathered(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int
 
 
 def _indices(labels: UInt8[Tensor, "*v h w"]) -> Tensor:
-    """Labels as indices; ignored pixels point to class 0 and must be masked."""
+    """Labels as indices; ignored pixels become class 0 and must be masked."""
     return torch.where(labels == IGNORE, 0, labels).long()
 
 
 def per_known_pixel(sums: Float[Tensor, "*batch"], known: Bool[Tensor, "*batch h w"]) -> Float[Tensor, "*batch"]:
-    """Sums of views divided by how many of their pixels have a label or a depth; a sum over none stays 0."""
+    """Sums of views divided by the number of their pixels with a label or a depth; a sum over none stays 0."""
     return sums / known.sum((-2, -1)).clamp(min=1)

@@ -1,4 +1,4 @@
-"""Measures in words: what each is called wherever it is printed, how its numbers read, and what it is. No torch.
+"""The metrics in words: their names, number formats and meanings, wherever they are printed. No torch.
 
 `semgs reconstruct`, `evaluate`, `compare` and their reports take their words from here; docs/evaluate.md has the same table.
 """
@@ -12,7 +12,7 @@ TITLES = {
     "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
     "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
 }  # fmt: skip
-"""Headings of the measures, in the order of tables."""
+"""Headings of the metrics, in the order of tables."""
 
 MEANINGS = {
     "psnr": "over all pixels, in dB",
@@ -21,14 +21,14 @@ MEANINGS = {
     "depth_abs_rel": "mean of |z − truth| / truth over all pixels with a true depth",
     "unseen": "share of the pixels with alpha below 0.5; “(seen)” is over the others alone",
 }
-"""What those measures are that a report of one scene prints, as a phrase behind the heading."""
+"""Explanations of the metrics in the report of one scene, as phrases after the heading."""
 
 MOSTLY_SEEN = 0.95
-"""If less of the views than this was seen, scores over all their pixels tell mostly of what was not."""
+"""If less of the views than this was seen, scores over all pixels mostly measure the unseen part."""
 
 
 def shown_number(measure: str, value: float | None, digits: int = 3) -> str:
-    """A measure as text; `digits` after the point where papers print three, as of mIoU."""
+    """A metric as text; `digits` after the point for those that papers print with three, such as mIoU."""
     if value is None:
         return "–"
     if measure in ("unseen", "not_given"):

@@ -1,7 +1,7 @@
-"""What evaluation reports: PSNR, errors of depth, and from confusion matrices mean IoU and accuracies of two kinds.
+"""Metrics of evaluation: PSNR, depth errors and, from confusion matrices, mean IoU and accuracies of two kinds.
 
-Over one confusion matrix of the whole set (the ScanNet benchmark's kind), or per image and then averaged (the kind of
-S-Ray and GSNeRF: `*_per_image`). The second is easier and noisier; the two must not share a column.
+The two kinds are: over one confusion matrix of the data set (as in the ScanNet benchmark), and per image, then averaged (as in S-Ray and
+GSNeRF: `*_per_image`). The second is easier and noisier; never put the two in one column.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from torch import Tensor
 from semgs.data.classes import IGNORE
 
 DELTA = 1.25
-"""A depth within this factor of the true one is counted by `depth_delta_125`."""
+"""`depth_delta_125` counts depths within this factor of the true one."""
 
 
 @dataclass(frozen=True, eq=False)
 class DepthScores:
-    """Depth against the truth, over all pixels that have one; a pixel without a predicted depth has depth 0.
+    """Errors of depth over all pixels with a true depth; a pixel without a predicted depth has depth 0.
 
     Attributes:
         abs_rel: mean of |z - truth| / truth.
@@ -36,7 +36,7 @@ class DepthScores:
 def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h w"]) -> Float[Tensor, "*batch"]:
     """Peak signal-to-noise ratio of each image over all pixels and channels, images clamped to 0..1 [dB].
 
-    Equal images have infinite PSNR. Over several images the mean of their values is reported.
+    Equal images have infinite PSNR. For several images, reports give the mean of their values.
     """
     return -10 * (images.clamp(0, 1) - truth).square().mean((-3, -2, -1)).log10()
 
@@ -44,7 +44,7 @@ def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h
 def psnr_seen(
     image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], seen: Bool[Tensor, "h w"]
 ) -> Float[Tensor, ""] | None:
-    """`psnr` of one image over the pixels that were seen, None where there are none [dB]."""
+    """`psnr` of one image over the seen pixels, None if there are none [dB]."""
     return psnr(image[:, seen][..., None], truth[:, seen][..., None]) if seen.any() else None
 
 
@@ -53,8 +53,8 @@ def confusion_matrix(
 ) -> Int64[Tensor, "class class"]:
     """Counts of pixels, rows by true class, columns by predicted class.
 
-    Pixels without truth (255) are not counted, and neither are those without a prediction (255): where those may occur,
-    tell the metrics which classes are `present`. Matrices of several images add up.
+    Pixels without truth (255) are not counted, nor are pixels without a prediction (255). If there may be such pixels, pass the
+    `present` classes to the metrics. Matrices of several images can be added.
 
     Raises:
         ValueError: a prediction is outside the classes, or shapes differ.
@@ -65,26 +65,19 @@ def confusion_matrix(
     for name, labels in (("predicted", predicted), ("true", truth)):
         if (labels[counted] >= classes).any():
             raise ValueError(
-                f"{name} labels hold {int(labels[counted].max())}; expected 0..{classes - 1}, or {IGNORE} for none"
+                f"{name} labels contain {int(labels[counted].max())}; expected 0..{classes - 1}, or {IGNORE} for none"
             )
     pairs = truth[counted].long() * classes + predicted[counted].long()
     return torch.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
-def confusion_matrices(
-    predicted: UInt8[Tensor, "image h w"], truth: UInt8[Tensor, "image h w"], classes: int
-) -> Int64[Tensor, "image class class"]:
-    """One confusion matrix per image."""
-    return torch.stack([confusion_matrix(*pair, classes) for pair in zip(predicted, truth, strict=True)])
-
-
 def present_classes(truth: UInt8[Tensor, "*batch h w"], classes: int) -> Bool[Tensor, " class"]:
-    """Which classes the truth shows at all, whatever was predicted there."""
+    """Which classes occur in the truth, whatever was predicted there."""
     return torch.bincount(truth[truth != IGNORE].flatten().long(), minlength=classes) > 0
 
 
 def intersection_over_union(confusion: Int64[Tensor, "*batch class class"]) -> Float[Tensor, "*batch class"]:
-    """C_kk / (row_k + column_k - C_kk) of each class; 0 where a class is neither true nor predicted."""
+    """C_kk / (row_k + column_k - C_kk) of each class; 0 for a class that is neither true nor predicted."""
     hits = confusion.diagonal(dim1=-2, dim2=-1).double()
     return _ratio(hits, confusion.sum(-1) + confusion.sum(-2) - hits)
 
@@ -92,9 +85,9 @@ def intersection_over_union(confusion: Int64[Tensor, "*batch class class"]) -> F
 def miou(
     confusion: Int64[Tensor, "*batch class class"], present: Bool[Tensor, "*batch class"] | None = None
 ) -> Float[Tensor, "*batch"]:
-    """Mean IoU over the classes that the truth shows; 0 where it shows none.
+    """Mean IoU over the classes in the truth; 0 if there are none.
 
-    A class that is only predicted adds no term of its own; its pixels are misses of their true class.
+    A class that is only predicted adds no term; its pixels count as misses of their true class.
 
     Args:
         confusion: rows by true class.
@@ -106,13 +99,13 @@ def miou(
 def class_accuracy(
     confusion: Int64[Tensor, "*batch class class"], present: Bool[Tensor, "*batch class"] | None = None
 ) -> Float[Tensor, "*batch"]:
-    """Mean over the classes that the truth shows of the share of their pixels that was hit; 0 where it shows none."""
+    """Share of each class's pixels that are right, averaged over the classes in the truth; 0 if there are none."""
     hits = confusion.diagonal(dim1=-2, dim2=-1).double()
     return _mean_over(_ratio(hits, confusion.sum(-1)), confusion, present)
 
 
 def accuracy(confusion: Int64[Tensor, "*batch class class"]) -> Float[Tensor, "*batch"]:
-    """Share of the counted pixels that was hit; 0 where there is none."""
+    """Share of the counted pixels that are right; 0 if there are none."""
     return _ratio(confusion.diagonal(dim1=-2, dim2=-1).sum(-1), confusion.sum((-2, -1)))
 
 
@@ -121,7 +114,7 @@ def depth_scores(
     truth: Float[Tensor, "*batch h w"],
     seen: Bool[Tensor, "*batch h w"] | None = None,
 ) -> DepthScores | None:
-    """Depth against the truth where that is known (> 0), of all pixels or of those that were seen; None where it is nowhere."""
+    """Errors of depth over all or the seen pixels with known truth (> 0); None if there are no such pixels."""
     known = truth > 0 if seen is None else seen & (truth > 0)
     if not known.any():
         return None
@@ -139,7 +132,7 @@ def _mean_over(
     confusion: Int64[Tensor, "*batch class class"],
     present: Bool[Tensor, "*batch class"] | None,
 ) -> Float[Tensor, "*batch"]:
-    """The mean of values over the present classes, 0 where there is none."""
+    """The mean of values over the present classes, 0 if there are none."""
     counted = confusion.sum(-1) > 0 if present is None else present
     return _ratio((values * counted).sum(-1), counted.sum(-1))
 

@@ -11,7 +11,7 @@ import torch
 from semgs.data.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.encoding import Encoding
-from semgs.model.plan import Plan, plan
+from semgs.model.memory_plan import MemoryPlan, memory_plan
 from semgs.model.semgs import SemGS
 
 
@@ -38,12 +38,12 @@ class Encoded:
 
     Attributes:
         encoding: the output of the network, without gradients.
-        plan: how memory was used; None for a network that `plan` does not support.
+        plan: how memory was used; None for a network that `memory_plan` does not support.
         seconds: run time of the network.
     """
 
     encoding: Encoding
-    plan: Plan | None
+    plan: MemoryPlan | None
     seconds: float
 
 
@@ -53,7 +53,7 @@ def encode(
 ) -> Encoded:
     """Encode views into Gaussians.
 
-    If memory is short, `SemGS` processes fewer views at a time, as planned by `plan`; the result is the same up to rounding.
+    If memory is short, `SemGS` processes fewer views at a time, as planned by `memory_plan`; the result is the same up to rounding.
 
     Args:
         network: in evaluation mode, on the device to compute on.
@@ -65,7 +65,7 @@ def encode(
         NotEnoughMemoryError: it would not fit in memory.
         ValueError: there are fewer than two views.
     """
-    planned = plan(network, views, targets) if isinstance(network, SemGS) else None
+    planned = memory_plan(network, views, targets) if isinstance(network, SemGS) else None
     start = now()
     encoding = network(views, planned.chunks) if isinstance(network, SemGS) and planned else network(views)
     seconds = now() - start

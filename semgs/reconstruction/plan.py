@@ -1,4 +1,4 @@
-"""The old name of `semgs.model.plan`."""
+"""The old name of `semgs.model.memory_plan`."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.geometry.cameras import back_project, project
 from semgs.model.encoding import Encoding
-from semgs.model.plan import Plan
+from semgs.model.memory_plan import MemoryPlan
 from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
@@ -67,7 +67,7 @@ class Reconstruction:
         context: the input frames.
         target: the held-out frames; None if there are none.
         notes: for the user, a sentence each.
-        plan: how memory was used; None for a network that `plan` does not support.
+        plan: how memory was used; None for a network that `memory_plan` does not support.
     """
 
     scene: Scene
@@ -79,7 +79,7 @@ class Reconstruction:
     context: Shown
     target: Shown | None
     notes: tuple[str, ...]
-    plan: Plan | None = None
+    plan: MemoryPlan | None = None
 
     @property
     def depth_range(self) -> DepthRange:
@@ -220,7 +220,7 @@ def _note_of_aspect(scene: Scene, choice: Choice, size: tuple[int, int]) -> list
     ]
 
 
-def _note_of_memory(planned: Plan | None) -> list[str]:
+def _note_of_memory(planned: MemoryPlan | None) -> list[str]:
     """A note if memory was short."""
     if planned is None or not planned.short:
         return []

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from semgs.data.views import Views
-from semgs.objectives.maps import Maps, map_scores
+from semgs.objectives.map_scores import Maps, map_scores
 from semgs.rendering.rendering import SEEN_ALPHA, Rendering, likeliest
 
 

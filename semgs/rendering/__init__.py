@@ -1,1 +1,1 @@
-"""Rendering: Gaussians and cameras in, pictures, class maps, depth and alpha out."""
+"""Rendering: Gaussians and cameras in; images, class maps, depth and alpha out."""

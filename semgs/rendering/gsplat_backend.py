@@ -1,9 +1,8 @@
-"""Splatting on CUDA by gsplat 1.5.3, whose rules `reference` writes out; equal to it but for float32.
+"""Splatting on CUDA with gsplat 1.5.3. It follows the rules of `reference` and differs from it only by float32 rounding.
 
-Three things are done before gsplat sees the Gaussians, so that it decides as `reference` does. Positions are taken relative
-to the optical centre in float64, since its float32 would lose digits far from the world's origin. The near plane is applied
-(gsplat keeps what lies on it). And Gaussians come in order of depth: gsplat sorts by float32 depth with a stable sort, so
-those that it cannot tell apart keep that order.
+Three steps before gsplat make sure that it decides as `reference` does. Positions are computed relative to the optical centre in
+float64, because float32 would lose digits far from the world's origin. The near plane is applied (gsplat keeps Gaussians on it).
+Gaussians are sorted by depth: gsplat sorts float32 depths with a stable sort, so Gaussians of equal float32 depth keep this order.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from semgs.rendering.rules import BLUR_PX2
 from semgs.rendering.splats import Layer, Splats
 
 COMPILED = "gsplat.cuda._backend"
-"""The module that compiles when it is imported."""
+"""The module that compiles gsplat when it is imported."""
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
-    """The Gaussians that are drawn, nearest first; equal depths keep the order of their index."""
+    """The Gaussians to render, nearest first; those of equal depth stay in the order of their index."""
     with torch.no_grad():
         depths = (means.double() - camera.centre.to(means.device)) @ camera.axes[2].to(means.device)
         drawn = (depths > near_plane(depths, near)).nonzero()[:, 0]
@@ -39,7 +38,7 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
 
 
 def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
-    """Features blended at every pixel, and the light that is left there.
+    """The features blended at every pixel, and the transmittance that is left there.
 
     Raises:
         ImportError: gsplat is not installed, or could not be compiled.
@@ -72,12 +71,12 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
 
 
 def rasterizer() -> Callable:
-    """gsplat's function; the first call on a machine compiles its extension, which takes minutes.
+    """gsplat's function. The first call on a machine compiles its extension, which takes minutes.
 
-    One process at a time compiles: several at once would delete each other's build folder. The others wait, and load what it made.
+    Only one process compiles, because several at once would delete each other's build folder. The others wait and load the result.
 
     Raises:
-        ImportError: as `splat`.
+        ImportError: gsplat is not installed, or could not be compiled.
     """
     try:
         with nullcontext() if COMPILED in sys.modules else FileLock(_lock_path()):
@@ -89,14 +88,14 @@ def rasterizer() -> Callable:
         ) from error
     if _C is None:
         raise ImportError(
-            "gsplat found no CUDA toolkit (nvcc) to compile itself with; install one, or uninstall gsplat to draw on the CPU",
+            "gsplat found no CUDA toolkit (nvcc) to compile itself with; install one, or uninstall gsplat to render on the CPU",
             name="gsplat",
         )
     return rasterization
 
 
 def _lock_path() -> Path:
-    """A file that all processes of this user lock; in the folder for temporary files if the cache cannot be written."""
+    """The lock file for all processes of this user, in the cache or, if that cannot be written, in the folder for temporary files."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)

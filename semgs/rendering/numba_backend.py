@@ -1,6 +1,6 @@
-"""Splatting on CPU: Numba kernels as differentiable torch operators; equals `reference` in value and gradient.
+"""Splatting on the CPU: Numba kernels as differentiable torch operations, equal to `reference` in value and gradient.
 
-Annotations are evaluated here, since torch reads the operators' schemas from them.
+This module evaluates its annotations, because torch reads the schemas of the operations from them.
 """
 
 from collections.abc import Iterator
@@ -28,12 +28,12 @@ from semgs.rendering.tile_kernels import (
 )
 
 PAIRS_AT_A_TIME = 1 << 21
-"""Pairs of Gaussian and tile that are in memory together, 12 bytes each, about 140 on the way back: those of a run of tiles. A
-single tile may hold more, but no more than there are Gaussians."""
+"""Pairs of Gaussian and tile that are in memory at a time, those of a run of tiles; 12 bytes each, about 140 in the backward pass. A
+single tile may have more, up to the number of Gaussians."""
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
-    """The Gaussians that are drawn, nearest first; equal depths keep the order of their index."""
+    """The Gaussians to render, nearest first; those of equal depth stay in the order of their index."""
     with torch.no_grad():
         depths = (means.detach().double() - camera.centre) @ camera.axes[2]
         drawn = (depths > near_plane(depths, near)).nonzero()[:, 0]
@@ -41,7 +41,7 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
 
 
 def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
-    """Features blended at every pixel, and the light that is left there (float64)."""
+    """The features blended at every pixel, and the transmittance that is left there (float64)."""
     tensors = (splats.means, splats.quaternions, splats.scales, splats.opacities, splats.features)
     picture, transmittance, _ = _splat(
         *(one.contiguous() for one in tensors), order, camera_vector(camera), *camera.size
@@ -56,10 +56,10 @@ def camera_vector(camera: Pinhole) -> Float64[Tensor, " 20"]:
 
 
 def _stable_order(depths: Float[Tensor, " n"]) -> Int64[Tensor, " n"]:
-    """argsort of positive numbers, equal ones in the order of their index; some ten times faster than a stable argsort.
+    """Stable argsort of positive numbers, about ten times faster than torch's.
 
-    One sort of integers whose high bits are the leading bits of the number and whose low bits are its index. Where two
-    numbers agree in all the bits that found room and yet differ, the stable argsort decides.
+    It sorts integers whose high bits are the leading bits of the number and whose low bits are its index. If two different numbers
+    agree in all leading bits that fit, it falls back to torch's stable argsort.
     """
     values = depths.numpy()
     index_bits = np.uint64(max(1, len(values) - 1).bit_length())
@@ -160,9 +160,9 @@ torch.library.register_autograd(_splat, _differentiate, setup_context=_save)
 
 @dataclass(frozen=True)
 class Tiles:
-    """Which Gaussians the tiles of a run meet.
+    """The Gaussians that touch the tiles of a run.
 
-    Recomputed by the backward pass: that takes less time than its share of memory would be worth.
+    The backward pass recomputes them, which is cheap; keeping them would take too much memory.
     """
 
     first: int  # tile of the run, row by row
@@ -174,16 +174,16 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Count:
-    """How many pairs of Gaussian and tile a run of tiles has."""
+    """The numbers of pairs of Gaussian and tile in a run of tiles."""
 
     first: int  # tile of the run, row by row
-    rectangles: np.ndarray  # [g 4], first and end row and column of the tiles that a Gaussian meets
+    rectangles: np.ndarray  # [g 4], first and end row and column of the tiles that a Gaussian touches
     first_pair: np.ndarray  # [g + 1], Gaussian by Gaussian
     counts: np.ndarray  # [SHARES tiles], of a share of the Gaussians in a tile
 
     @property
     def pairs(self) -> int:
-        """All of them."""
+        """The total number."""
         return int(self.first_pair[-1])
 
 
@@ -222,7 +222,7 @@ class Projected:
         return Count(run.start, rectangles, first_pair, counts)
 
     def runs(self) -> Iterator[Count]:
-        """All tiles in runs of at most `PAIRS_AT_A_TIME` pairs, or of one tile that has more."""
+        """All tiles in runs of at most `PAIRS_AT_A_TIME` pairs, or of a single tile with more."""
         whole = self.count()
         if whole.pairs <= PAIRS_AT_A_TIME:
             yield whole
@@ -238,24 +238,15 @@ class Projected:
         first_in_tile = np.concatenate(([0], ends[:, -1]))
         starts = np.ascontiguousarray(ends.T) - count.counts
         pairs = np.empty(count.pairs, np.int64)
-        in_threads(
-            fill_pairs,
-            self.ellipses,
-            self.ranks,
-            count.first,
-            self.size[1],
-            count.rectangles,
-            count.first_pair,
-            starts,
-            pairs,
-        )
+        run = (count.first, self.size[1], count.rectangles, count.first_pair)
+        in_threads(fill_pairs, self.ellipses, self.ranks, *run, starts, pairs)
         gaussians = np.empty(len(pairs), np.int32)
         in_threads(sort_pairs, first_in_tile, self.order, pairs, gaussians)
         return Tiles(count.first, first_in_tile, gaussians, pairs, count.first_pair)
 
 
 def runs_of_tiles(pairs: Int64[np.ndarray, " tiles"], most: int) -> list[range]:
-    """All tiles, cut into runs that have at most `most` pairs together, or are one tile that has more."""
+    """All tiles, split into runs with at most `most` pairs in total, or of a single tile with more."""
     runs, first, held = [], 0, 0
     for tile, count in enumerate(pairs.tolist()):
         if held and held + count > most:

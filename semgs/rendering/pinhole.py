@@ -1,4 +1,4 @@
-"""One camera as the back-ends take it, and which Gaussians lie behind its near plane."""
+"""One camera in the form that back-ends take, and its near plane."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from semgs.rendering.rules import CLAMP_MARGIN, MEDIAN_FRACTION, NEAR_FRACTION
 
 @dataclass(frozen=True)
 class Pinhole:
-    """One pinhole camera without skew; its pose is float64 so that a world far from its origin costs no precision.
+    """One pinhole camera without skew. Its pose is float64, so that precision does not suffer far from the world's origin.
 
     Attributes:
         axes: rows are the camera's x, y and z axes in the world (the rotation from world to camera).
@@ -61,13 +61,13 @@ class Pinhole:
     def offsets(self, means: Float[Tensor, "g 3"]) -> Float[Tensor, "g 3"]:
         """Positions relative to the optical centre, along the world's axes [m].
 
-        The subtraction is done in float64: in a world a kilometre from its origin float32 would lose a tenth of a millimetre.
+        The subtraction is done in float64: a kilometre from the world's origin, float32 would be off by a tenth of a millimetre.
         """
         return (means.double() - self.centre.to(means.device)).to(means.dtype)
 
 
 def near_plane(depths: Float[Tensor, " g"], near: float | None) -> float:
-    """The z-depth [m] up to which nothing is drawn: a part of the near bound, or of the median depth where there is none."""
+    """The z-depth [m] up to which nothing is rendered: a fraction of the near bound or, without one, of the median depth."""
     if near is not None:
         return NEAR_FRACTION * near
     in_front = depths[depths > 0]

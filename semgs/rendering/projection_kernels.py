@@ -1,4 +1,4 @@
-"""Numba kernels: Gaussians to ellipses in the image plane and, backwards, gradients of ellipses to those of Gaussians.
+"""Numba kernels: from Gaussians to ellipses in the image plane, and from gradients of ellipses to gradients of Gaussians.
 
 All geometry is float64 whatever the dtype of the Gaussians, so that float32 input meets the same decisions (order, 1/255,
 finished pixels) as the float64 reference. `camera` is a vector of 20: axes row by row (0..8), centre (9..11), fx, fy, cx, cy
@@ -16,14 +16,14 @@ from semgs.rendering.rules import BLUR_PX2, MIN_ALPHA
 
 CENTRE_X, CENTRE_Y, CONIC_XX, CONIC_XY, CONIC_YY, OPACITY, REACH, DETERMINANT = range(8)
 """Columns of an ellipse: centre [px], inverse covariance [px^-2], opacity, reach (the squared Mahalanobis distance
-2 ln(255 opacity) within which alpha is 1/255 or more; negative where there is nothing to draw), and the determinant of the
+2 ln(255 opacity) within which alpha is 1/255 or more; negative if there is nothing to render), and the determinant of the
 inverse covariance."""
 
 SLACK = 1e-9
 """Added to the reach, so that rounding never loses a pixel that the 1/255 rule, applied afterwards, admits."""
 
 SMALLEST_NORM = 1e-12
-"""Quaternions shorter than this are divided by it instead of their length, as torch's `normalize` does."""
+"""Quaternions shorter than this are divided by it instead of by their length, as in torch's `normalize`."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -68,7 +68,7 @@ def project_backward(
     """Carry each ellipse's gradients back through the projection.
 
     Args:
-        met: [g], whether an ellipse meets any tile; the gradients of others stay 0.
+        met: [g], whether an ellipse touches any tile; the gradients of others stay 0.
         grad_ellipses: [g 6], of centre, inverse covariance (xy counted once) and opacity.
         grad_means, grad_quaternions, grad_scales, grad_opacities: zeros, filled.
     """
@@ -176,14 +176,14 @@ def _plane(x, y, z, camera):
 
 @njit(cache=True, error_model="numpy")
 def _axis(plane, rotation, k):
-    """Axis k of a Gaussian, of unit length in the world, in the image plane."""
+    """Axis k of a Gaussian (a unit vector in the world) projected to the image plane."""
     x, y, z = rotation[k], rotation[3 + k], rotation[6 + k]
     return plane[0] * x + plane[1] * y + plane[2] * z, plane[3] * x + plane[4] * y + plane[5] * z
 
 
 @njit(cache=True, error_model="numpy")
 def _unit(quaternions, i):
-    """Unit quaternion (w, x, y, z) and the length it was divided by."""
+    """Unit quaternion (w, x, y, z), and the length by which it was divided."""
     w, x = np.float64(quaternions[i, 0]), np.float64(quaternions[i, 1])
     y, z = np.float64(quaternions[i, 2]), np.float64(quaternions[i, 3])
     norm = max(math.sqrt(w * w + x * x + y * y + z * z), SMALLEST_NORM)

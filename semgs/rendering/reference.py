@@ -1,13 +1,13 @@
-"""Splatting in plain PyTorch: slow, exact, differentiable by autograd, any dtype. The specification of every back-end.
+"""Splatting in plain PyTorch: slow, exact, differentiable by autograd, in any dtype. It is the specification of every back-end.
 
-A Gaussian at camera position (x, y, z) with covariance Sigma (world) is drawn as a 2D Gaussian at (fx x/z + cx, fy y/z + cy)
+A Gaussian at camera position (x, y, z) with covariance Sigma (world) is rendered as a 2D Gaussian at (fx x/z + cx, fy y/z + cy)
 with covariance J R Sigma R^T J^T + 0.3 I (EWA splatting: J is the Jacobian of the projection, R rotates world to camera).
 At a pixel centre p its alpha is min(0.999, opacity exp(-sigma)), sigma = d^T C^-1 d / 2 with d = p - centre; front to back
 the pixel adds w_i f_i with w_i = alpha_i T_i, T_i = prod_(j < i) (1 - alpha_j).
 
-No radius enters: gsplat draws to min(3.33, sqrt(2 ln(255 opacity))) standard deviations, and the second is where alpha falls
-below 1/255. It is the smaller one up to an opacity of exp(3.33^2 / 2) / 255 = 1.003, so no contribution that the 1/255 rule
-admits is lost there.
+There is no radius: gsplat renders up to min(3.33, sqrt(2 ln(255 opacity))) standard deviations. At the second, alpha falls below
+1/255. It is the smaller one up to an opacity of exp(3.33^2 / 2) / 255 = 1.003, so gsplat loses no contribution that the 1/255 rule
+admits.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from semgs.rendering.rules import BLUR_PX2, MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTA
 from semgs.rendering.splats import Layer, Splats
 
 CHUNK = 1 << 22
-"""Numbers in one pixel-by-Gaussian matrix; more pixels are drawn in several."""
+"""Numbers in one pixel-by-Gaussian matrix; more pixels are rendered in several chunks."""
 
 
 def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None) -> Int64[Tensor, " drawn"]:
-    """The Gaussians that are drawn, nearest first; equal depths keep the order of their index."""
+    """The Gaussians to render, nearest first; those of equal depth stay in the order of their index."""
     with torch.no_grad():
         depths = camera.offsets(means) @ camera.axes[2].to(means)
         drawn = (depths > near_plane(depths, near)).nonzero()[:, 0]
@@ -37,7 +37,7 @@ def depth_order(means: Float[Tensor, "g 3"], camera: Pinhole, near: float | None
 
 
 def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> Layer:
-    """Features blended at every pixel, and the light that is left there."""
+    """The features blended at every pixel, and the transmittance that is left there."""
     ellipses = project(splats, camera)
     order = order[ellipses.visible[order]]
     centres, (xx, xy, yy) = ellipses.centres[order], ellipses.conics[order].unbind(-1)
@@ -51,7 +51,7 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
         sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
         alpha = (opacities * torch.exp(-sigma)).clamp(max=MAX_ALPHA)
         alpha = torch.where((sigma >= 0) & (alpha >= MIN_ALPHA), alpha, 0)
-        # Transmittance only falls, so those that leave enough of it are the ones before the pixel is finished.
+        # Transmittance only falls, so Gaussians that leave enough of it come before the pixel is finished.
         alpha = torch.where(torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE, alpha, 0)
         light = torch.cat((alpha.new_ones(len(chunk), 1), torch.cumprod(1 - alpha, dim=1)), dim=1)
         blended.append((alpha * light[:, :-1]) @ features)
@@ -69,7 +69,7 @@ class Ellipses:
     Attributes:
         centres: [px].
         conics: xx, xy and yy of the inverse covariances [px^-2].
-        visible: false for what lies at or behind the camera's plane, or has no finite ellipse.
+        visible: false at or behind the camera's plane, and without a finite ellipse.
     """
 
     centres: Float[Tensor, "g 2"]

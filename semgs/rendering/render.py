@@ -1,4 +1,4 @@
-"""Render: Gaussians and cameras in; pictures, class maps, depth and alpha out."""
+"""Render: Gaussians and cameras in; images, class maps, depth and alpha out."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from semgs.rendering.rendering import Rendering
 from semgs.rendering.splats import Layer, Splats
 
 BACKENDS = ("auto", "numba", "gsplat", "reference")
-"""Who draws: `auto` is the fastest that there is where the Gaussians live, `numba` runs on the CPU, `gsplat` on CUDA,
-`reference` is slow and exact."""
+"""The back-ends: `auto` is the fastest one for the Gaussians' device, `numba` runs on the CPU, `gsplat` on CUDA, `reference` is slow and
+exact."""
 
 
 def render(
@@ -33,37 +33,35 @@ def render(
     backend: str = "auto",
     clamp: bool = True,
 ) -> Rendering:
-    """Splat Gaussians into cameras: one pass for colour, depth and alpha, one for classes with covariances of their own.
+    """Splat Gaussians into cameras: one pass for colour, depth and alpha, and one for classes, which have their own covariances.
 
-    Differentiable in every field of the Gaussians and in the background, not in the cameras. What light passes all
-    Gaussians is the background's in `images` and spread evenly over the classes in `semantics`, so that those sum to 1.
-    What one back-end cannot draw where it is goes to the CPU and comes back. No autocast reaches in here.
+    Differentiable in every field of the Gaussians and in the background, but not in the cameras. Light that passes all Gaussians takes
+    the background's colour in `images` and is spread evenly over the classes in `semantics`, so that they sum to 1. If a back-end
+    cannot render on the Gaussians' device, they are moved to the CPU and the results back. Autocast has no effect.
 
     Args:
         gaussians: of one scene (no batch axis), or of a batch [*b].
         cameras: the views of each scene, [v] or [*b v].
         background: RGB behind everything.
-        near: near bound of the scene [m], one for all or [*b v]; what has a z-depth of 0.2 near or less is not drawn. None
-            leaves out what is closer than 2 % of the median depth in front of each camera.
-        backend: `auto`, `numba`, `gsplat` or `reference`; `auto` is gsplat for Gaussians on a CUDA device, but for float64
-            ones, which gsplat cannot draw, and Numba for all others.
-        clamp: bring `images` into 0..1. Harmonics can add up to more than 1; a loss compares that as it is, since a clamped pixel has
-            no gradient, and gives False.
+        near: near bound of the scene [m], one for all or [*b v]; Gaussians with a z-depth of 0.2 near or less are not rendered. None
+            leaves out those closer than 2 % of the median depth in front of each camera.
+        backend: `auto`, `numba`, `gsplat` or `reference`; `auto` is gsplat for Gaussians on a CUDA device, and Numba for all others and
+            for float64, which gsplat does not support.
+        clamp: clamp `images` to 0..1. Harmonics can add up to more than 1. Losses use False, because a clamped pixel has no gradient.
 
     Returns:
         Rendering in the dtype of the means (half precision is computed in float32).
 
     Raises:
-        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is
-            not in 0..1, devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot
-            draw these Gaussians.
-        ImportError: gsplat is asked for and not installed.
+        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is not in 0..1,
+            devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot render these Gaussians.
+        ImportError: the back-end is gsplat, which is not installed.
     """
     drawing, place = _backend(backend, gaussians.means)
     batch = tuple(gaussians.means.shape[:-2])
     if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
         raise ValueError(
-            f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more, of views"
+            f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more for views"
         )
     _check(gaussians)
     dtype, device = gaussians.means.dtype, gaussians.means.device
@@ -124,9 +122,9 @@ def _view(scene: Gaussians, camera: Pinhole, near: float | None, background: Ten
 
 
 def _backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
-    """The module that draws, which has `depth_order` and `splat`, and the device that it draws on.
+    """The back-end's module, with `depth_order` and `splat`, and the device that it renders on.
 
-    gsplat is chosen by where the Gaussians are, never because a compiler is found.
+    The choice depends on the Gaussians' device, not on whether a compiler is found.
     """
     if name not in BACKENDS:
         raise ValueError(f"backend is {name!r}; expected one of {', '.join(BACKENDS)}")
@@ -151,31 +149,25 @@ def _backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
 
 
 def _installed() -> bool:
-    """Whether gsplat is installed; a warning says what is missed where it is not."""
+    """Whether gsplat is installed; if not, a warning says that rendering would be faster with it."""
     if find_spec("gsplat") is not None:
         return True
     warnings.warn(
-        "Gaussians on a CUDA device are drawn on the CPU, since gsplat is not installed; pip install '.[cuda]' in SemGS's folder for speed",
+        "Gaussians on a CUDA device are rendered on the CPU, because gsplat is not installed; pip install '.[cuda]' in SemGS's folder for speed",
         stacklevel=4,
     )
     return False
 
 
 def _check(gaussians: Gaussians) -> None:
-    """Refuse geometry that is not finite, which would vanish from the picture unseen, opacities that are none, several devices."""
-    tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
-    for name, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
-        if appearance is not None:
-            tensors[f"{name}.quaternions"] = appearance.quaternions
-            tensors[f"{name}.scales"] = appearance.scales
-            tensors[f"{name}.features"] = appearance.features
-    for name, tensor in tensors.items():
+    """Refuse geometry that is not finite (it would vanish silently), invalid opacities, and several devices."""
+    for name, tensor in gaussians.tensors().items():
         if tensor.device != gaussians.means.device:
             raise ValueError(
-                f"{name} is on {tensor.device} but means is on {gaussians.means.device}; bring all to one with Gaussians.to"
+                f"{name} is on {tensor.device} but means is on {gaussians.means.device}; move all to one with Gaussians.to"
             )
         if not name.endswith("features") and not _finite(tensor):
-            raise ValueError(f"{name} holds a number that is not finite; expected finite numbers only")
+            raise ValueError(f"{name} contains a number that is not finite; expected finite numbers only")
     opacities = gaussians.opacities
     if opacities.numel() and not (opacities.amin() >= 0 and opacities.amax() <= 1):
         low, high = float(opacities.amin()), float(opacities.amax())
@@ -183,12 +175,12 @@ def _check(gaussians: Gaussians) -> None:
 
 
 def _finite(tensor: Tensor) -> bool:
-    """Whether all numbers are finite: so is their sum then, which takes one pass, unless it overflows."""
+    """Whether all numbers are finite. A finite sum, which takes only one pass, proves it."""
     return bool(tensor.detach().sum().isfinite()) or bool(tensor.isfinite().all())
 
 
 def _near_bounds(near: float | int | Tensor | None, batch: tuple[int, ...]) -> list[float | None]:
-    """The near bound of each view, views of all scenes in one list."""
+    """The near bound of each view, over all scenes in one list."""
     if near is None:
         return [None] * torch.Size(batch).numel()
     bounds = torch.as_tensor(near).detach().to("cpu", torch.float64)

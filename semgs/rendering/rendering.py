@@ -1,4 +1,4 @@
-"""Rendering: what splatting returns."""
+"""Rendering: the result of splatting."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from semgs.files.notebook import Strip, class_row, depth_row, html, photo_row
 from semgs.geometry.summaries import array_of, summary
 
 SEEN_ALPHA = 0.5
-"""Where less light than this was stopped by Gaussians, a map says "unseen" instead of a class."""
+"""If alpha is less than this, class maps say "unseen"."""
 
 UNSEEN = 255
-"""What it says there."""
+"""The value for unseen pixels."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class Rendering:
     """Gaussians as seen by cameras.
 
     Attributes:
-        images: RGB over the background, 0..1; brighter where `render` was told not to clamp.
+        images: RGB over the background, 0..1; without clamping they may be brighter.
         semantics: class distribution of every pixel, sums to 1; None for colour-only Gaussians.
-        depths: sum(w z) / sum(w) of the colour pass, z-depth, 0 where nothing was drawn [m].
+        depths: z-depth: sum(w z) / sum(w) of the colour pass, 0 where nothing was rendered [m].
         alphas: sum(w) of the colour pass, 0..1.
-        classes: names and colours of the classes, to show them by; None where nobody said.
+        classes: names and colours of the classes, for display; None if unknown.
     """
 
     images: Float[Tensor, "*batch v 3 h w"]
@@ -44,7 +44,7 @@ class Rendering:
         )
 
     def _repr_html_(self) -> str:
-        """Images, class maps and depth, as a notebook shows them."""
+        """Images, class maps and depth, for notebooks."""
         rows: list[Strip] = [photo_row("images", array_of(self.images))]
         if self.semantics is not None:
             rows.append(class_row("classes", label_maps(self), self.classes))
@@ -52,18 +52,18 @@ class Rendering:
 
 
 def likeliest(semantics: Float[Tensor, "*any class h w"]) -> UInt8[Tensor, "*any h w"]:
-    """The class of every pixel that most speaks for, the first of several."""
-    return semantics.detach().max(-3).indices.to(torch.uint8)  # a third of the time that `argmax` takes
+    """The most likely class of every pixel; the first of several."""
+    return semantics.detach().max(-3).indices.to(torch.uint8)  # three times as fast as `argmax`
 
 
 def label_maps(rendering: Rendering) -> UInt8[np.ndarray, "*batch v h w"]:
-    """The likeliest class of every pixel, 255 where the colour pass has alpha < 0.5: nothing was seen there.
+    """The most likely class of every pixel; 255 for unseen pixels, where the colour pass has alpha < 0.5.
 
     Raises:
         ValueError: the rendering has no classes.
     """
     if rendering.semantics is None:
-        raise ValueError("the rendering has no classes; expected one of Gaussians with a semantic branch")
+        raise ValueError("the rendering has no classes; expected Gaussians with a semantic branch")
     labels = likeliest(rendering.semantics).cpu().numpy()
     labels[rendering.alphas.detach().cpu().numpy() < SEEN_ALPHA] = UNSEEN
     return labels

@@ -1,4 +1,4 @@
-"""What one pass of splatting takes and gives: one scene's Gaussians with one appearance, and one view of them."""
+"""Input and output of one pass of splatting: one scene's Gaussians with one appearance, and one view of them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Splats:
-    """One scene's Gaussians as one pass blends them.
+    """One scene's Gaussians with the features that one pass blends.
 
     Attributes:
         means: positions in the world [m].
         quaternions: axes in the world (w, x, y, z).
         scales: standard deviations along the axes [m].
         opacities: 0..1.
-        features: what is blended: colour and depth, or a class distribution.
+        features: to blend: colour and depth, or a class distribution.
     """
 
     means: Float[Tensor, "g 3"]
@@ -29,11 +29,11 @@ class Splats:
 
 @dataclass(frozen=True)
 class Layer:
-    """One view of splats, over nothing.
+    """One view of splats, without a background.
 
     Attributes:
         picture: sum_i w_i f_i.
-        transmittance: 1 - sum_i w_i, the light that passes all Gaussians; a back-end may give it in a finer dtype.
+        transmittance: 1 - sum_i w_i, the light that passes all Gaussians; a back-end may use a finer dtype.
     """
 
     picture: Float[Tensor, "c h w"]

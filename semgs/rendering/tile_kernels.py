@@ -1,13 +1,15 @@
-"""Numba kernels: ellipses into tiles, tiles into pixels, and back. Each call does one part of the work (`in_threads`); the same bits in every run.
+"""Numba kernels: from ellipses to tiles, from tiles to pixels, and backwards. Each call does one part of the work (`in_threads`).
 
-A pair is one Gaussian in one tile; all memory is linear in their number, so where there are many the caller takes one run of
-tiles after the other (tiles are counted row by row). Pairs are numbered twice: in a tile's list, front to back, where the
-picture is drawn, and Gaussian by Gaussian, where gradients are summed without a race.
+Results are exactly the same in every run.
+
+A pair is one Gaussian in one tile. Memory is linear in the number of pairs, so if there are many, the caller renders one run of tiles
+after the other (tiles are numbered row by row). Pairs have two numbers: in the list of their tile, front to back, for rendering; and
+Gaussian by Gaussian, so that gradients are summed without a race.
 Alpha and transmittance are float64 in every dtype (see `projection_kernels`), sums of features are in the features' own.
 
-The inner loops run over all pixels of the rows of a tile that an ellipse meets, without a branch and from one unsigned
-number to another: only so does LLVM make vector instructions of them. They do more arithmetic than a loop over just the
-pixels inside, in a third of the time. They take whole arrays: a slice costs more than a short loop does.
+The inner loops run over all pixels of the rows of a tile that an ellipse touches, without a branch and between two unsigned numbers:
+LLVM only vectorises them in this form. They do more arithmetic than a loop over just the pixels inside, in a third of the time. They
+take complete arrays, because a slice costs more than a short loop.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ TILE_HEIGHT, TILE_WIDTH = 16, 8
 PIXELS = TILE_HEIGHT * TILE_WIDTH
 
 FARTHEST = 8.0
-"""Largest exponent that is told apart: no opacity up to 1 is seen through exp(-8) < 1/255."""
+"""Largest exponent that matters: exp(-8) < 1/255, so beyond it no opacity up to 1 is visible."""
 
 HALVINGS = 4
 """exp(-s) is (a polynomial in s / 2^4), squared 4 times."""
@@ -46,24 +48,24 @@ COEFFICIENTS = tuple(math.exp(-MIDDLE) * (-1) ** k / math.factorial(k) for k in 
 """Of exp(-s) about s = MIDDLE, constant term first; the next term is below the rounding at both ends."""
 
 BLOCK = 64
-"""Gaussians of a tile that are copied together before they are drawn: they lie scattered in memory, and fetching them one
-by one would wait for each. Between two blocks comes the look at whether the tile is finished."""
+"""Gaussians of a tile that are copied together before rendering: they are scattered in memory, and fetching them one by one would be
+slow. After each block, a check whether the tile is finished."""
 
 SHARES = 16
-"""Shares that the Gaussians are cut into for counting, so that threads need not wait for each other."""
+"""Shares of the Gaussians for counting, so that threads do not wait for each other."""
 
 DIGIT = 9
-"""Bits of a rank that are sorted by at a time: two digits for a quarter of a million Gaussians."""
+"""Bits of a rank that are sorted at a time: two digits for a quarter of a million Gaussians."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian, counts, part, parts):
-    """Find the tiles of every ellipse that is drawn and count the pairs of a run of tiles.
+    """Find the tiles of every ellipse and count the pairs of a run of tiles.
 
     Args:
-        ranks: [g], place in the depth order, negative where not drawn.
+        ranks: [g], place in the depth order, negative if not rendered.
         first: tile of the run.
-        rectangles: [g 4], filled with the first and end row and column of tiles of the picture.
+        rectangles: [g 4], filled with the first and end row and column of tiles of the image.
         per_gaussian: [g], filled with the number of pairs.
         counts: [SHARES tiles], zeros, filled with each share's number of pairs in each tile of the run.
     """
@@ -141,7 +143,7 @@ def _by_rank(keys, digits):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def draw(ellipses, features, first, first_in_tile, gaussians, picture, transmittance, last, part, parts):
-    """Fill the pixels of a run of tiles that begins with tile `first`.
+    """Render the pixels of a run of tiles that begins with tile `first`.
 
     Picture [c h w], transmittance [h w] and, per pixel, the place in its tile's list of the last one added (or -1).
     """
@@ -168,7 +170,7 @@ def draw_backward(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_features, part, parts):
-    """Add each Gaussian's gradients over a run of tiles, in a fixed order: one sum over all runs, whatever they are.
+    """Add each Gaussian's gradients over a run of tiles, in an order that does not depend on how tiles are split into runs.
 
     Args:
         first_pair: [g + 1], the pairs of Gaussian i are first_pair[i] .. first_pair[i + 1] - 1.
@@ -191,7 +193,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
     channels, height, width = picture.shape
     top, bottom, left, right = _sides(tile, height, width)
     xs, ys = _centres(top, left)
-    light = np.full(PIXELS, -1.0)  # negative where a pixel is finished, or outside the picture
+    light = np.full(PIXELS, -1.0)  # negative where a pixel is finished, or outside the image
     latest = np.full(PIXELS, -1.0)
     for row in range(bottom - top):
         light[row * TILE_WIDTH : row * TILE_WIDTH + right - left] = 1.0
@@ -222,7 +224,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _weigh(ellipses, j, xs, ys, place, light, latest, weights, first, end):
-    """Draw one Gaussian: fill its weights alpha T, and bring the light that is left and the last place up to date."""
+    """Render one Gaussian: fill its weights alpha T, and update the remaining light and the last place."""
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
     xx, xy, yy = 0.5 * ellipses[j, CONIC_XX], ellipses[j, CONIC_XY], 0.5 * ellipses[j, CONIC_YY]
     for k in range(first, end):
@@ -260,7 +262,7 @@ def _draw_tile_backward(
     xs, ys = _centres(top, left)
     grad = np.zeros((channels, PIXELS), features.dtype)
     light = np.ones(PIXELS)
-    # Sum of w_j (f_j . gradient) and of the gradient of T times T, over what lies behind.
+    # Sum of w_j (f_j . gradient) and of the gradient of T times T, over what is behind.
     behind = np.zeros(PIXELS)
     latest = np.full(PIXELS, -1.0)
     for row in range(top, bottom):
@@ -295,7 +297,7 @@ def _draw_tile_backward(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _alphas(ellipses, j, xs, ys, place, latest, alphas, falloffs, first, end):
-    """Fill alpha, 0 where the Gaussian was not added, and falloff; at how many pixels it was."""
+    """Fill alpha (0 where the Gaussian was not added) and falloff; returns the number of pixels where it was added."""
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
     xx, xy, yy = 0.5 * ellipses[j, CONIC_XX], ellipses[j, CONIC_XY], 0.5 * ellipses[j, CONIC_YY]
     count = 0
@@ -325,9 +327,10 @@ def _shade(features, j, grad, shades, first, end):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weights, first, end):
-    """Take one Gaussian away again: bring light and what is behind up to date, fill its weights, and return its gradients.
+    """Remove one Gaussian again: update light and what is behind, fill its weights, and return its gradients.
 
-    They are of centre, inverse covariance (xy counted once) and opacity. The order of summation is the compiler's, and the same in every run.
+    The gradients are of centre, inverse covariance (xy counted once) and opacity. The compiler chooses the order of summation; it is the
+    same in every run.
     """
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
     xx, xy, yy = ellipses[j, CONIC_XX], ellipses[j, CONIC_XY], ellipses[j, CONIC_YY]
@@ -341,7 +344,7 @@ def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weigh
         light[k] = before
         behind[k] += weight * shade
         weights[k] = weight
-        # Where alpha was cut off at its most, or nothing was added, it does not move.
+        # No gradient where alpha was clamped to its maximum, or nothing was added.
         v_alpha = v_alpha if (opacity * falloff <= MAX_ALPHA) & (alpha > 0) else 0.0
         dx, dy = xs[k] - x, ys[k] - y
         v_sigma = -v_alpha * alpha
@@ -366,7 +369,7 @@ def _gather(grad, weights, pair_features, pair, first, end):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _exponential(sigma):
-    """exp(-sigma), exact to some roundings, of sigma brought into 0 .. FARTHEST."""
+    """exp(-sigma), exact up to rounding, with sigma clamped to 0 .. FARTHEST."""
     sigma = sigma if sigma < FARTHEST else FARTHEST
     sigma = sigma if sigma > 0 else 0.0
     x = sigma / 2**HALVINGS - MIDDLE
@@ -390,7 +393,7 @@ def _finished(light):
 
 @njit(cache=True, error_model="numpy")
 def _block(ellipses, features):
-    """Room for the ellipses and features of a block."""
+    """Memory for the ellipses and features of a block."""
     return np.empty((BLOCK, ellipses.shape[1])), np.empty((BLOCK, features.shape[1]), features.dtype)
 
 
@@ -426,7 +429,7 @@ def _centres(top, left):
 
 @njit(cache=True, error_model="numpy")
 def _span(ellipses, i, top, bottom):
-    """The pixels of a tile, as begin and end, whose rows an ellipse meets."""
+    """The pixels of a tile, as begin and end, in rows that an ellipse touches."""
     first, end = _rows(ellipses, i, top, bottom)
     return np.uint64((first - top) * TILE_WIDTH), np.uint64((max(end, first) - top) * TILE_WIDTH)
 
@@ -440,16 +443,16 @@ def _pixels(low, high, first, end):
 
 @njit(cache=True, error_model="numpy")
 def _rows(ellipses, i, top, bottom):
-    """Rows of pixels in top..bottom - 1 that an ellipse meets, as begin and end."""
+    """Rows of pixels in top..bottom - 1 that an ellipse touches, as begin and end."""
     half = math.sqrt(ellipses[i, REACH] * ellipses[i, CONIC_XX] / ellipses[i, DETERMINANT])
     return _pixels(ellipses[i, CENTRE_Y] - half, ellipses[i, CENTRE_Y] + half, top, bottom)
 
 
 @njit(cache=True, error_model="numpy")
 def _fill_rectangle(ellipses, i, height, width, rectangles):
-    """First and end row and column of the tiles that an ellipse's bounding box meets.
+    """First and end row and column of the tiles that an ellipse's bounding box touches.
 
-    Number by number: for a tuple that becomes a row, Numba compiles the text of an error for two seconds.
+    It assigns number by number: to assign a tuple to a row, Numba spends two seconds compiling an error message.
     """
     for side in range(4):
         rectangles[i, side] = 0
@@ -472,7 +475,7 @@ def _tile_rows(rectangles, i, width, first, end):
 
 @njit(cache=True, error_model="numpy")
 def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
-    """Tiles of one row that an ellipse meets, as begin and end, of the tiles first..end - 1."""
+    """Tiles of one row that an ellipse touches, as begin and end, within the tiles first..end - 1."""
     left, right = _tile_columns(ellipses, i, rectangles, tile_row, width)
     start = tile_row * -(-width // TILE_WIDTH)
     return max(start + left, first), min(start + right, end)
@@ -480,10 +483,10 @@ def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
 
 @njit(cache=True, error_model="numpy")
 def _tile_columns(ellipses, i, rectangles, tile_row, width):
-    """Tiles of one row that an ellipse meets, as begin and end: exact, since both ellipse and row are convex.
+    """Tiles of one row that an ellipse touches, as begin and end: exact, because both ellipse and row are convex.
 
-    Its right edge is furthest right at dy = -(xy / yy) times its half width, its left edge opposite; where that lies outside
-    the band of the row's pixel centres, at the band's nearest border.
+    The ellipse is furthest right at dy = -(xy / yy) times its half width, and furthest left at the opposite. If that is outside the band
+    of the row's pixel centres, the nearest border of the band counts.
     """
     top, bottom, first, end = rectangles[i]
     if bottom - top == 1 or end - first == 1:

@@ -1,4 +1,4 @@
-"""Augmentation: a sample seen in another way, its cameras with it."""
+"""Augmentation: random changes to a sample, cameras included."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from semgs.data.classes import IGNORE
 from semgs.data.resampling import cropped, resized
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.training.camera import photographed
+from semgs.training.photo import photographed
 from semgs.training.settings import Augmentation
 
 
 def window(views: Views, size: tuple[int, int], share: float = 1.0, place: tuple[float, float] = (0.5, 0.5)) -> Views:
-    """The views at another size without stretching them: a window of its aspect is cut out, then resized.
+    """The views at another size without stretching: a window with the new aspect ratio is cropped, then resized.
 
     Args:
         views: with any leading axes.
         size: the new (height, width) [px].
-        share: side of the window, as a part of that of the largest window of that aspect.
-        place: where it is between the top and left (0) and the bottom and right (1).
+        share: side of the window, relative to the largest window with that aspect ratio.
+        place: position of the window, from top and left (0) to bottom and right (1).
     """
     if share == 1 and views.size == size:
         return views
@@ -35,10 +35,10 @@ def window(views: Views, size: tuple[int, int], share: float = 1.0, place: tuple
 
 
 def flipped(views: Views) -> Views:
-    """The views of the mirrored world, whose x axis points the other way: every picture is mirrored, and so is its camera.
+    """The views of the mirrored world, whose x axis points the other way: images are mirrored, and so are their cameras.
 
-    A point p of the world becomes M p with M = diag(-1, 1, 1); a camera with the pose R, t becomes one with M R M, M t, so that a
-    pixel at u comes to lie at width - u.
+    A point p of the world becomes M p with M = diag(-1, 1, 1). A camera with pose R, t becomes one with M R M, M t, so that a pixel at u
+    moves to width - u.
     """
     width = views.size[1]
     mirror = torch.diag(torch.tensor([-1.0, 1.0, 1.0, 1.0], dtype=torch.float64))
@@ -50,10 +50,9 @@ def flipped(views: Views) -> Views:
 
 
 def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views:
-    """The pictures with another exposure, white balance and saturation, the same for all of them.
+    """The views with another exposure, white balance and saturation, the same for all of them.
 
-    Factors are exp(s) with s even in -strength to strength for exposure, a third of that for each channel, and for saturation
-    as much as for exposure.
+    Factors are exp(s), with s uniform in -strength to strength for exposure and saturation, and in a third of that range for each channel.
     """
     exposure, saturation = np.exp(rng.uniform(-strength, strength, 2))
     balance = np.exp(rng.uniform(-strength, strength, 3) / 3)
@@ -65,9 +64,9 @@ def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views
 
 
 def rolled(views: Views, degrees: float) -> Views:
-    """The views of cameras that are turned clockwise about their optical axes: images turn the other way about the principal point.
+    """The views of cameras rotated clockwise about their optical axes; images rotate the other way about the principal point.
 
-    What a turned camera would see outside of the image is filled: the image with its own mirror image, labels with 255, depths with 0.
+    Where a rotated camera would see past the borders, images continue mirrored, labels are 255 and depths 0.
 
     Args:
         views: with any leading axes, on the CPU.
@@ -99,11 +98,11 @@ def rolled(views: Views, degrees: float) -> Views:
 
 
 class Variation:
-    """What is done to one sample, the same for all views that it is given.
+    """The random changes to one sample, the same for all of its views.
 
     Args:
-        settings: how much.
-        seed, sample: of which sample; the same ones give the same variation.
+        settings: how strong the changes are.
+        seed, sample: the seed and the number of the sample; the same ones give the same changes.
     """
 
     def __init__(self, settings: Augmentation, seed: int, sample: int) -> None:
@@ -117,7 +116,7 @@ class Variation:
         self._camera = int(rng.integers(2**63))
 
     def __call__(self, views: Views, size: tuple[int, int]) -> Views:
-        """The views, varied and brought to a size (height, width) [px]; without augmentation the middle of each is what is kept."""
+        """The changed views at a size (height, width) [px]; without augmentation, the middle of each view."""
         views = self.placed(views, size)
         if self._settings.colour:
             views = recoloured(views, self._settings.colour, np.random.Generator(np.random.PCG64(self._colours)))
@@ -126,7 +125,7 @@ class Variation:
         return views
 
     def placed(self, views: Views, size: tuple[int, int]) -> Views:
-        """As the call, with the colours as they are: rolled, cropped, resized and mirrored."""
+        """The views rolled, cropped, resized and mirrored, with unchanged colours."""
         if self._roll:
             views = rolled(views, self._roll)
         views = window(views, size, self._share, self._place if self._settings.crop < 1 else (0.5, 0.5))

@@ -1,4 +1,4 @@
-"""Batches: what step k of a run sees, as a pure function of (seed, k), prepared ahead in worker processes."""
+"""Batches: what each step of a run sees, prepared ahead in worker processes. Batch k depends on the seed and k alone."""
 
 from __future__ import annotations
 
@@ -17,51 +17,18 @@ from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.splits import Split
 from semgs.rooms.sets.pool import PooledSamples
 from semgs.rooms.sets.stream import RoomSamples
-from semgs.training.samples import Folder, Sample, Samples
-from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
+from semgs.training.execution import Share
+from semgs.training.samples import Folder, Form, Mixture, Samples, TrainingSample
+from semgs.training.settings import VALIDATION_SEED, TrainingSettings
 from semgs.training.source import Source
 from semgs.training.survey.survey import Survey, survey
 from semgs.training.teacher import teacher_of
 from semgs.training.turns import Turns
 
 COUNTED_ROOMS = 64
-"""Rooms in which classes are counted, two small views of each."""
+"""Rooms in which classes are counted, in two small views each."""
 
 COUNTED_SIZE = (48, 64)
-
-
-@dataclass(frozen=True)
-class Share:
-    """Which of the scenes of a step one process takes, and in how many pieces one after the other.
-
-    Attributes:
-        rank: number of the process.
-        world: how many there are.
-        accumulate: pieces, whose gradients are added.
-    """
-
-    rank: int = 0
-    world: int = 1
-    accumulate: int = 1
-
-    def check(self, batch: int) -> None:
-        """Refuse a batch that cannot be shared equally.
-
-        Raises:
-            ValueError: it cannot.
-        """
-        parts = self.world * self.accumulate
-        if self.accumulate < 1 or batch % parts:
-            raise ValueError(
-                f"a step of {batch} scenes cannot be shared by {self.world} processes in {self.accumulate} pieces each; "
-                f"expected a --batch that {parts} divides"
-            )
-
-    def pieces(self, step: int, batch: int) -> list[range]:
-        """The numbers of the samples of each piece."""
-        each = batch // (self.world * self.accumulate)
-        first = step * batch + self.rank * self.accumulate * each
-        return [range(first + piece * each, first + (piece + 1) * each) for piece in range(self.accumulate)]
 
 
 @dataclass(frozen=True)
@@ -70,8 +37,8 @@ class Portion:
 
     Attributes:
         pieces: batches of equal size, whose gradients are averaged.
-        bad: scenes that could not be read and were passed over: path and why.
-        failure: what went wrong, if there is nothing to see. A loader would keep no more of an error than its type and text.
+        bad: scenes that were skipped because they could not be read: path and reason.
+        failure: the error, if there are no pieces. As a value, because a loader only passes on an error's type and text.
     """
 
     pieces: tuple[Batch, ...]
@@ -80,10 +47,10 @@ class Portion:
 
 
 class Portions(Dataset):
-    """The portion of each step, made when it is asked for.
+    """The portion of each step, made on request.
 
     Args:
-        samples: by number, grouped by `batch`.
+        samples: by number; step k takes the next `batch` of them.
         batch: scenes per step.
         share: of this process.
         steps: of the run.
@@ -101,7 +68,7 @@ class Portions(Dataset):
         try:
             pieces = [[self._samples[k] for k in piece] for piece in self._share.pieces(step, self._batch)]
         except Exception as error:
-            error.add_note(f"while step {step} was prepared:\n{traceback.format_exc()}")
+            error.add_note(f"while preparing step {step}:\n{traceback.format_exc()}")
             return Portion((), failure=error)
         bad = dict(one for piece in pieces for sample in piece for one in sample.bad)
         return Portion(tuple(map(_batch, pieces)), tuple(bad.items()))
@@ -112,12 +79,13 @@ def training_batches(
 ) -> Iterable[Portion]:
     """The portions of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
 
-    Scenes that serve several samples are kept in the folder `pool`, which is made if it is needed. Assets are taken as they are;
-    `semgs.rooms.assets.lock.verify` checks them.
+    It has its own loader instead of `semgs.data.workers.outcomes`, because its workers prepare four steps ahead: steps differ in cost.
+    Rooms that several samples share are saved in the folder `pool`. Assets are not checked here; `semgs.rooms.assets.lock.verify` does
+    that.
 
     Raises:
         ValueError: a step cannot be shared equally.
-        InputError: the folder of assets is none.
+        InputError: the asset folder is not one.
     """
     length = settings.steps * settings.batch
     weights = [float(source.weight) for source in settings.sources if not source.is_rooms]
@@ -127,7 +95,7 @@ def training_batches(
         weights.insert(0, float(sum(source.weight for source in live)))
         library = _library(settings, "training")
         if settings.scene_reuse > 1:
-            # Only a part of the samples is of rooms: so many more have to pass until a scene has served its number.
+            # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
             rooms = PooledSamples(
                 pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
@@ -138,12 +106,13 @@ def training_batches(
                 settings.seed, settings.size, settings.contexts, settings.targets, length,
                 group=settings.batch, library=library,
             )  # fmt: skip
-    samples = Samples(
-        settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
-        (settings.contexts, settings.targets), data.classes, settings.augmentation, settings.frames,
-        _turns(settings, settings.seed, weights, rooms, data.folders, settings.batch, length), teacher_of(settings),
-        settings.batch * round(settings.half_size * settings.steps),
+    mixture = Mixture(rooms, data.folders, tuple(weights))
+    form = Form(
+        settings.size, settings.contexts, settings.targets, data.classes, settings.frames, settings.augmentation,
+        halved=settings.batch * round(settings.half_size * settings.steps),
     )  # fmt: skip
+    turns = _turns(settings.seed, mixture, settings.batch, length) if settings.single_pictures else None
+    samples = Samples(settings.seed, mixture, form, settings.batch, turns, teacher_of(settings))
     return DataLoader(
         Portions(samples, settings.batch, share or Share(), settings.steps),
         batch_size=None,
@@ -157,7 +126,7 @@ def training_batches(
 
 
 def surveyed(settings: TrainingSettings, out: Path) -> Survey:
-    """What the data of a run are; see `semgs.training.survey.survey.survey`."""
+    """The survey of a run's data (`semgs.training.survey.survey.survey`)."""
 
     def rooms() -> RoomSamples:
         library = _library(settings, "training")
@@ -167,49 +136,35 @@ def surveyed(settings: TrainingSettings, out: Path) -> Survey:
 
 
 def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
-    """The validation samples, one scene a batch, with the fewest input views that the training uses.
+    """The validation samples, one scene per batch, with the fewest input views that the training uses.
 
     Raises:
-        InputError: the scenes to validate with cannot be used.
+        InputError: the validation scenes cannot be used.
     """
     count = settings.validation_scenes
     if not count:
         return []
     fewest = settings.contexts[0]
-    rooms = folders = None
+    form = Form(settings.size, (fewest, fewest), settings.targets, data.classes, settings.frames)
     source = Source.parsed(settings.validation)
     if source.is_rooms:
-        rooms = RoomSamples(
-            VALIDATION_SEED, settings.size, (fewest, fewest), settings.targets, length=count,
-            library=_library(settings, "validation"),
-        )  # fmt: skip
+        library = _library(settings, "validation")
+        rooms = RoomSamples(VALIDATION_SEED, form.size, form.contexts, form.targets, length=count, library=library)
+        mixture = Mixture(rooms, (), (1.0,))
     else:
-        folders = Folder(scene_paths(source.path))
-    samples = Samples(
-        VALIDATION_SEED, settings.size, 1, rooms, [folders] if folders else [], [1.0],
-        ((fewest, fewest), settings.targets), data.classes, Augmentation(), settings.frames,
-        _turns(settings, VALIDATION_SEED, [1.0], rooms, [folders] if folders else [], 1, count),
-    )  # fmt: skip
+        mixture = Mixture(None, (Folder(scene_paths(source.path)),), (1.0,))
+    turns = _turns(VALIDATION_SEED, mixture, 1, count) if settings.single_pictures else None
+    samples = Samples(VALIDATION_SEED, mixture, form, 1, turns)
     return [_batch([samples[k]]) for k in range(count)]
 
 
-def _turns(
-    settings: TrainingSettings,
-    seed: int,
-    weights: Sequence[float],
-    rooms: object,
-    folders: Sequence[Folder],
-    gap: int,
-    length: int,
-) -> Turns | None:
-    """Whose turn it is in samples of single pictures; None for samples of several views, whose scenes are drawn."""
-    if not settings.single_pictures:
-        return None
-    scenes = [*([] if rooms is None else [0]), *(len(folder.paths) for folder in folders)]
-    return Turns(seed, weights, scenes, gap, length)
+def _turns(seed: int, mixture: Mixture, gap: int, length: int) -> Turns:
+    """Which scene each sample of a single image shows."""
+    scenes = [*([] if mixture.rooms is None else [0]), *(len(folder.paths) for folder in mixture.folders)]
+    return Turns(seed, mixture.weights, scenes, gap, length)
 
 
-def _batch(samples: Sequence[Sample]) -> Batch:
+def _batch(samples: Sequence[TrainingSample]) -> Batch:
     """Samples as one batch."""
     taught = [sample.taught for sample in samples if sample.taught is not None]
     return Batch(
@@ -221,5 +176,5 @@ def _batch(samples: Sequence[Sample]) -> Batch:
 
 
 def _library(settings: TrainingSettings, split: Split) -> Library | None:
-    """The assets of one split, not checked again."""
+    """The assets of one split; they were checked before."""
     return Library(settings.assets, split, check=False) if settings.assets else None

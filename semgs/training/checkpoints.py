@@ -1,8 +1,8 @@
-"""Checkpoints: whole states on disk, of which the newest intact one counts.
+"""Checkpoints: complete states on disk. A run resumes from the newest intact one.
 
 A checkpoint is two files: `00012000.safetensors` with the tensors and, written after it, `00012000.json` with the numbers
-and the hash of the first. Both are written to a temporary name and renamed, so a killed run leaves no half file under
-a checkpoint's name; a file damaged later fails its hash.
+and the hash of the first. Both are written under a temporary name and renamed, so a killed run leaves no incomplete file under
+a checkpoint's name. A file that is damaged later fails its hash.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from semgs.files.strict_json import parse_json
 from semgs.training.state import TrainingState, are_numbers
 
 KEPT = 3
-"""How many checkpoints stay beside the best; each is about five times the size of the network."""
+"""Checkpoints to keep besides the best; each is about five times the size of the network."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Checkpoint:
     """A state as it was read.
 
     Attributes:
-        tensors: by name, as `TrainingState.tensors` gave them.
-        numbers: as `TrainingState.numbers` gave them.
-        damaged: newer checkpoints that had to be passed over.
+        tensors: by name, from `TrainingState.tensors`.
+        numbers: from `TrainingState.numbers`.
+        damaged: newer checkpoints that were skipped.
     """
 
     tensors: dict[str, Tensor]
@@ -39,10 +39,10 @@ class Checkpoint:
 
 
 def save_checkpoint(folder: Path, state: TrainingState) -> Path:
-    """Write the state, then drop all but the last few checkpoints and the best.
+    """Write the state, then delete all but the last few checkpoints and the best.
 
     Returns:
-        the file of numbers, which makes the checkpoint valid.
+        The file of numbers, which completes the checkpoint.
     """
     folder.mkdir(parents=True, exist_ok=True)
     tensors = save(state.tensors())
@@ -54,10 +54,10 @@ def save_checkpoint(folder: Path, state: TrainingState) -> Path:
 
 
 def newest_checkpoint(folder: Path) -> Checkpoint | None:
-    """The newest intact checkpoint of a folder, None where there has never been one.
+    """The newest intact checkpoint of a folder; None if there are no checkpoints.
 
     Raises:
-        InputError: there are checkpoints, and none of them is intact.
+        InputError: there are checkpoints, but none is intact.
     """
     damaged: list[Path] = []
     for record in _records(folder):
@@ -74,7 +74,7 @@ def newest_checkpoint(folder: Path) -> Checkpoint | None:
 
 
 def best_checkpoint(folder: Path) -> Checkpoint | None:
-    """The checkpoint of the best validation, as the newest one knows it; None where there is none or it is damaged.
+    """The checkpoint of the best validation, as recorded in the newest; None if there is none or it is damaged.
 
     Raises:
         InputError: as `newest_checkpoint`.
@@ -102,7 +102,7 @@ def _read(record: Path, damaged: tuple[Path, ...] = ()) -> Checkpoint | None:
 
 
 def _intact(record: Path) -> tuple[dict[str, int | float], bytes] | None:
-    """The numbers of a checkpoint and its file of tensors; None unless both are as they were written."""
+    """The numbers of a checkpoint and its file of tensors; None if either is damaged."""
     try:
         numbers = parse_json(record.read_bytes())
         tensors = record.with_suffix(".safetensors").read_bytes()
@@ -113,10 +113,10 @@ def _intact(record: Path) -> tuple[dict[str, int | float], bytes] | None:
 
 
 def _tidy(folder: Path, state: TrainingState) -> None:
-    """Remove the checkpoints that are older than the last few intact ones, but the best, and what a killed run left half-written.
+    """Delete checkpoints older than the last few intact ones, except the best, and incomplete files of a killed run.
 
-    The newest is the state's own. One that cannot be read does not count, and one of a later step, which was passed over, stays until
-    the run comes by.
+    The newest is that of the state itself. Unreadable ones do not count. Those of later steps, which were skipped, stay until the run
+    reaches their step.
     """
     own, best = _record(folder, state.step), _record(folder, state.best_step)
     intact = 0

@@ -1,7 +1,8 @@
-"""Differences between the settings of two runs, as a person reads them."""
+"""Differences between the settings of two runs, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import PurePath
 
@@ -18,7 +19,7 @@ def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict
 
 
 def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
-    """As `differences`, but what only lies elsewhere is the same."""
+    """The fields that differ; the same file or folder in another place is no difference."""
 
     def last(value: object) -> object:
         if isinstance(value, tuple):
@@ -32,8 +33,11 @@ def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str
     }
 
 
-def told(value: object) -> str:
-    """A setting's value as a person reads it."""
-    if isinstance(value, ClassTable):
-        return f"{value.name} ({', '.join(value.names)})"
-    return str(value)
+def listed(changes: Mapping[str, tuple[object, object]], here: str) -> str:
+    """Differences from an existing run in one phrase; `here` names the other values, such as "requested"."""
+    return ", ".join(f"{name} = {shown(run)} there, {shown(own)} {here}" for name, (own, run) in changes.items())
+
+
+def shown(value: object) -> str:
+    """A setting's value in words."""
+    return f"{value.name} ({', '.join(value.names)})" if isinstance(value, ClassTable) else str(value)

@@ -1,4 +1,4 @@
-"""The engine: Lightning Fabric, which puts one loop on any device, number of processes and precision. The one import of it."""
+"""The engine: Lightning Fabric, which runs one loop on any device, number of processes and precision. Only imported here."""
 
 from __future__ import annotations
 
@@ -8,23 +8,19 @@ from typing import Any
 import torch
 
 from semgs.rendering.gsplat_backend import rasterizer
+from semgs.training.execution import Execution
 
 
-def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: str = "32") -> Any:
-    """A Fabric whose processes run: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
+def launched(execution: Execution) -> Any:
+    """A Fabric whose processes are running: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
 
     With more than one device it starts the other processes of this machine by calling the same command again, unless
-    torchrun or SLURM has started them; the gradients of all are averaged (DDP).
+    torchrun or SLURM started them. Gradients are averaged over all processes (DDP).
 
-    Args:
-        device: "cpu" or "cuda".
-        devices: processes on each machine, each with a device of its own.
-        nodes: machines.
-        precision: "32", "bf16" for layers in bfloat16, or "auto" for that on GPUs that compute in it. Cameras, depth, Gaussians and
-            losses are float32 or better in any case.
+    Whatever the precision of the layers, cameras, depth, Gaussians and losses are float32 or better.
 
     Raises:
-        ImportError: Lightning Fabric is not installed; names the extra that brings it.
+        ImportError: Lightning Fabric is not installed; the message names the extra.
     """
     try:
         from lightning_fabric import Fabric
@@ -33,20 +29,22 @@ def launched(device: str = "cpu", devices: int = 1, nodes: int = 1, precision: s
         raise ImportError("training needs Lightning Fabric: pip install '.[train]' in SemGS's folder") from error
 
     class LayersInBfloat16(MixedPrecision):
-        """Autocast around the forward pass; views go in and terms come out in the precision they have."""
+        """Autocast around the forward pass; inputs and outputs keep their precision."""
 
         convert_input = Precision.convert_input
         convert_output = Precision.convert_output
 
+    device, several = execution.device, execution.devices * execution.nodes > 1
+    precision = execution.precision
     half = precision == "bf16" or (precision == "auto" and device == "cuda" and torch.cuda.is_bf16_supported(False))
     fabric = Fabric(
         accelerator=device,
-        devices=devices,
-        num_nodes=nodes,
-        strategy="ddp" if devices * nodes > 1 else "auto",
+        devices=execution.devices,
+        num_nodes=execution.nodes,
+        strategy="ddp" if several else "auto",
         plugins=[LayersInBfloat16("bf16-mixed", device)] if half else None,
     )
-    if device == "cuda" and devices * nodes > 1 and find_spec("gsplat"):
+    if device == "cuda" and several and find_spec("gsplat"):
         rasterizer()  # compiled before there are other processes
     fabric.launch()
     return fabric

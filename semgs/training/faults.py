@@ -1,4 +1,4 @@
-"""What goes wrong in a training and does not end it at once: scenes that cannot be read, steps without a gradient."""
+"""Faults that do not end a training at once: unreadable scenes, and steps without a finite gradient."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from semgs.training.batches import Portion
 from semgs.training.survey.opened import check_bad
 
 TOLERATED_IN_A_ROW = 10
-"""Steps without a finite gradient, one after the other, that end a run."""
+"""A run ends after this many steps in a row without a finite gradient."""
 
 
 class BadScenes:
-    """Scenes that could not be read, each told of once.
+    """Scenes that could not be read; each is reported once.
 
     Args:
-        scenes: how many there are in all.
-        say: where they are told.
-        known: those that were found before the first step.
+        scenes: how many scenes there are in total.
+        say: reports a sentence.
+        known: bad scenes that were found before the first step.
     """
 
     def __init__(self, scenes: int, say: Callable[[str], None], known: Sequence[tuple[str, str]]) -> None:
@@ -34,10 +34,10 @@ class BadScenes:
         return len(self._known)
 
     def add(self, found: Sequence[tuple[str, str]]) -> None:
-        """Take note of some.
+        """Add some.
 
         Raises:
-            InputError: they are too many.
+            InputError: there are too many now.
         """
         for path, why in found:
             if path not in self._known:
@@ -47,20 +47,15 @@ class BadScenes:
 
 
 def broken_down(out: Path, step: int, portion: Portion, process: int | None = None) -> FloatingPointError:
-    """The error that ends a run, after its last batch has been written down to look at; of several processes, each its own."""
+    """The error that ends a run; its last batch is saved for inspection first, by each process its own."""
     name = "bad_batch.safetensors" if process is None else f"bad_batch_{process}.safetensors"
     tensors: dict[str, Tensor] = {}
     for number, batch in enumerate(portion.pieces):
         for part, views in (("context", batch.context), ("target", batch.target)):
-            held = {
-                "images": views.images,
-                "labels": views.labels,
-                "depths": views.depths,
-                "depth_range": views.depth_range,
-                "world_from_camera": views.cameras.world_from_camera,
-                "intrinsics": views.cameras.intrinsics,
+            held = {**vars(views), **vars(views.cameras)}
+            tensors |= {
+                f"{number}.{part}.{key}": one.contiguous() for key, one in held.items() if isinstance(one, Tensor)
             }
-            tensors |= {f"{number}.{part}.{key}": one.contiguous() for key, one in held.items() if one is not None}
     scenes = ", ".join(scene for batch in portion.pieces for scene in batch.scenes)
     write_bytes(out / name, save(tensors, {"scenes": scenes}))
     return FloatingPointError(

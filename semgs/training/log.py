@@ -1,4 +1,4 @@
-"""The log of a run: JSON lines and TensorBoard's events on disk, progress with the time left on a console."""
+"""The log of a run: JSON lines and TensorBoard events on disk, progress and the time left on a console."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from semgs.files.atomic import write_bytes
 from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
 from semgs.training.step import StepReport
-from semgs.training.validation import Verdict
+from semgs.training.validation import Validation
 
 EVERY = 20
-"""Steps whose means make one line of the log."""
+"""Steps that are averaged for one line of the log."""
 
 DAMAGED = "log.damaged.jsonl"
-"""Where lines of the log go that a crash has left damaged."""
+"""File for lines of the log that a crash has damaged."""
 
 PLAIN_LINE_SECONDS = 30.0
-"""Time between lines on a console that is no terminal."""
+"""Time between lines on a console that is not a terminal."""
 
 
 class RunLog:
-    """Writes what steps and validations measured, as a context manager around the loop.
+    """Writes the measurements of steps and validations; a context manager around the loop.
 
     Args:
-        out: the run folder, for log.jsonl and tensorboard/; lines after `step` are dropped, as a killed run may have left them.
-            Lines that cannot be read go to `DAMAGED`. None writes nothing.
-        step: where the run goes on.
-        steps: where it ends.
+        out: the run folder, for log.jsonl and tensorboard/; None writes nothing. Lines after `step`, which a killed run may have left,
+            are dropped. Lines that cannot be read are moved to `DAMAGED`.
+        step: where the run starts or resumes.
+        steps: its last step.
         console: where progress is shown; None shows nothing.
     """
 
@@ -52,7 +52,7 @@ class RunLog:
             if damaged := [line for there, line in found if there is None]:
                 with (out / DAMAGED).open("ab") as aside:
                     aside.writelines(damaged)
-                tell(console, [f"{path}: {len(damaged)} lines cannot be read; they are in {DAMAGED} now"])
+                tell(console, [f"{path}: {len(damaged)} lines cannot be read; they were moved to {DAMAGED}"])
             kept = [line for there, line in found if there is not None and there <= step]
             write_bytes(path, b"".join(kept))
             self._file = path.open("a")
@@ -89,14 +89,14 @@ class RunLog:
     def step(
         self, step: int, seconds: float, report: StepReport, scenes: int, waited: float, skipped: int, bad: int = 0
     ) -> None:
-        """Take note of a step.
+        """Log a step.
 
         Args:
-            step: how many steps have been taken.
-            seconds: time the run has taken so far.
-            report: what the step measured.
-            scenes: in its batch, of all processes.
-            waited: for its batch [s].
+            step: steps taken so far.
+            seconds: time that the run has taken so far.
+            report: the step's measurements.
+            scenes: number of scenes in its batch, over all processes.
+            waited: time spent waiting for its batch [s].
             skipped: steps skipped so far.
             bad: scenes that could not be read so far.
         """
@@ -109,26 +109,22 @@ class RunLog:
         if len(self._reports) >= EVERY or step == self._steps:
             self._flush()
 
-    def validation(self, step: int, result: Verdict) -> None:
-        """Take note of a validation."""
+    def validation(self, step: int, result: Validation) -> None:
+        """Log a validation."""
         self._write({"step": step, "validation": result.numbers}, result.pictures)
-        self.say(f"step {step}: validation {', '.join(result.told)}")
+        self.say(f"step {step}: validation {', '.join(result.phrases)}")
 
     def say(self, sentence: str) -> None:
         """Show a sentence on the console."""
         tell(self._console, [sentence])
 
     def _flush(self) -> None:
-        """Write the means since the last line and show them."""
+        """Write and show the means since the last line."""
         step, seconds, skipped, bad = self._latest
         now = time.monotonic()
         moved = [report for report in self._reports if report.moved] or self._reports
-        means = {
-            name: sum(float(value) for value in values) / len(moved)
-            for name in asdict(moved[0])
-            if name not in ("moved", "unlabelled")
-            for values in [[getattr(report, name) for report in moved]]
-        }
+        names = [name for name in asdict(moved[0]) if name not in ("moved", "unlabelled")]
+        means = {name: sum(float(getattr(one, name)) for one in moved) / len(moved) for name in names}
         elapsed = max(now - self._since, 1e-9)
         numbers = {
             "step": step,
@@ -157,7 +153,7 @@ class RunLog:
         self._reports, self._waited, self._samples, self._since = [], 0.0, 0.0, now
 
     def _write(self, numbers: dict, pictures: np.ndarray | None = None) -> None:
-        """Append a line of JSON; a number that is not finite is null, as JSON has no other word for it."""
+        """Append a line of JSON; numbers that are not finite become null."""
         if self._file is None:
             return
         self._file.write(json.dumps(_finite(numbers)) + "\n")
@@ -174,14 +170,14 @@ class RunLog:
 
 
 def tell(console: Console | None, sentences: Iterable[str]) -> None:
-    """Show sentences, where there is somewhere to show them."""
+    """Print sentences, if there is a console."""
     if console is not None:
         for sentence in sentences:
             console.print(printable(sentence), markup=False, highlight=False, soft_wrap=True)
 
 
 def memory_gb() -> float:
-    """The most memory that was held: of the GPU where one is used, else of this process [GB]."""
+    """Peak memory: of the GPU if one is used, else of this process [GB]."""
     if torch.cuda.is_available() and torch.cuda.is_initialized():
         return torch.cuda.max_memory_allocated() / 1e9
     try:
@@ -193,7 +189,7 @@ def memory_gb() -> float:
 
 
 def _events(folder: Path, step: int) -> Any:
-    """What writes for TensorBoard, without what an earlier sitting wrote after `step`; None where it is not installed."""
+    """TensorBoard's writer, which drops what an earlier session wrote after `step`; None if TensorBoard is not installed."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
@@ -202,7 +198,7 @@ def _events(folder: Path, step: int) -> Any:
 
 
 def _finite(value: object) -> object:
-    """The value with five significant digits for floats, and None for those that are not finite."""
+    """The value with floats rounded to five significant digits, and None for those that are not finite."""
     if isinstance(value, dict):
         return {name: _finite(one) for name, one in value.items()}
     if isinstance(value, float):
@@ -211,13 +207,13 @@ def _finite(value: object) -> object:
 
 
 def _lines(path: Path) -> list[bytes]:
-    """The whole lines of a file with their ends; a last one that a kill cut short is no line."""
+    """The complete lines of a file with their ends; a last line that was cut short does not count."""
     found = path.read_bytes() if path.exists() else b""
     return found[: found.rfind(b"\n") + 1].splitlines(keepends=True)
 
 
 def _step_of(line: bytes) -> int | None:
-    """The step that a line of the log is of, None if it cannot be read."""
+    """The step of a line of the log, None if it cannot be read."""
     try:
         step = parse_json(line)["step"]
     except (ValueError, TypeError, KeyError, IndexError):

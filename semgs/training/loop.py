@@ -1,19 +1,19 @@
 """The training loop.
 
-    RUN/settings.json          what is computed
+    RUN/settings.json          the settings of the training
     RUN/network.json           the settings of the network
-    RUN/data.json              what the data are
-    RUN/log.jsonl              losses, speed and validations, a JSON object a line
+    RUN/data.json              the scenes, their class counts and terms
+    RUN/log.jsonl              losses, speed and validations, one JSON object per line
     RUN/tensorboard/*          the same for TensorBoard
-    RUN/validation/*.png       strips of pictures: image, truth, classes, truth, depth, truth
-    RUN/checkpoints/*          the last three whole states and the best
-    RUN/rooms/*                scenes that serve several samples, where the settings say so
-    RUN/weights.safetensors    the averaged weights, written at the end of each sitting; best.safetensors those of the best validation
+    RUN/validation/*.png       strips of images: image, truth, classes, truth, depth, truth
+    RUN/checkpoints/*          the last three checkpoints and the best
+    RUN/rooms/*                rooms that several samples share, if the settings ask for that
+    RUN/weights.safetensors    the averaged weights, written at the end of each session; best.safetensors: those of the best validation
 
-A run is started, resumed and extended in time by the same call; with more `steps` it becomes longer, and from there on the learning rate is that of
-the longer run. Step k sees batch k of its seed, and batches are pure
-functions of (seed, k): on the CPU of one machine an interrupted run gives the same bits as one that never was. On CUDA
-gradients are summed in no fixed order. Several processes share the scenes of each step; the first one alone reads and writes RUN.
+The same call starts and resumes a run. With more `steps` the run becomes longer, and from then on its learning rate is that of the
+longer run. Step k sees batch k, which depends on the seed and k alone: on a CPU a resumed run gives exactly the same result as an
+uninterrupted one. On CUDA gradients are summed in no fixed order. Several processes share the scenes of each step; only the first one
+reads and writes RUN.
 """
 
 from __future__ import annotations
@@ -33,27 +33,45 @@ from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.files.pictures import write_png
 from semgs.rooms.assets.lock import verify
-from semgs.training.batches import Portion, Share, surveyed, training_batches, validation_batches
+from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
 from semgs.training.engine import launched
+from semgs.training.execution import Execution
 from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
 from semgs.training.run import BEST, WEIGHTS, alone, claim, export_weights, hold_assets, network, prolong
+from semgs.training.session import Session, timed
 from semgs.training.settings import TrainingSettings
-from semgs.training.sitting import Sitting, timed
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision import rate_shares, supervision_of
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """How a sitting ended.
+class Feed:
+    """What the loop is fed with.
 
     Attributes:
-        step: steps taken, over all sittings.
-        finished: whether those are all; if not, the same call goes on from here.
+        batches: the portion of each step, from the state's own step on.
+        validation: batches to validate with; empty for no validation.
+        scenes: number of scenes in folders, bad ones included.
+        bad: those known to be bad: path and reason.
+    """
+
+    batches: Iterable[Portion]
+    validation: Sequence[Batch] = ()
+    scenes: int = 0
+    bad: Sequence[tuple[str, str]] = ()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a session ended.
+
+    Attributes:
+        step: steps taken, over all sessions.
+        finished: whether these are all; if not, the same call resumes from here.
         skipped: steps without a finite gradient.
     """
 
@@ -65,47 +83,36 @@ class Outcome:
 def train(
     settings: TrainingSettings,
     out: Path,
+    execution: Execution | None = None,
     *,
-    device: str = "cpu",
-    devices: int = 1,
-    nodes: int = 1,
-    precision: str = "32",
-    accumulate: int = 1,
-    minutes: float | None = None,
-    workers: int = 1,
-    save_minutes: float = 5.0,
     console: Console | None = None,
+    **named: Any,
 ) -> Outcome:
-    """Train, or go on training, into a run folder.
+    """Train, or resume training, into a run folder.
 
     Args:
-        settings: what to compute; a folder that holds a run of others is refused, but for one of fewer steps, which is prolonged.
+        settings: what to compute; a folder with a run of other settings is refused, but one of fewer steps becomes longer.
         out: the run folder.
-        device: where to compute, "cpu" or "cuda"; a run may go on on another, but not to the same bits.
-        devices: processes on this machine, which share the scenes of each step.
-        nodes: machines, each with so many processes.
-        precision: of the layers, "32" or "bf16".
-        accumulate: pieces that each process computes its scenes of a step in, to save memory.
-        minutes: end within this time, cleanly; None is at the last step.
-        workers: processes that prepare batches, for each that trains; 0 prepares them in those.
-        save_minutes: time between checkpoints.
+        execution: how to run it; None is the default. A run may resume on another device, but not to the same bits.
         console: where the first process shows progress; None shows nothing.
+        named: fields of `Execution` by name, as this function took them before; for one release.
 
     Raises:
-        ValueError: the folder holds a run of other settings, the settings leave something open, or a step cannot be shared equally.
-        InputError: it holds something else or damaged checkpoints alone, another process trains into it, data, assets or the weights to start from cannot be
-            used, or the state is of another network.
-        ImportError: an extra is not installed that training or its rooms need.
-        FloatingPointError: ten steps in a row had no finite gradient; their last batch is kept in the run folder.
+        ValueError: the folder is a run with other settings, a required setting is missing, or a step cannot be shared equally.
+        InputError: the folder contains something else or only damaged checkpoints, another process trains into it, the data, assets or
+            initial weights cannot be used, or its checkpoints are of another network.
+        ImportError: training or its rooms need an extra that is not installed.
+        FloatingPointError: ten steps in a row had no finite gradient; the last batch is saved in the run folder.
     """
     began = time.monotonic()
+    execution = replace(execution or Execution(), **named)
     settings.check_whole()
-    Share(0, devices * nodes, accumulate).check(settings.batch)
+    execution.share().check(settings.batch)
     for folder in settings.assets:
         verify(folder)
     claim(out, settings)
     hold_assets(out, settings.assets)
-    fabric = launched(device, devices, nodes, precision)
+    fabric = launched(execution)
     console = console if fabric.is_global_zero else None
     tell(console, from_preset(settings))
     with alone(out) if fabric.is_global_zero else nullcontext():
@@ -113,7 +120,7 @@ def train(
             prolong(out, settings)
         model = network(out, settings)
         data = surveyed(settings, out)
-        where = device if fabric.world_size == 1 else f"{device}, {fabric.world_size} processes"
+        where = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"
         tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
         supervision = supervision_of(replace(settings, class_weights=data.class_weights))
         state = TrainingState.begin(
@@ -121,33 +128,29 @@ def train(
             shares=rate_shares(model, settings),
         )  # fmt: skip
         resume(state, out, console)
-        share = Share(fabric.global_rank, fabric.world_size, accumulate)
-        outcome = fit(
-            state,
-            settings,
-            out,
-            training_batches(settings, data, state.step, workers, out / "rooms", share),
+        share = execution.share(fabric.global_rank)
+        feed = Feed(
+            training_batches(settings, data, state.step, execution.workers, out / "rooms", share),
             validation_batches(settings, data) if fabric.is_global_zero else [],
-            minutes=None if minutes is None else minutes - (time.monotonic() - began) / 60,
-            save_minutes=save_minutes,
-            console=console,
-            bad=data.bad,
-            scenes=data.scenes,
+            data.scenes,
+            data.bad,
         )
+        left = None if execution.minutes is None else execution.minutes - (time.monotonic() - began) / 60
+        outcome = fit(state, settings, out, feed, Session(left, execution.save_minutes, state.seconds), console)
         if fabric.is_global_zero:
             export_weights(out, out / WEIGHTS)
             if best_checkpoint(out / "checkpoints") is not None:
                 export_weights(out, out / BEST, best=True)
         how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped; weights: {out / WEIGHTS}"
-        tell(console, [how, *([] if outcome.finished else ["the same command goes on from here"])])
+        tell(console, [how, *([] if outcome.finished else ["repeat the command to resume"])])
         return outcome
 
 
 def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:
-    """Take the state to where the run's newest intact checkpoint left it, if there is one.
+    """Restore the state from the run's newest intact checkpoint, if there is one.
 
     Raises:
-        InputError: it is the state of another network.
+        InputError: the checkpoint is of another network.
     """
     folder = out / "checkpoints"
     checkpoint = state.fabric.broadcast(newest_checkpoint(folder) if state.fabric.is_global_zero else None)
@@ -156,11 +159,11 @@ def resume(state: TrainingState, out: Path, console: Console | None = None) -> N
     try:
         state.restore(checkpoint.tensors, checkpoint.numbers)
     except ValueError as error:
-        advice = "another version of semgs wrote it; go on with that one or name a new folder"
-        raise InputError(folder, "states of this network", str(error), advice=advice) from error
+        advice = "another version of semgs wrote it; resume with that version, or name a new folder"
+        raise InputError(folder, "checkpoints of this network", str(error), advice=advice) from error
     tell(
         console,
-        [*(f"{record}: damaged, passed over" for record in checkpoint.damaged), f"going on from step {state.step}"],
+        [*(f"{record}: damaged, skipped" for record in checkpoint.damaged), f"resuming from step {state.step}"],
     )
 
 
@@ -168,54 +171,46 @@ def fit(
     state: TrainingState,
     settings: TrainingSettings,
     out: Path,
-    batches: Iterable[Portion],
-    validation: Sequence[Batch],
-    *,
-    minutes: float | None = None,
-    save_minutes: float = 5.0,
+    feed: Feed,
+    session: Session,
     console: Console | None = None,
-    bad: Sequence[tuple[str, str]] = (),
-    scenes: int = 0,
 ) -> Outcome:
-    """The loop itself: take the state through the portions of the steps, which begin with that of its own step.
-
-    `bad` are those of the `scenes` that are known to be bad; the others are as for `train`.
-    """
+    """The loop itself: train from the state's own step to the last one, or until the session is over."""
     fabric, folder, first = state.fabric, out / "checkpoints", state.step
     leads, checked = fabric.is_global_zero, state.step
     with (
         RunLog(out if leads else None, state.step, settings.steps, console) as log,
-        Sitting(minutes, save_minutes, state.seconds) as sitting,
+        session,
     ):
-        known = BadScenes(scenes, log.say, bad)
-        if validation and state.step == 0 and settings.init != "random":
-            _check(state, validation, out, log)  # what the weights to start from are worth
-        for portion, waited in timed(batches):
+        known = BadScenes(feed.scenes, log.say, feed.bad)
+        if feed.validation and state.step == 0 and settings.init != "random":
+            _check(state, feed.validation, out, log)  # how good the initial weights are
+        for portion, waited in timed(feed.batches):
             if portion.failure is not None:
                 raise portion.failure
             known.add(portion.bad)
             report = training_step(state, portion.pieces, settings)
-            state.seconds = sitting.stepped()
+            state.seconds = session.stepped()
             log.step(state.step, state.seconds, report, settings.batch, waited, state.skipped, len(known))
             if state.skipped_in_a_row >= TOLERATED_IN_A_ROW:
                 raise broken_down(out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank)
-            if validation and state.step % settings.validate_every == 0:
-                _check(state, validation, out, log)
+            if feed.validation and state.step % settings.validate_every == 0:
+                _check(state, feed.validation, out, log)
                 checked = state.step
-            if _any(fabric, sitting.over):
+            if _any(fabric, session.over):
                 break
-            if leads and sitting.save_due:
-                sitting.saved(lambda: save_checkpoint(folder, state))
+            if leads and session.save_due:
+                session.saved(lambda: save_checkpoint(folder, state))
         finished = state.step >= settings.steps
-        if finished and validation and checked < state.step:
-            _check(state, validation, out, log)
+        if finished and feed.validation and checked < state.step:
+            _check(state, feed.validation, out, log)
         if leads and state.step > first:
             save_checkpoint(folder, state)
     return Outcome(state.step, finished, state.skipped)
 
 
 def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog) -> None:
-    """Validate the averaged weights, show how they do, and keep them if they are the best so far."""
+    """Validate the averaged weights, log the result, and save them if they are the best so far."""
     result = state.supervision.validate(state.average.module, validation)
     log.validation(state.step, result)
     if result.pictures is not None:
@@ -227,5 +222,5 @@ def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: Ru
 
 
 def _any(fabric: Any, flag: bool) -> bool:
-    """Whether it is so in any of the processes; all of them hear the same."""
+    """Whether the flag is set in any of the processes; all of them get the same answer."""
     return bool(fabric.all_reduce(torch.tensor(float(flag), device=fabric.device), reduce_op="sum") > 0)

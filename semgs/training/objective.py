@@ -1,4 +1,4 @@
-"""The objective: a network and what it is trained for, as the one module that the engine wraps."""
+"""The objective: a network and its loss, as the one module that the engine wraps."""
 
 from __future__ import annotations
 
@@ -11,64 +11,62 @@ from torch import Tensor, nn
 from semgs.data.views import Batch, Views, joined
 from semgs.model.encoding import Encoding
 from semgs.rendering.rendering import Rendering
-from semgs.training.validation import Verdict
+from semgs.training.validation import Validation
 
 TERMS = ("total", "semantic", "colour", "smoothness", "depth", "gradients", "distribution", "psnr", "unlabelled")
-"""What the objective says of a batch; only `total` has a gradient."""
+"""What the objective computes for a batch; only `total` has a gradient."""
 
 
 class Supervision(ABC):
     """What a network learns from, and how it is validated.
 
     Attributes:
-        measures: whether its batch norms measure statistics during training; if not, they use those that they have.
+        measures: whether batch norms measure statistics during training; if not, they keep those that they have.
+        without_depth: advice for a scene without true depth; None if none is needed.
     """
 
     measures: ClassVar[bool] = False
+    without_depth: ClassVar[str | None] = None
 
     @abstractmethod
-    def loss(self, network: Any, batch: Batch) -> dict[str, Tensor]:
-        """Each of `TERMS` of a batch as a number, `total` with its gradient.
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
+        """Each of `TERMS` as a number, `total` with its gradient.
 
-        Every term is a mean over scenes, so that the means of equal shares of a batch average to that of the whole.
+        Every term is a mean over scenes, so that the means of equal shares of a batch average to the mean of the batch.
+
+        Args:
+            network: to train.
+            batch: the samples.
+            head: the layers from `head`, if there are any.
         """
 
     def head(self, network: Any) -> nn.Module | None:
-        """What learns beside the network and is dropped afterwards; None for nothing."""
+        """Extra layers to train with the network and drop afterwards; None for none."""
         return None
-
-    def loss_with(self, network: Any, batch: Batch, head: nn.Module) -> dict[str, Tensor]:
-        """As `loss`, with the head that `head` gave."""
-        return self.loss(network, batch)
 
     @abstractmethod
     def learning(self, network: Any) -> set[str]:
         """Names of the parameters that learn."""
 
     @abstractmethod
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Verdict:
+    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
         """How good the network is on batches that it does not learn from."""
 
     @property
     @abstractmethod
     def without_labels(self) -> str | None:
-        """What to do about scenes of which none has labels; None if it can learn from them as they are."""
-
-    @property
-    def without_depth(self) -> str | None:
-        """What to do about a scene without true depth; None if it can learn from it as it is."""
-        return None
+        """Advice for data without any labels; None if none is needed."""
 
 
 class Objective(nn.Module):
     """From a batch to the terms of its loss.
 
     Args:
-        network: what learns.
+        network: to train.
         supervision: what it learns from.
 
     Attributes:
-        head: what learns beside the network, None for nothing.
+        head: extra layers that are trained too; None for none.
     """
 
     def __init__(self, network: Any, supervision: Supervision) -> None:
@@ -79,16 +77,14 @@ class Objective(nn.Module):
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """Each of `TERMS` as a number, `total` with its gradient; all are NaN if there is no loss."""
-        if self.head is None:
-            return self.supervision.loss(self.network, batch)
-        return self.supervision.loss_with(self.network, batch, self.head)
+        return self.supervision.loss(self.network, batch, self.head)
 
 
 def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = False) -> tuple[Rendering, Views]:
-    """The Gaussians of the contexts as the targets see them (and the contexts, if asked), and what they should see.
+    """The Gaussians rendered from the target views (with `context_targets` also from the input views), and the true views.
 
-    The near bound is the smallest of each scene's contexts, as for its encoding. Both are on the Gaussians' device. The rendering is not
-    clamped, so that pixels brighter than 1 have a gradient.
+    The near bound is the smallest of each scene's input views. Both results are on the Gaussians' device. The rendering is not clamped,
+    so that pixels brighter than 1 have a gradient.
     """
     target = joined([batch.target, batch.context]) if context_targets else batch.target
     rendering = encoding.render(target.cameras, clamp=False)
@@ -96,5 +92,5 @@ def render_targets(encoding: Encoding, batch: Batch, context_targets: bool = Fal
 
 
 def all_views(batch: Batch) -> Views:
-    """Targets, then contexts."""
+    """Target views, then input views."""
     return joined([batch.target, batch.context])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from semgs.objectives.weights import LossWeights
-from semgs.training.differences import differences, told
+from semgs.objectives.loss_weights import LossWeights
+from semgs.training.differences import differences, shown
 from semgs.training.settings import TrainingSettings
 
 
@@ -59,4 +59,6 @@ def from_preset(settings: TrainingSettings) -> list[str]:
     if settings.preset not in PRESETS:
         return []
     found = differences(settings, PRESETS[settings.preset]())
-    return [f"{name}: {told(here)} (preset {settings.preset}: {told(there)})" for name, (here, there) in found.items()]
+    return [
+        f"{name}: {shown(here)} (preset {settings.preset}: {shown(there)})" for name, (here, there) in found.items()
+    ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.model.switches import Switches
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 from semgs.training.presets import PRESETS
 from semgs.training.settings import Augmentation, TrainingSettings
 

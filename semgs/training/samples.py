@@ -1,10 +1,10 @@
-"""Samples: contexts and targets of one scene, from rooms or files, as a pure function of (seed, k) and of what the files hold."""
+"""Samples: input and target views of one scene, from generated rooms or from files. Sample k depends on the seed and k alone."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -27,22 +27,22 @@ from semgs.training.teacher import Teacher, coordinates
 from semgs.training.turns import Turn, Turns, frame_of
 
 OPEN = 20_000
-"""Frames of the scenes that a process keeps open, but for the last one: their headers, not their pictures."""
+"""A process keeps scenes open until they have more frames than this in total (headers, not images)."""
 
 TRIES = 20
-"""Scenes that are tried for a sample before it is given up."""
+"""Scenes to try for a sample before giving up."""
 
 
 @dataclass(frozen=True)
-class Sample:
+class TrainingSample:
     """One scene of a batch.
 
     Attributes:
         context: the input views.
-        target: the views to compare with.
+        target: the target views.
         scene: its name.
-        bad: scenes that were tried before and could not be read: path and why.
-        taught: the teacher's class probabilities of the context [v k h/8 w/8], 0 where it says nothing; None without a teacher.
+        bad: scenes that were tried before and could not be read: path and reason.
+        taught: the teacher's class probabilities for the input views [v k h/8 w/8], 0 where it has none; None without a teacher.
     """
 
     context: Views
@@ -58,75 +58,97 @@ class Folder:
 
     Attributes:
         paths: where they are.
-        chances: of each to be drawn, adding up to 1; none are equal ones.
+        chances: probability of each, adding up to 1; empty if all are equally likely.
     """
 
     paths: tuple[Path, ...]
     chances: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class Mixture:
+    """Where scenes come from.
+
+    Attributes:
+        rooms: generated live or pooled, None for none; their counts of views are those of all samples of the group.
+        folders: the scenes of every other source.
+        weights: of the rooms, if there are any, then of each folder.
+    """
+
+    rooms: RoomSamples | PooledSamples | None
+    folders: tuple[Folder, ...]
+    weights: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What every sample is made to be.
+
+    Attributes:
+        size: image (height, width) [px].
+        contexts: fewest and most input views; rooms have counts of their own.
+        targets: views to compare with.
+        classes: the table that labels are converted to.
+        frames: which frames of a scene in a folder go together.
+        augmentation: random changes.
+        halved: samples before this number have half the size.
+    """
+
+    size: tuple[int, int]
+    contexts: tuple[int, int]
+    targets: int
+    classes: ClassTable
+    frames: Literal["covisible", "consecutive"] = "covisible"
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    halved: int = 0
+
+
 class Samples:
-    """The samples of a run: sample k is of one of the sources, drawn by its weight, and the same whoever asks for it.
+    """The samples of a run: the source of sample k is chosen at random by its weight; sample k depends on the seed and k alone.
 
     Args:
         seed: of every choice; rooms have one of their own, as their stream has.
-        size: image (height, width) [px].
+        mixture: where scenes come from.
+        form: what every sample is made to be.
         group: samples k with equal k // group have equal counts of views.
-        rooms: rooms drawn live or pooled, None for none; their counts of views are those of all samples of the group.
-        folders: the scenes of every other source.
-        weights: of the rooms, if there are any, then of each folder.
-        counts: of views, where there are no rooms: fewest and most contexts, and targets.
-        classes: the table that labels are brought to.
-        augmentation: of every sample.
-        frames: which frames of a scene in a folder go together.
-        turns: which scene each sample is of, for samples of a single picture; None draws them.
-        teacher: of single pictures, if there is one.
-        halved: samples before this number have half the size.
+        turns: which scene each sample shows, for samples of a single image; None chooses scenes at random.
+        teacher: of single images, if there is one.
     """
 
     def __init__(
         self,
         seed: int,
-        size: tuple[int, int],
+        mixture: Mixture,
+        form: Form,
         group: int,
-        rooms: RoomSamples | PooledSamples | None,
-        folders: Sequence[Folder],
-        weights: Sequence[float],
-        counts: tuple[tuple[int, int], int],
-        classes: ClassTable,
-        augmentation: Augmentation,
-        frames: Literal["covisible", "consecutive"] = "covisible",
         turns: Turns | None = None,
         teacher: Teacher | None = None,
-        halved: int = 0,
     ) -> None:
-        self._seed, self._size, self._group, self._halved = seed, size, group, halved
-        self._rooms, self._folders, self._counts = rooms, tuple(folders), counts
-        self._chances = np.array(weights, dtype=np.float64) / sum(weights)
-        self._classes, self._augmentation = classes, augmentation
-        self._choose = {"covisible": drawn, "consecutive": consecutive}[frames]
+        self._seed, self._form, self._group = seed, form, group
+        self._rooms, self._folders = mixture.rooms, mixture.folders
+        self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
+        self._choose = {"covisible": drawn, "consecutive": consecutive}[form.frames]
         self._turns, self._teacher = turns, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0
 
-    def __getitem__(self, k: int) -> Sample:
-        """Sample k.
+    def __getitem__(self, k: int) -> TrainingSample:
+        """TrainingSample k.
 
         Raises:
-            InputError: twenty scenes, one after the other, could not be read.
+            InputError: twenty scenes in a row could not be read.
         """
         turn = None if self._turns is None else self._turns[k]
         source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances)) if turn is None else turn.source
         if self._rooms is not None and source == 0:
             context, target = self._rooms[k]
-            sample = Sample(context, target, f"room {self._rooms.seed}/{k}")
+            sample = TrainingSample(context, target, f"room {self._rooms.seed}/{k}")
         else:
             sample = self._from_files(k, self._folders[source - (self._rooms is not None)], turn)
-        vary = Variation(self._augmentation, self._seed, k)
-        height, width = self._size
-        size = self._size if k >= self._halved else (height // 2, width // 2)
+        form, vary = self._form, Variation(self._form.augmentation, self._seed, k)
+        size = form.size if k >= form.halved else (form.size[0] // 2, form.size[1] // 2)
         context, target = (
-            vary(completed(relabelled(views, self._classes)), size) for views in (sample.context, sample.target)
+            vary(completed(relabelled(views, form.classes)), size) for views in (sample.context, sample.target)
         )
         taught = None
         if self._teacher is not None:
@@ -134,17 +156,17 @@ class Samples:
         return replace(sample, context=context, target=target, taught=taught)
 
     def counts(self, k: int) -> tuple[int, int]:
-        """How many contexts and targets sample k has."""
+        """How many input and target views sample k has."""
         if isinstance(self._rooms, RoomSamples):
             return self._rooms.counts(k)
         if self._rooms is not None:
             _, contexts, targets = self._rooms.choice(k)
             return len(contexts), len(targets)
-        (fewest, most), others = self._counts
-        return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), others
+        fewest, most = self._form.contexts
+        return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), self._form.targets
 
-    def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> Sample:
-        """Sample k from the first scene that can be read: the one whose turn it is, then those drawn for it."""
+    def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> TrainingSample:
+        """Sample k from the first readable scene: the one whose turn it is, then scenes at random."""
         rng = self._generator(k, 5)
         bad: dict[str, str] = {}
         for attempt in range(TRIES):
@@ -161,25 +183,25 @@ class Samples:
         first, why = next(iter(bad.items()))
         raise InputError(first, "a scene that can be read", why)
 
-    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> Sample:
-        """Frames of a scene that go together, drawn."""
+    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> TrainingSample:
+        """Frames of a scene that go together, chosen at random."""
         contexts, targets = self.counts(k)
         scene, bounds = self._opened(path)
         choice = self._choose(scene, bounds, contexts, targets, rng)
         views = self._read(scene, bounds, [*choice.context, *choice.targets])
         context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
-        return Sample(context, target, scene.name)
+        return TrainingSample(context, target, scene.name)
 
-    def _single(self, path: Path, turn: Turn) -> Sample:
-        """One frame of a scene, the one whose turn it is, and nothing to compare with."""
+    def _single(self, path: Path, turn: Turn) -> TrainingSample:
+        """The frame of a scene whose turn it is, without target views."""
         scene, bounds = self._opened(path)
         frame = frame_of(self._seed, turn, len(scene))
         views = self._read(scene, bounds, [frame], with_depths=False)
         taught = None if self._teacher is None else self._teacher.maps(scene, frame)
-        return Sample(views, views.select([]), scene.name, taught=taught)
+        return TrainingSample(views, views.select([]), scene.name, taught=taught)
 
     def _opened(self, path: Path) -> tuple[Scene, DepthRange]:
-        """A scene and its near and far, kept for the next time."""
+        """A scene and its near and far; it stays open for the next time."""
         if path not in self._open:
             scene = open_scene(path)
             self._open[path] = scene, scene.depth_range()
@@ -190,7 +212,7 @@ class Samples:
         return self._open[path]
 
     def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int], with_depths: bool = True) -> Views:
-        """Frames of a scene at one size, which those of the first are brought to."""
+        """Frames of a scene, all at the size of the first."""
         chosen = [scene.frames[index] for index in frames]
         if not with_depths:
             chosen = [replace(frame, depth=None) for frame in chosen]
@@ -202,7 +224,7 @@ class Samples:
 
 
 def relabelled(views: Views, table: ClassTable) -> Views:
-    """The views with their labels in another table: by the names of the classes; what the table does not have is ignored."""
+    """The views with their labels converted to another table by class name; classes that the table lacks are ignored."""
     if views.classes == table:
         return views
     if views.labels is None:
@@ -213,7 +235,7 @@ def relabelled(views: Views, table: ClassTable) -> Views:
 
 
 def completed(views: Views) -> Views:
-    """The views with labels and depths: all ignored, all unknown, where there are none, so that unlike scenes share a batch."""
+    """The views with labels and depths: 255 and 0 everywhere if they had none, so that different scenes fit in one batch."""
 
     if views.labels is not None and views.depths is not None:
         return views

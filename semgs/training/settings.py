@@ -1,4 +1,4 @@
-"""Settings: everything that decides the numbers of a training, in one frozen record."""
+"""Settings: everything that decides the numbers of a training, in one frozen dataclass."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
-from semgs.objectives.weights import DepthLossWeights, LossWeights
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo
 from semgs.training.source import ROOMS, Source
 
@@ -17,10 +17,10 @@ VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; no training may use it."""
 
 CLASS_WEIGHTINGS = {"inverse_root_frequency": 0.5, "inverse_fourth_root_frequency": 0.25}
-"""Rules by which classes weigh more the rarer they are: the power of one over a class's share of the pixels."""
+"""Rules that give rare classes more weight: (1 / share of the pixels) to this power."""
 
 PLACES = ("data", "scenes", "validation", "init", "backbone", "teacher", "assets")
-"""Settings that say where something lies. It may lie elsewhere on another machine: a run is the same if the last parts of the paths are."""
+"""Settings that are paths. They may differ between machines: two runs are the same if the last parts of their paths are."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class TrainingSettings:
             "scene_reuse": (self.scene_reuse >= 1, "at least 1"),
             "seed": (
                 self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo.SEED),
-                f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which the validation rooms and the demo are drawn from",
+                f"0 or more, and neither {VALIDATION_SEED} nor {demo.SEED}, which are the seeds of the validation rooms and the demo",
             ),
             "hold_shared": (
                 not self.hold_shared or self.supervision != "rendered",
@@ -189,7 +189,7 @@ class TrainingSettings:
             ),
             "augmentation": (
                 alone or not self.augmentation.roll,
-                "no roll, but with supervision by pictures: the corners of a turned image show nothing true",
+                "no roll, except with supervision by pictures: the corners of a rotated image are made up",
             ),
             "sweep_rate": (
                 0 <= self.sweep_rate <= 1 and (self.sweep_rate > 0 or self.supervision != "depth"),
@@ -205,7 +205,7 @@ class TrainingSettings:
             ),
             "teacher": (
                 not self.teacher or self.single_pictures,
-                "none, but with single pictures (--supervision pictures --contexts 1 1 --targets 0)",
+                "none, except with single pictures (--supervision pictures --contexts 1 1 --targets 0)",
             ),
             "teacher_weight": (self.teacher_weight > 0, "a positive number"),
             "validate_every": (self.validate_every >= 1, "at least 1"),
@@ -216,13 +216,13 @@ class TrainingSettings:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
 
     def check_whole(self) -> None:
-        """Refuse settings that leave open what a preset cannot know.
+        """Refuse settings that lack what a preset cannot know.
 
         Raises:
-            ValueError: it is not said where scenes come from, or where the network starts.
+            ValueError: there is no source of scenes, or no start for the network.
         """
         if not self.data:
-            raise ValueError(f"no data: give --data DIR [DIR ...], or --data {ROOMS} for rooms that are drawn")
+            raise ValueError(f"no data: give --data DIR [DIR ...], or --data {ROOMS} for generated rooms")
         if not self.init:
             raise ValueError(
                 "no weights to start from: give --init FILE (MVSplat's re10k checkpoint), or --init random"
@@ -230,20 +230,20 @@ class TrainingSettings:
 
     @property
     def single_pictures(self) -> bool:
-        """Whether each sample is one picture alone, so that a batch is of as many scenes as it has pictures."""
+        """Whether each sample is a single image, so that every image of a batch shows another scene."""
         return self.supervision == "pictures" and self.contexts == (1, 1) and self.targets == 0
 
     @property
     def sources(self) -> tuple[Source, ...]:
-        """What `data` names."""
+        """The sources that `data` names."""
         return tuple(Source.parsed(text) for text in self.data)
 
     def as_json(self) -> dict:
-        """The settings as JSON knows them."""
+        """The settings as plain JSON."""
         return asdict(self)
 
     def published(self) -> dict:
-        """The settings as JSON for a file that travels: of `PLACES` the last part of each path, not where it lay; hub ids stay."""
+        """The settings as JSON for publishing: of each path in `PLACES` only the last part; hub ids stay."""
 
         def named(value: Any) -> Any:
             if isinstance(value, tuple):
@@ -254,10 +254,10 @@ class TrainingSettings:
 
     @classmethod
     def from_json(cls, saved: dict) -> TrainingSettings:
-        """The settings that `as_json` gave; fields that a newer version added take their defaults.
+        """The settings from `as_json`; missing fields take their defaults.
 
         Raises:
-            ValueError: a field, or the style of rooms, is not known to this version.
+            ValueError: this version does not know a field, or the style of rooms.
         """
         saved = dict(saved)
         if "weights" in saved:  # its name before there were mixtures of data
@@ -266,7 +266,7 @@ class TrainingSettings:
             raise ValueError(f"style is {style}; this version of semgs trains in rooms of style home only")
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
-            raise ValueError(f"the settings hold {', '.join(unknown)}, which this version of semgs does not know")
+            raise ValueError(f"this version of semgs does not know the settings {', '.join(unknown)}")
         values = _with_tuples(saved)
         if not isinstance(values.get("assets", ()), tuple):  # as older versions kept it
             values["assets"] = (values["assets"],) if values["assets"] else ()
@@ -282,5 +282,5 @@ class TrainingSettings:
 
 
 def _with_tuples(saved: Mapping[str, Any]) -> dict[str, Any]:
-    """What JSON kept, its lists as the tuples that they were."""
+    """Values from JSON, with lists as tuples."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()}

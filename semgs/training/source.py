@@ -1,4 +1,4 @@
-"""Sources: where a training takes its scenes from, and in which proportion."""
+"""Sources: where training scenes come from, and in which proportion."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 ROOMS = "rooms"
-"""The name of data that are drawn live."""
+"""The name of generated rooms among the sources."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """One of the things that a training takes its scenes from.
+    """One source of training scenes.
 
     Attributes:
-        path: a scene or a folder of scenes; "rooms" for rooms drawn live.
-        weight: its share of the samples, in relation to those of the others.
+        path: a scene or a folder of scenes; "rooms" for generated rooms.
+        weight: its share of the samples, relative to the weights of the other sources.
     """
 
     path: str
@@ -24,10 +24,10 @@ class Source:
 
     @classmethod
     def parsed(cls, text: str) -> Source:
-        """Of "PATH=WEIGHT", or "PATH" for weight 1.
+        """From "PATH=WEIGHT", or "PATH" for weight 1.
 
         Raises:
-            ValueError: the weight is no positive number, or there is no path.
+            ValueError: the weight is not a positive number, or there is no path.
         """
         match = re.fullmatch(r"([^=].*?)(?:=([^=/]*))?", text)
         try:
@@ -35,10 +35,10 @@ class Source:
         except (ValueError, ZeroDivisionError):
             weight = Fraction(0)
         if match is None or weight <= 0:
-            raise ValueError(f"data is {text!r}; expected {ROOMS}, DIR, or either with =WEIGHT, a positive number")
+            raise ValueError(f"data is {text!r}; expected {ROOMS} or DIR, optionally with =WEIGHT, a positive number")
         return cls(match[1], weight)
 
     @property
     def is_rooms(self) -> bool:
-        """Whether its scenes are rooms drawn live."""
+        """Whether its scenes are generated rooms."""
         return self.path == ROOMS

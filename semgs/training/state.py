@@ -1,4 +1,4 @@
-"""State: all that a training carries from step to step, and its way to named tensors and back."""
+"""State: everything that a training carries from step to step, and its conversion to named tensors and back."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from semgs.training.engine import launched
+from semgs.training.execution import Execution
 from semgs.training.objective import Objective, Supervision
 
 HEAD = "head."
-"""What the names of a head's tensors begin with in a checkpoint."""
+"""Prefix of a head's tensors in a checkpoint."""
 
 SHARE = "share"
-"""Key of a group of parameters: its share of the learning rate."""
+"""Key of a parameter group: its learning rate, relative to the setting."""
 
 
 @dataclass
@@ -26,18 +27,18 @@ class TrainingState:
     """A training between two steps.
 
     Attributes:
-        model: what learns.
+        model: the network.
         supervision: what it learns from.
-        fabric: the engine; it knows the other processes.
-        objective: the network with its loss as the engine wrapped them: what batches go through.
+        fabric: the engine, which knows the other processes.
+        objective: the network with its loss, wrapped by the engine; batches go through it.
         average: the moving average of its weights; `average.module` is a network like `model`.
         optimizer: Adam with its moments.
-        step: how many steps have been taken, skipped ones included; also the number of the next batch.
+        step: number of steps taken, including skipped ones; also the number of the next batch.
         skipped: steps without a finite gradient so far.
-        skipped_in_a_row: those of them since the last good step.
-        seconds: time spent so far, over all sittings.
+        skipped_in_a_row: such steps since the last good one.
+        seconds: time spent so far, over all sessions.
         best_step, best_score: of the best validation so far; -1 and -inf before the first.
-        head: what learns beside the model and is in no file of weights; None for nothing.
+        head: layers that are trained with the model but are in no weights file; None for none.
     """
 
     model: nn.Module
@@ -64,22 +65,22 @@ class TrainingState:
         fabric: Any = None,
         shares: Mapping[str, float] | None = None,
     ) -> TrainingState:
-        """The state before the first step; parameters that do not learn are frozen, and batch norms that do not measure too.
+        """The state before the first step. Parameters that do not learn are frozen, and so are batch norms that do not measure.
 
         Args:
-            model: on the device where it is to learn.
+            model: on the device to train on.
             supervision: what it learns from.
             learning_rate: of Adam, until a step sets it.
             average_decay: of the moving average.
-            fabric: the engine, launched; None is one for this process alone.
-            shares: the learning rate of parameters, by name, as a share of that of the others; 0 freezes one.
+            fabric: the launched engine; None launches one for this process alone.
+            shares: learning rates of parameters by name, relative to that of the others; 0 freezes one.
         """
         shares = shares or {}
         learning = {name for name in supervision.learning(model) if shares.get(name, 1.0) > 0}
         for name, parameter in model.named_parameters():
             parameter.requires_grad_(name in learning)
         model.train()
-        fabric = fabric or launched(next(model.parameters()).device.type)
+        fabric = fabric or launched(Execution(next(model.parameters()).device.type))
         average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
         average.eval()
         objective = Objective(model, supervision)
@@ -102,7 +103,7 @@ class TrainingState:
         return {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
 
     def numbers(self) -> dict[str, int | float]:
-        """Every number beside the tensors."""
+        """Every number of the state."""
         return {
             "step": self.step,
             "skipped": self.skipped,
@@ -112,10 +113,10 @@ class TrainingState:
         }
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, int | float]) -> None:
-        """Take over what `tensors` and `numbers` of another state gave.
+        """Restore what `tensors` and `numbers` of another state gave.
 
         Raises:
-            ValueError: the tensors are not those of this network.
+            ValueError: the tensors are of another network.
         """
         try:
             self.model.load_state_dict(_under("model.", tensors))
@@ -123,7 +124,7 @@ class TrainingState:
             if self.head is not None:
                 self.head.load_state_dict(_under(HEAD, tensors))
         except RuntimeError as error:
-            raise ValueError(f"those of another one: {error}") from error
+            raise ValueError(f"checkpoints of another one: {error}") from error
         moments: dict[str, dict[str, Tensor]] = {}
         for name, tensor in _under("optimizer.", tensors).items():
             parameter, key = name.rsplit("/", 1)
@@ -141,7 +142,7 @@ class TrainingState:
 
 
 def are_numbers(found: Mapping[str, object]) -> bool:
-    """Whether these can be what `TrainingState.numbers` gave."""
+    """Whether these could come from `TrainingState.numbers`."""
     whole = {"step", "skipped", "skipped_in_a_row"}
     if not whole | {"seconds"} <= found.keys() or ("best_step" in found) != ("best_score" in found):
         return False
@@ -154,13 +155,13 @@ def are_numbers(found: Mapping[str, object]) -> bool:
 
 
 def _learners(model: nn.Module, head: nn.Module | None) -> dict[str, nn.Parameter]:
-    """The parameters of a model, and of a head beside it, by name."""
+    """The parameters of a model and of its head, by name."""
     beside = {} if head is None else {f"{HEAD}{name}": one for name, one in head.named_parameters()}
     return dict(model.named_parameters()) | beside
 
 
 def _groups(named: Mapping[str, nn.Parameter], shares: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The parameters as Adam takes them, by the share of the learning rate that they have; the fastest first."""
+    """Adam's parameter groups, one for each relative learning rate; the fastest first."""
     groups: dict[float, list[nn.Parameter]] = {}
     for name, parameter in named.items():
         groups.setdefault(shares.get(name, 1.0), []).append(parameter)
@@ -168,21 +169,21 @@ def _groups(named: Mapping[str, nn.Parameter], shares: Mapping[str, float]) -> l
 
 
 def hold_statistics(model: nn.Module) -> None:
-    """Let the batch norms of a network use what they have measured before, also in training."""
+    """Freeze the statistics of a network's batch norms, also in training mode."""
     for module in model.modules():
         if isinstance(module, nn.BatchNorm2d):
             module.eval()
 
 
 def averaged_weights(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Those of a state's tensors that are the averaged weights, by their names in the network."""
+    """The averaged weights among a state's tensors, by their names in the network."""
     return _under("average.module.", tensors)
 
 
 def _warmed_up_average(decay: float):
     """A moving average for `AveragedModel` whose decay rises as (1 + n) / (10 + n) until it reaches `decay`.
 
-    So that the average of a young run is not its random start.
+    Otherwise the average of a young run would be its random start.
     """
 
     @torch.no_grad()
@@ -194,5 +195,5 @@ def _warmed_up_average(decay: float):
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors whose name begins with the prefix, without it."""
+    """The tensors whose names begin with the prefix, without the prefix."""
     return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}

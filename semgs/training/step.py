@@ -1,4 +1,4 @@
-"""One step: the gradient of a batch, clipped, and the move along it."""
+"""One step: compute the gradient of a batch, clip it, update the weights."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from semgs.training.state import SHARE, TrainingState
 
 @dataclass(frozen=True)
 class StepReport:
-    """What a step measured, as plain numbers; not a number where it did not come so far.
+    """What a step measured, as plain numbers; NaN for what was not computed.
 
     Attributes:
         learning_rate: of this step.
-        total: the weighted sum that was minimised, the depth term included.
+        total: the weighted sum that is minimised, including the depth term.
         semantic, colour, smoothness, depth, gradients, distribution: its terms, unweighted; 0 if they have no weight.
         psnr: mean over the rendered views [dB].
         gradient_norm: before clipping.
         unlabelled: rendered views without a labelled pixel.
-        moved: whether the weights moved; false if the loss or the gradient was not finite.
+        moved: whether the weights were updated; false if the loss or the gradient was not finite.
     """
 
     learning_rate: float
@@ -44,12 +44,12 @@ class StepReport:
 
 
 def training_step(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSettings) -> StepReport:
-    """Move the weights by one batch; a step whose loss or gradient is not finite leaves them as they are.
+    """Update the weights with one batch. If the loss or the gradient is not finite, the weights stay as they are.
 
     Args:
-        state: of the training; it is changed.
-        pieces: what this process sees of the batch, in equal pieces; every process has as many, of that size.
-        settings: of the training; of these, the learning rate's schedule and the clip.
+        state: of the training; changed in place.
+        pieces: this process's share of the batch, in equal pieces; every process has the same number of pieces of the same size.
+        settings: of the training; only the schedule of the learning rate and `clip` are used.
     """
     rate = learning_rate(state.step, settings.steps, settings.learning_rate, settings.warmup)
     for group in state.optimizer.param_groups:
@@ -65,11 +65,11 @@ def training_step(state: TrainingState, pieces: Sequence[Batch], settings: Train
 
 
 def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSettings, rate: float) -> StepReport:
-    """Leave the clipped gradient of a batch in the parameters: the mean over its pieces and over the processes."""
+    """Compute the clipped gradient of a batch in the parameters: the mean over its pieces and over the processes."""
     state.optimizer.zero_grad()
     measured = []
     for piece in pieces:
-        # Gradients meet once, after the last piece.
+        # Processes exchange gradients once, after the last piece.
         with state.fabric.no_backward_sync(state.objective, enabled=piece is not pieces[-1]):
             terms = state.objective(piece)
             state.fabric.backward(terms["total"] / len(pieces))
@@ -90,8 +90,8 @@ def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSet
 def learning_rate(step: int, steps: int, peak: float, warmup: float) -> float:
     """The rate of a step: half a cosine up from peak / 25, then half a cosine down to nearly zero.
 
-    Smith's one-cycle policy as MVSplat uses it (PyTorch's `OneCycleLR` without its cycle of momentum), as a function of
-    the step alone, so that nothing of it needs saving.
+    This is Smith's one-cycle policy as MVSplat uses it (PyTorch's `OneCycleLR` without its momentum cycle). As a function of the
+    step alone it has no state to save.
     """
     first, last = peak / 25, peak / 25e4
     top = max(warmup * steps - 1, 1e-9)

@@ -1,9 +1,9 @@
-"""Teacher: what another network says of the training pictures, computed once, learned by a head that is dropped afterwards.
+"""Teacher: another network's class probabilities for the training images, computed once. An extra head learns them.
 
-    FOLDER/SOURCE/SCENE.npy     probabilities of its k classes [frame rows columns k], float16; 0 in all of them where it says nothing
+    FOLDER/SOURCE/SCENE.npy     probabilities of its k classes [frame rows columns k], float16; all 0 where there are none
 
-SCENE is the name of the scene's folder (or of its archive without the ending), SOURCE that of the folder that this lies in. Frames are
-counted as `semgs.data.scene.Scene` counts them, and the maps cover the whole picture, at any resolution. `scripts/teach.py` writes them.
+SCENE is the name of the scene's folder (or of its archive, without the ending), SOURCE the name of the folder around it. Frames are
+numbered as in `semgs.data.scene.Scene`. The maps cover the full image, at any resolution. `scripts/teach.py` writes them.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from semgs.files.errors import InputError
 from semgs.training.settings import TrainingSettings
 
 STRIDE = 8
-"""Pixels of a picture along each side of what the teacher says of it."""
+"""Pixels of the image along each side of a texel of the teacher's maps."""
 
 
 @dataclass(frozen=True)
 class Teacher:
-    """A folder of what a network says.
+    """A folder of another network's class probabilities.
 
     Attributes:
         folder: where it is.
@@ -43,7 +43,7 @@ class Teacher:
         """The teacher of a folder.
 
         Raises:
-            InputError: it holds no maps.
+            InputError: it has no maps.
         """
         first = next(iter(sorted(folder.glob("*/*.npy"))), None)
         if first is None:
@@ -59,10 +59,10 @@ class Teacher:
         return self.folder / (own or [scene.path])[0].parent.name / f"{scene.name}.npy"
 
     def maps(self, scene: Scene, frame: int) -> Float[Tensor, "1 k rows columns"] | None:
-        """What the teacher says of a frame; None if it says nothing of the scene.
+        """The probabilities for a frame; None if there are none for the scene.
 
         Raises:
-            InputError: its maps are not of as many frames or classes.
+            InputError: the numbers of frames or classes differ.
         """
         path = self.path(scene)
         if not path.exists():
@@ -75,11 +75,11 @@ class Teacher:
         return torch.from_numpy(found[frame].astype(np.float32)).permute(2, 0, 1)[None]
 
     def followed(self, maps: Tensor | None, seen: Views) -> Float[Tensor, "v k h8 w8"]:
-        """What the teacher says of views that were moved, at 1/8 of their size.
+        """The probabilities for augmented views, at 1/8 of their size.
 
         Args:
-            maps: of the views as they were; None for nothing, which is 0 everywhere.
-            seen: the `coordinates` of those views, moved as the views were.
+            maps: of the views before augmentation; None gives 0 everywhere.
+            seen: the `coordinates` of those views, augmented in the same way.
         """
         at = avg_pool2d(seen.images, STRIDE)
         if maps is None:
@@ -89,16 +89,16 @@ class Teacher:
 
 
 def teacher_of(settings: TrainingSettings) -> Teacher | None:
-    """The teacher that the settings name.
+    """The teacher that the settings name; None if they name none.
 
     Raises:
-        InputError: its folder holds no maps.
+        InputError: its folder has no maps.
     """
     return Teacher.open(Path(settings.teacher)) if settings.teacher else None
 
 
 def coordinates(views: Views) -> Views:
-    """The views with the place of each pixel for its image: how far right and how far down it is, 0..1; without labels and depths."""
+    """The views with each pixel's position as its colour: how far right and how far down it is, 0..1; without labels and depths."""
     height, width = views.size
     x, y = ((torch.arange(side) + 0.5) / side for side in (width, height))
     place = torch.stack((x.expand(height, width), y[:, None].expand(height, width), torch.zeros(height, width)))
@@ -106,10 +106,10 @@ def coordinates(views: Views) -> Views:
 
 
 def divergence(logits: Float[Tensor, "n k h4 w4"], taught: Float[Tensor, "n k h8 w8"]) -> Float[Tensor, " n"]:
-    """KL(teacher || head) of each view, the mean over what the teacher speaks of; 0 for a view of which it says nothing [nat].
+    """KL(teacher || head) of each view, the mean over texels with probabilities; 0 for a view without any [nat].
 
     Args:
-        logits: of the head, at 1/4 of the picture or a little more than that: it may be padded below and at the right.
+        logits: of the head, at 1/4 of the image; they may be padded below and at the right.
         taught: the teacher's probabilities.
     """
     logits = avg_pool2d(logits.float(), 2)[..., : taught.shape[-2], : taught.shape[-1]]
@@ -121,11 +121,7 @@ def divergence(logits: Float[Tensor, "n k h4 w4"], taught: Float[Tensor, "n k h8
 
 
 def _loaded(path: Path) -> np.ndarray:
-    """The array of a file, whose numbers are read when they are needed.
-
-    Raises:
-        InputError: it is damaged or of another shape.
-    """
+    """The array of a file; its numbers are only read when they are needed."""
     try:
         found = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

@@ -1,4 +1,4 @@
-"""Turns: which scene each single picture is of, so that all scenes of a folder come equally often and none twice in a batch."""
+"""Turns: which scene each single image shows, so that all scenes of a folder come equally often and none comes twice in a batch."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 GOLDEN = (5**0.5 - 1) / 2
-"""Multiples of it modulo 1 fill the unit interval evenly, however many there are."""
+"""Multiples of it modulo 1 fill the unit interval evenly, however many there are (golden ratio)."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Turn:
     Attributes:
         source: the number of its source.
         scene: the number of its scene in that source.
-        round: how often that scene has had its turn before.
+        round: how many turns that scene has had before.
     """
 
     source: int
@@ -27,15 +27,15 @@ class Turn:
 
 
 class Turns:
-    """Who has turn k, as a pure function of the seed and k: sources in proportion to their weights, and all scenes of each in rounds.
+    """Whose turn k is; it depends on the seed and k alone. Sources come in proportion to their weights, the scenes of each in rounds.
 
-    Every round of a source has an order of its own in which each scene comes once. Between two turns of a scene at least `gap` - 1 other
-    scenes of its source have theirs, or all others if there are fewer.
+    In every round each scene of a source comes once, in a new order. Between two turns of a scene there are at least `gap` - 1 turns of
+    other scenes of its source, or turns of all others if there are fewer.
 
     Args:
         seed: of every order.
         weights: of the sources.
-        scenes: how many scenes each source has; 0 for one that does not run out of them, whose scenes are numbered by k.
+        scenes: how many scenes each source has; 0 for an endless source, whose scenes are numbered by k.
         gap: scenes per step.
         length: how many turns there are.
     """
@@ -73,13 +73,13 @@ class Turns:
 
 
 def frame_of(seed: int, turn: Turn, frames: int) -> int:
-    """Which of its frames a scene shows in a turn: each once before any comes again, in an order of the scene's own."""
+    """Which frame of a scene a turn shows: each frame once before any comes again, in an order of the scene's own."""
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, 8, turn.source, turn.scene))))
     return int(rng.permutation(frames)[turn.round % frames])
 
 
 def _apart(before: Sequence[int], shuffled: Sequence[int], gap: int) -> list[int]:
-    """The shuffled scenes, reordered as little as needed for none to come again within `gap` turns of its place in the round before."""
+    """The shuffled scenes, reordered as little as possible, so that none comes again within `gap` turns of its place in the last round."""
     waiting, order = list(shuffled), []
     for place in range(gap - 1 if before else 0):
         recent = set(before[len(before) - (gap - 1 - place) :])

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import save as to_bytes
+from torch import nn
 
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
@@ -23,28 +24,28 @@ from semgs.model.settings import NetworkSettings
 from semgs.weights import format1
 
 FORMAT = "2"
-"""Version of what is written."""
+"""The version that is written."""
 
 OLDER = "1"
-"""The version that is read as well."""
+"""The older version, which is still read."""
 
 WEIGHTS = "a safetensors file of weights"
 
 CHECKSUM = "tensors_sha256"
-"""Key of the hash of all tensors (`checksum`); files that older versions wrote have none."""
+"""Key of the hash of all tensors (`checksum`); files of older versions have none."""
 
 OWN_KEYS = frozenset({"semgs", "settings", "classes", CHECKSUM})
-"""Keys of the header that are the format's own."""
+"""Keys of the header that the format itself uses."""
 
 
 @dataclass(frozen=True)
 class Header:
-    """What a weights file says of itself.
+    """The header of a weights file.
 
     Attributes:
         settings: of the network.
         classes: its class table, None for a colour-only network.
-        metadata: provenance: seed, data, steps, licence and whatever else its maker wrote.
+        metadata: provenance: seed, data, steps, licence and anything else that its author wrote.
     """
 
     settings: NetworkSettings
@@ -59,10 +60,10 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
         path: the file.
         model: the network; its settings and class table go into the header.
         metadata: provenance; its keys must not be those of the format (`OWN_KEYS`).
-        dtype: floating-point tensors are stored in it; they are computed with in float32.
+        dtype: in which floating-point tensors are stored; the network computes in float32.
 
     Raises:
-        ValueError: a key of the metadata is taken.
+        ValueError: the format itself uses a key of the metadata.
     """
     header = {
         "semgs": FORMAT,
@@ -78,16 +79,16 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
 
 
 def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str]) -> None:
-    """Write weights again with other provenance, atomically: the same tensors to the bit, in the types that they are stored in.
+    """Write weights again with other provenance, atomically; the tensors and their types are exactly the same.
 
     Args:
-        source: a file of ours.
+        source: a weights file of semgs.
         target: the file to write; it may be the same.
-        metadata: takes the place of what the header says under these keys; the others stay.
+        metadata: replaces the header's values under these keys; the others stay.
 
     Raises:
-        InputError: the source is no weights file of ours, or damaged.
-        ValueError: a key of the metadata is one of the format's own.
+        InputError: the source is not a weights file of semgs, or it is damaged.
+        ValueError: the format itself uses a key of the metadata.
     """
     read_header(source)
     _check_free(metadata)
@@ -96,7 +97,7 @@ def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str])
 
 
 def checksum(tensors: Mapping[str, torch.Tensor]) -> str:
-    """SHA-256 of tensors as they are stored: name, type and shape on a line, then the bytes of each, in the order of their names."""
+    """SHA-256 of tensors as they are stored, in the order of their names: for each a line with name, type and shape, then its bytes."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
         digest.update(f"{name} {tensor.dtype} {list(tensor.shape)}\n".encode())
@@ -105,20 +106,20 @@ def checksum(tensors: Mapping[str, torch.Tensor]) -> str:
 
 
 def _check_free(metadata: Mapping[str, str]) -> None:
-    """Refuse provenance under keys that the format has for itself."""
+    """Refuse provenance under keys that the format itself uses."""
     if taken := OWN_KEYS & metadata.keys():
         raise ValueError(f"metadata has the key {sorted(taken)[0]!r}, which the format itself uses")
 
 
 def is_ours(path: str | Path) -> bool:
-    """Whether a file is safetensors with our header.
+    """Whether a file is safetensors with the header of semgs.
 
     Raises:
         InputError: it cannot be read.
     """
     check_utf8(path, "safetensors")
     with readable(path):
-        Path(path).open("rb").close()  # safetensors takes a file that it may not read for one that is not there
+        Path(path).open("rb").close()  # safetensors reports a file without permission as missing
     try:
         with opened_tensors(path, WEIGHTS) as file:
             return "semgs" in (file.metadata() or {})
@@ -130,7 +131,7 @@ def read_header(path: str | Path) -> Header:
     """The header of a weights file.
 
     Raises:
-        InputError: it is no weights file of ours, or of a later version.
+        InputError: it is not a weights file of semgs, or of a later version.
     """
     with opened_tensors(path, WEIGHTS) as file:
         fields = dict(file.metadata() or {})
@@ -152,11 +153,11 @@ def read_header(path: str | Path) -> Header:
 
 
 MEASURED = ("running_mean", "running_var", "num_batches_tracked")
-"""How names of what batch norms measure end; no gradient reaches it."""
+"""Last parts of the names of a batch norm's statistics, which no gradient changes."""
 
 
 def count_parameters(path: str | Path) -> int:
-    """How many parameters a safetensors file holds, what its norms measured left out; its tensors are not read.
+    """The number of parameters in a safetensors file, without statistics of norms; its tensors are not read.
 
     Raises:
         InputError: the file cannot be read.
@@ -167,10 +168,10 @@ def count_parameters(path: str | Path) -> int:
 
 
 def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
-    """All tensors of a safetensors file, in float32; those of our format 1 have their names of today.
+    """All tensors of a safetensors file, in float32; those of format 1 under their names of today.
 
     Raises:
-        InputError: the file cannot be read, or its tensors are not those that were written.
+        InputError: the file cannot be read, or is damaged.
     """
     header, stored = _content(path)
     tensors = {name: _single(tensor) for name, tensor in stored.items()}
@@ -178,24 +179,26 @@ def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
 
 
 def _content(path: str | Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
-    """The metadata of a safetensors file and its tensors as they are stored.
-
-    Raises:
-        InputError: as `read_tensors`.
-    """
-    with opened_tensors(path, "a whole safetensors file") as file:
+    """The metadata of a safetensors file and its tensors as they are stored."""
+    with opened_tensors(path, "a complete safetensors file") as file:
         header = dict(file.metadata() or {})
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if "semgs" in header and header.get(CHECKSUM, found := checksum(tensors)) != found:
         raise InputError(
-            path, f"tensors of sha256 {header[CHECKSUM][:12]}, as they were written", f"{found[:12]}",
-            key=CHECKSUM, advice="the file is damaged; get it again",
+            path, f"tensors with sha256 {header[CHECKSUM][:12]}", f"{found[:12]}",
+            key=CHECKSUM, advice="the file is damaged; download or copy it again",
         )  # fmt: skip
     return header, tensors
 
 
-def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> None:
-    """Put tensors into a network, strictly.
+def fill(model: nn.Module, tensors: dict[str, torch.Tensor], path: str | Path, of: str) -> None:
+    """Fill a network with the tensors of a file. They must match exactly; on an error the network is unchanged.
+
+    Args:
+        model: the network.
+        tensors: of the file.
+        path: the file, for errors.
+        of: name of the network, for errors.
 
     Raises:
         InputError: a tensor is missing, unknown, of another shape or not finite; it is named.
@@ -203,11 +206,12 @@ def fill(model: SemGS, tensors: dict[str, torch.Tensor], path: str | Path) -> No
     wanted = model.state_dict()
     for name, tensor in wanted.items():
         if name not in tensors:
-            raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}", "none", key=name)
+            raise InputError(path, f"a tensor of shape {tuple(tensor.shape)}, as in {of}", "none", key=name)
         if tensors[name].shape != tensor.shape:
-            raise InputError(path, f"shape {tuple(tensor.shape)}", f"{tuple(tensors[name].shape)}", key=name)
+            shape = f"shape {tuple(tensor.shape)}, as in {of}"
+            raise InputError(path, shape, f"{tuple(tensors[name].shape)}", key=name)
     if extra := sorted(tensors.keys() - wanted.keys()):
-        raise InputError(path, f"the {len(wanted)} tensors of {model.name}", "one more", key=extra[0])
+        raise InputError(path, f"the {len(wanted)} tensors of {of}", "one more", key=extra[0])
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise InputError(path, "finite numbers", "one that is not", key=name)

@@ -1,7 +1,7 @@
-"""Weights on the Hugging Face hub: named as `hf://OWNER/NAME[@REVISION][@sha256:HASH]`, fetched only when asked for, compared with a hash.
+"""Weights on the Hugging Face hub: `hf://OWNER/NAME[@REVISION][@sha256:HASH]`, downloaded on request and checked against a hash.
 
-The form is the hub's own (`huggingface_hub`, "hf://" URIs), so that no path can be taken for one. Nothing but one safetensors file is
-fetched, into the cache of that library. No torch.
+The form is the hub's own ("hf://" URIs of `huggingface_hub`) and cannot be confused with a path. Only one safetensors file is
+downloaded, into the cache of that library. No torch.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 
 SCHEME = "hf://"
-FORM = f"{SCHEME}OWNER/NAME, with @REVISION or @sha256:HASH behind it where wanted"
-ADVICE = "fetch the file by other means and name its path"
+FORM = f"{SCHEME}OWNER/NAME, optionally followed by @REVISION or @sha256:HASH"
+ADVICE = "download the file by other means and name its path"
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class HubId:
     Attributes:
         repository: "owner/name".
         revision: a branch, a tag or a commit; None is the main branch.
-        sha256: that the file must have; None is what the repository states.
+        sha256: hash that the file must have; None uses the one that the repository states.
     """
 
     repository: str
@@ -34,10 +34,10 @@ class HubId:
 
     @classmethod
     def parsed(cls, text: str) -> HubId:
-        """Of its text.
+        """From text.
 
         Raises:
-            InputError: it is written otherwise.
+            InputError: the text has another form.
         """
         word = r"\w[\w.-]*"
         match = re.fullmatch(rf"{SCHEME}({word}/{word})(?:@(?!sha256:)([\w./-]+))?(?:@sha256:([0-9a-f]{{64}}))?", text)
@@ -47,20 +47,20 @@ class HubId:
 
 
 def is_hub_id(weights: str | Path) -> bool:
-    """Whether weights are named as some on the hub; a path never is."""
+    """Whether the name of weights is a hub id; a path never is."""
     return isinstance(weights, str) and weights.startswith(SCHEME)
 
 
 def fetched(text: str) -> Path:
-    """The file of weights of a hub id, from the hub or its library's cache, with the bytes that the repository states.
+    """The weights file of a hub id, from the hub or from its library's cache, checked against the repository's hash.
 
     Args:
         text: the id.
 
     Raises:
-        InputError: it is no id; the hub cannot be reached or does not have it; the repository has not exactly one safetensors file or states
-            no hash of it; or the bytes have another one.
-        ImportError: huggingface_hub is not installed; names the extra that brings it.
+        InputError: it is not an id; the hub cannot be reached or does not have it; the repository does not have exactly one safetensors
+            file or states no hash; or the hash differs.
+        ImportError: huggingface_hub is not installed; the message names the extra.
     """
     asked = HubId.parsed(text)
     try:
@@ -71,7 +71,7 @@ def fetched(text: str) -> Path:
         ) from error
     try:
         repository = HfApi().model_info(asked.repository, revision=asked.revision, files_metadata=True)
-    except Exception as error:  # the library hands on those of its HTTP client, which is another one in each generation
+    except Exception as error:  # the library passes on errors of its HTTP client, which changes between versions
         raise InputError(text, "a repository on the hub", _reason(error), advice=ADVICE) from None
     files = [one for one in repository.siblings or [] if one.rfilename.endswith(".safetensors")]
     if len(files) != 1:
@@ -81,26 +81,21 @@ def fetched(text: str) -> Path:
     stated = file.lfs.sha256 if file.lfs else None
     expected = asked.sha256 or stated
     if expected is None:
-        raise InputError(
-            text,
-            "a file whose sha256 the repository states",
-            "one outside LFS",
-            file.rfilename,
-            "give it: @sha256:HASH",
-        )
+        known = "a file whose sha256 the repository states"
+        raise InputError(text, known, "one outside LFS", file.rfilename, "give it: @sha256:HASH")
     if stated not in (None, expected):
         raise InputError(text, f"sha256 {expected}", f"{stated}, as the repository states", file.rfilename)
     try:
-        # The commit, not the branch: what was just looked at, even if the branch has moved since.
+        # The commit, not the branch, which may have moved since.
         path = Path(hf_hub_download(asked.repository, file.rfilename, revision=repository.sha))
     except Exception as error:
         raise InputError(text, f"{file.rfilename} from the hub", _reason(error), advice=ADVICE) from None
     found = sha256(path)
     if found != expected:
-        raise InputError(path, f"sha256 {expected}, as of {text}", found, advice="delete it and fetch it again")
+        raise InputError(path, f"sha256 {expected}, as of {text}", found, advice="delete it and download it again")
     return path
 
 
 def _reason(error: Exception) -> str:
-    """What went wrong, in the first line of an error."""
+    """The first line of an error."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,4 +1,4 @@
-"""The index of the weights that ship: which file each name has, and what its bytes are.
+"""The index of the included weights: the file of each name, and its hash.
 
 shipped/index.json    {"small": {"file": "small.safetensors", "sha256": "...", "bytes": 2048452}, ...}
 """
@@ -17,18 +17,18 @@ from semgs.files.strict_json import parse_json
 
 FILE_NAME = "index.json"
 SHOWN = 12
-"""How much of a hash a person is shown."""
+"""How many characters of a hash are shown."""
 
 
 @dataclass(frozen=True)
 class Shipped:
-    """Weights that ship.
+    """Weights that are included in the package.
 
     Attributes:
-        name: that they load by.
-        path: of their file.
-        sha256: that its bytes must have.
-        bytes: how many they are.
+        name: to load them by.
+        path: of the file.
+        sha256: of the file.
+        bytes: size of the file.
     """
 
     name: str
@@ -43,10 +43,10 @@ def shipped_folder() -> Path:
 
 
 def read_index(folder: Path | None = None) -> tuple[Shipped, ...]:
-    """What ships, by name; of the package unless another folder is given.
+    """The included weights, or those in another folder, by name.
 
     Raises:
-        InputError: the index is missing or not of that form.
+        InputError: the index is missing or invalid.
     """
     folder = shipped_folder() if folder is None else folder
     path = folder / FILE_NAME
@@ -58,12 +58,12 @@ def read_index(folder: Path | None = None) -> tuple[Shipped, ...]:
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
-            path, "the index of the weights that ship", f"{type(error).__name__}: {error}", advice="install semgs again"
+            path, "the index of the included weights", f"{type(error).__name__}: {error}", advice="install semgs again"
         ) from None
 
 
 def write_index(folder: Path | None = None) -> None:
-    """Write the index of a folder of weights, as they are now; every file is called by its name without ending."""
+    """Write the index of a folder of weights. Each file is named without its ending."""
     folder = shipped_folder() if folder is None else folder
     files = sorted(folder.glob("*.safetensors"))
     content = {file.stem: {"file": file.name, "sha256": sha256(file), "bytes": file.stat().st_size} for file in files}
@@ -71,10 +71,10 @@ def write_index(folder: Path | None = None) -> None:
 
 
 def check(shipped: Shipped) -> None:
-    """Compare the bytes of weights that ship with the index.
+    """Check included weights against the index.
 
     Raises:
-        InputError: the file is missing or altered.
+        InputError: the file is missing or was changed.
     """
     if not shipped.path.is_file():
         raise InputError(shipped.path, f'the weights "{shipped.name}"', "no such file", advice="install semgs again")
@@ -82,25 +82,25 @@ def check(shipped: Shipped) -> None:
     if found != shipped.sha256:
         raise InputError(
             shipped.path, f"sha256 {shipped.sha256[:SHOWN]} and {shipped.bytes:,} bytes",
-            f"{found[:SHOWN]} and {shipped.path.stat().st_size:,}", advice="it was altered; install semgs again",
+            f"{found[:SHOWN]} and {shipped.path.stat().st_size:,}", advice="the file was changed; install semgs again",
         )  # fmt: skip
 
 
 def matching(file: Path, index: Sequence[Shipped]) -> Shipped:
-    """The weights of the index that a file has the bytes of, wherever it came from.
+    """The weights of the index that a file, from anywhere, is a copy of.
 
     Raises:
-        InputError: it cannot be read, or has the bytes of none.
+        InputError: the file cannot be read, or is none of them.
     """
     if not file.is_file():
         names = " or ".join(one.name for one in index)
-        raise InputError(file, f"a file of weights, or {names}", "a folder" if file.is_dir() else "nothing")
+        raise InputError(file, f"a weights file, or {names}", "a folder" if file.is_dir() else "nothing")
     found = sha256(file)
     for one in index:
         if found == one.sha256:
             return one
     known = ", ".join(f"{one.name} {one.sha256[:SHOWN]}" for one in index)
     raise InputError(
-        file, f"the sha256 of weights that ship ({known})", found[:SHOWN],
-        advice="it is altered, or of another version of semgs",
+        file, f"the sha256 of included weights ({known})", found[:SHOWN],
+        advice="the file was changed, or belongs to another version of semgs",
     )  # fmt: skip

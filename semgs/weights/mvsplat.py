@@ -1,4 +1,4 @@
-"""MVSplat's checkpoints: reading them, and which of their tensors is which of ours."""
+"""MVSplat's checkpoints: read them, and map their tensors to ours."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ PREFIXES = {
     "depth_predictor.to_disparity.": "colour.heads.refinement.to_disparity.",
     "depth_predictor.to_gaussians.": "colour.heads.colour.",
 }
-"""Beginning of MVSplat's names (without the leading "encoder.") and of ours; what follows is equal."""
+"""Beginnings of MVSplat's names (without the leading "encoder.") and of ours; the rest is the same."""
 
 
 def our_name(name: str) -> str | None:
-    """Our name of one of MVSplat's tensors, None if it has none here."""
+    """Our name of one of MVSplat's tensors, None if there is none."""
     name = name.removeprefix("encoder.")
     for theirs, ours in PREFIXES.items():
         if name.startswith(theirs):
@@ -39,7 +39,7 @@ def read(path: Path) -> dict[str, torch.Tensor]:
     """The tensors of a checkpoint: safetensors, or Lightning's `.ckpt` read without unpickling objects.
 
     Raises:
-        InputError: it is neither, or holds more than tensors and plain containers.
+        InputError: it is neither, or contains more than tensors and plain containers.
     """
     with path.open("rb") as file:
         zipped = file.read(2) == b"PK"
@@ -52,7 +52,7 @@ def read(path: Path) -> dict[str, torch.Tensor]:
         raise InputError(
             path, "a checkpoint of tensors alone (torch.load with weights_only=True)",
             f"an object, {found[1]}" if found else "objects",
-            advice="if you trust it, take its tensors out once: docs/reproduce.md has the line",
+            advice="if you trust it, extract its tensors once: see docs/reproduce.md",
         ) from None  # fmt: skip
     except Exception as error:  # torch raises many kinds on a broken or hostile archive; some advise to unpickle it
         kind = "a TorchScript archive" if "TorchScript" in str(error) else f"a broken one ({type(error).__name__})"

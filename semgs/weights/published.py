@@ -1,26 +1,24 @@
-"""Published MobileNetV2 weights as a start for the class branch: safetensors that name the backbone's tensors as it does itself.
+"""Published MobileNetV2 weights to start the class branch from: safetensors with the backbone's own tensor names.
 
-A file may hold a head behind the backbone (an ImageNet classifier, a segmentation head); heads are left out, as their classes are not ours.
+A file may also contain a head (an ImageNet classifier, a segmentation head). Heads are left out, because their classes are not ours.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import torch
-
 from semgs.files.errors import InputError
 from semgs.files.tensor_files import opened_tensors
 from semgs.model.mobilenet import MobileNetRefinement, MobileNetV2
 from semgs.model.semgs import SemGS
-from semgs.weights.file import read_tensors
+from semgs.weights.file import fill, read_tensors
 
 BACKBONE = ("stem.", "blocks.")
-"""Where the names of the backbone's tensors begin; what is named otherwise belongs to a head."""
+"""Beginnings of the names of the backbone's tensors; other tensors belong to a head."""
 
 
 def is_published(path: str | Path) -> bool:
-    """Whether a file is safetensors with a stem and blocks by these names; says nothing about their shapes."""
+    """Whether a file is safetensors with a stem and blocks of these names; shapes are not checked."""
     try:
         with opened_tensors(path, "a safetensors file") as file:
             names = list(file.keys())
@@ -30,49 +28,35 @@ def is_published(path: str | Path) -> bool:
 
 
 def with_backbone(model: SemGS, path: str | Path) -> SemGS:
-    """A network whose class backbone is filled from a published file; `origin` of it says so.
+    """The network with its class backbone filled from a published file; its `origin` says so.
 
     Raises:
-        InputError: the network has no backbone, or as `fill_backbone`.
+        InputError: the network has no backbone, or the file does not fit.
     """
     refinement = None if model.semantic is None else model.semantic.refinement
     if not isinstance(refinement, MobileNetRefinement):
-        raise InputError(
-            path,
-            "a network that classifies by a MobileNetV2",
-            "one that does not",
-            advice="give --network.class-backbone",
-        )
+        advice = "give --network.class-backbone"
+        raise InputError(path, "a network with a MobileNetV2 class backbone", "one without", advice=advice)
     model.origin = f"{model.origin}; {fill_backbone(refinement.backbone, path)}"
     return model
 
 
 def fill_backbone(backbone: MobileNetV2, path: str | Path) -> str:
-    """Put the tensors of a published file into a backbone; on an error the backbone is left as it was.
+    """Fill a backbone with the tensors of a published file; on an error the backbone is unchanged.
 
     Args:
         backbone: takes all of its tensors from the file.
         path: the file.
 
     Returns:
-        What was taken and what was left out, in words, for `origin`.
+        A sentence for `origin`: what was used and what was left out.
 
     Raises:
         InputError: the file cannot be read, or a tensor of the backbone is missing, unknown, of another shape or not finite; it is named.
     """
-    tensors, wanted = read_tensors(path), backbone.state_dict()
-    for name, tensor in wanted.items():
-        shape = tuple(tensor.shape)
-        if name not in tensors:
-            raise InputError(path, f"a tensor of shape {shape}, as in MobileNetV2 1.0", "none", key=name)
-        if tensors[name].shape != shape:
-            raise InputError(path, f"shape {shape}, as in MobileNetV2 1.0", f"{tuple(tensors[name].shape)}", key=name)
-        if not torch.isfinite(tensors[name]).all():
-            raise InputError(path, "finite numbers", "one that is not", key=name)
-    others = sorted(tensors.keys() - wanted.keys())
-    if more := [name for name in others if name.startswith(BACKBONE)]:
-        raise InputError(path, f"the {len(wanted)} tensors of MobileNetV2 1.0", "one more", key=more[0])
-    backbone.load_state_dict({name: tensors[name] for name in wanted})
-    heads = ", ".join(sorted({name.partition(".")[0] for name in others}))
-    taken = f"{Path(path).name}: {len(wanted)} of {len(tensors)} tensors taken for the backbone"
+    tensors = read_tensors(path)
+    own = {name: tensor for name, tensor in tensors.items() if name.startswith(BACKBONE)}
+    fill(backbone, own, path, "MobileNetV2 1.0")
+    heads = ", ".join(sorted({name.partition(".")[0] for name in tensors.keys() - own.keys()}))
+    taken = f"{Path(path).name}: {len(own)} of {len(tensors)} tensors taken for the backbone"
     return f"{taken}; left out: {heads}" if heads else taken

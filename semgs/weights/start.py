@@ -1,4 +1,4 @@
-"""Where a training starts: a network drawn at random, or weights of which it keeps all that fits its classes."""
+"""The network that a training starts with: random, or from weights as far as they fit."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
-from semgs.model.presets import NAMES, PRESETS
+from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import switched, switches_of
 from semgs.weights.file import fill, is_ours, read_header, read_tensors
-from semgs.weights.load import as_large_as, drawn, find, from_mvsplat, load, semantic_tensors, shipped
+from semgs.weights.load import as_large_as, find, from_mvsplat, load, other_table, semantic_tensors, shipped, untrained
 from semgs.weights.published import is_published, with_backbone
 
 SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
-"""Switches that shape the semantic branch alone: weights that have others lend a network all else."""
+"""Switches that only shape the semantic branch: from weights with other values, everything else is kept."""
 
 MORE_DEPTH = ("cost_filter", "depth_cue")
-"""Switches that add layers to depth: weights without them lend a network all else."""
+"""Switches that add layers to depth: from weights without these layers, everything else is kept."""
 
 ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.")
-"""How the names of the tensors of those layers begin."""
+"""Beginnings of the tensor names of those layers."""
 
 
 def start(
@@ -37,23 +37,23 @@ def start(
     fresh_semantics: bool = False,
     backbone: str = "",
 ) -> SemGS:
-    """The network that a training starts with; `origin` of the result says what was kept of which weights.
+    """The network that a training starts with; its `origin` says which weights were kept.
 
     Args:
         name: "small" or "base".
-        init: "random", the name of weights that ship, a hub id, or a file: ours, or MVSplat's checkpoint for "base".
-        seed: of what is drawn.
-        classes: the table to train on.
-        own_classes: weights of another table are taken without their class head, which is drawn; else they are refused.
-        switches: of `semgs.model.switches.Switches`, by name, that differ from the network of that name; they must be those that
-            the weights have, but for the shape of the semantic branch and for layers added to depth: what differs is drawn, and all
-            else is kept.
-        fresh_semantics: draw it in any case.
-        backbone: a file of published MobileNetV2 weights, for a network with `class_backbone`; "" keeps what `init` gives. As `init`
-            itself such a file fills the backbone of a network that is random otherwise.
+        init: "random", the name of included weights, a hub id, or a file: a weights file, or MVSplat's checkpoint for "base".
+        seed: of random weights.
+        classes: the class table to train on.
+        own_classes: use weights with another class table, but with a new class head; otherwise they are refused.
+        switches: fields of `semgs.model.switches.Switches` that differ from the network of that name. They must agree with the weights,
+            except for the shape of the semantic branch and for layers added to depth: layers that differ start at random, all others
+            are kept.
+        fresh_semantics: always reinitialise the semantic branch.
+        backbone: a file of published MobileNetV2 weights for a network with `class_backbone`; "" keeps that of `init`. With such a file
+            as `init`, everything but the backbone is random.
 
     Raises:
-        InputError: the weights are absent, cannot be read or do not fit; the tensor, table or switch is named.
+        InputError: the weights are missing, unreadable or do not fit; the tensor, class table or switch is named.
     """
     asked = {} if switches is None else dict(switches)
     if backbone:
@@ -62,18 +62,20 @@ def start(
         )  # fmt: skip
         return with_backbone(begun, backbone)
     if init == "random":
-        return drawn(_switched(PRESETS[name](), asked), seed, classes).eval()
+        return untrained(_switched(NETWORKS[name](), asked), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
         raise InputError(
-            init, "random, a file of weights, or a name under which some ship", "a name under which none do"
+            init, "random, a weights file, or the name of included weights", "a name without included weights"
         )
     _, path = find(init)
     if is_published(path):
-        return with_backbone(drawn(_switched(PRESETS[name](), {"class_backbone": True, **asked}), seed, classes), path)
+        return with_backbone(
+            untrained(_switched(NETWORKS[name](), {"class_backbone": True, **asked}), seed, classes), path
+        )
     if not is_ours(path):
         if not asked or name == "small":
             return load(name, path, seed=seed, classes=classes)
-        return from_mvsplat(drawn(_switched(PRESETS[name](), asked), seed, classes), path, seed)
+        return from_mvsplat(untrained(_switched(NETWORKS[name](), asked), seed, classes), path, seed)
     header = read_header(path)
     there = switches_of(header.settings)
     for key, value in asked.items():
@@ -84,13 +86,10 @@ def start(
             )
     wanted = _switched(header.settings, {key: asked[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if asked.get(key)})
     if header.settings.name != name:
-        return load(name, path, classes=classes)  # which refuses it
+        return load(name, path, classes=classes)  # raises an InputError
     fresh_semantics |= wanted.semantic != header.settings.semantic
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
-        raise InputError(
-            path, f"class table {classes.name} ({len(classes)} classes)", f"{header.classes.name} ({len(header.classes)} classes)",
-            key="classes", advice="name the table to train on with --classes FILE",
-        )  # fmt: skip
+        raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
     fresh_classes = header.classes != classes
     if fresh_semantics or fresh_classes or wanted != header.settings:
         return _lent(path, wanted, classes, seed, fresh_classes, fresh_semantics)
@@ -100,32 +99,32 @@ def start(
 
 
 def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
-    """`switched`, where what does not fit together is the user's.
+    """`switched`, with an error for the user.
 
     Raises:
-        InputError: it does not; the switch is named.
+        InputError: the switches contradict each other.
     """
     try:
         return switched(settings, changes)
     except ValueError as error:
-        raise InputError("--network", "switches that fit together", "some that do not", advice=f"{error}") from None
+        raise InputError("--network", "switches that agree", "some that do not", advice=f"{error}") from None
 
 
 def _lent(
     path: Path, settings: NetworkSettings, classes: ClassTable, seed: int, fresh_classes: bool, fresh_semantics: bool
 ) -> SemGS:
-    """A network of these settings with all of a file's tensors that have a place in it; the others are drawn.
+    """A network with these settings and all tensors of a file that fit; the others are random.
 
     Args:
         path: of the weights.
-        settings: which may have another semantic branch than the weights, and more layers in depth.
-        classes: the table.
-        seed: of what is drawn.
-        fresh_classes: draw the rows of the classes, as the weights have another table.
-        fresh_semantics: draw the whole semantic branch.
+        settings: of the network; it may have another semantic branch than the weights, and more layers in depth.
+        classes: the class table.
+        seed: of random weights.
+        fresh_classes: reinitialise the rows of the classes, because the weights have another class table.
+        fresh_semantics: reinitialise the semantic branch.
     """
     with as_large_as(path):
-        model = drawn(settings, seed, classes)
+        model = untrained(settings, seed, classes)
     own = model.state_dict()
     theirs = {key: one for key, one in read_tensors(path).items() if key in own or not key.startswith(ADDED)}
     added = [name for name in own if name.startswith(ADDED) and name not in theirs]
@@ -151,6 +150,6 @@ def _lent(
         notes.append(
             f"drawn anew for the {len(classes)} classes of {classes.name} with seed {seed}: {', '.join(names)}"
         )
-    fill(model, kept, path)
+    fill(model, kept, path, model.name)
     model.origin = f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; {'; '.join(notes)}"
     return model

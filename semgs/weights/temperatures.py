@@ -1,4 +1,4 @@
-"""Temperatures: what a file of weights says of how sure to be (`semgs.objectives.calibration` tells what a temperature is)."""
+"""Temperatures in the header of a weights file; `semgs.objectives.calibration` explains what a temperature is."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from semgs.files.strict_json import parse_json
 from semgs.weights.file import read_header
 
 KEY = "temperatures"
-"""Where a header has them, as JSON."""
+"""Key of a header, with JSON."""
 
 DIGITS = 3
 """Decimal places of a temperature in a header."""
 
 KINDS = ("rendered", "gaussians")
-"""What has a temperature of its own: pixels after splatting, and single Gaussians."""
+"""What has its own temperature: rendered pixels, and single Gaussians."""
 
 
 def temperatures_text(temperatures: Mapping[str, float]) -> str:
-    """Temperatures as a header keeps them."""
+    """Temperatures as text for a header."""
     return json.dumps({kind: round(temperatures[kind], DIGITS) for kind in KINDS})
 
 
 def read_temperatures(path: str | Path) -> dict[str, float] | None:
-    """The temperatures that the header of a file of weights has; None where it says nothing.
+    """The temperatures in the header of a weights file; None if it states none.
 
     Raises:
-        InputError: the file is none of ours, or they are not one positive number each.
+        InputError: the file is not one of semgs, or a temperature is not a positive number.
     """
     return temperatures_in(read_header(path).metadata, path)
 
 
 def temperatures_in(metadata: Mapping[str, str], path: str | Path) -> dict[str, float] | None:
-    """As `read_temperatures`, from the metadata of a header that was read from `path`.
+    """The temperatures in the metadata of a header that was read from `path`; None if it states none.
 
     Raises:
-        InputError: they are not one positive number each.
+        InputError: a temperature is not a positive number.
     """
     text = metadata.get(KEY)
     if text is None:

@@ -11,6 +11,7 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.files.pictures import write_png
+from semgs.training.execution import Execution
 from semgs.training.loop import Outcome
 from semgs.training.presets import small
 from semgs.training.run import claim, read_settings
@@ -38,7 +39,7 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
     """Replaces training by writing untrained weights of the row's network; what was trained is listed."""
     runs: list[tuple[str, TrainingSettings]] = []
 
-    def train(settings, out, **options):
+    def train(settings, out, execution, **options):
         runs.append((out.parent.name, settings))
         model = start(settings.model, "random", seed=settings.seed, switches=asdict(settings.network))
         save(out / "weights.safetensors", model, {})
@@ -76,7 +77,7 @@ def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, la
     assert main([*line, "--test", str(room)]) == 2
     assert "labelled scenes" in capsys.readouterr().err.splitlines()[-1]
     assert main([*line, "--test", str(labelled), "--learning-rate", "0.5"]) == 2
-    assert "learning_rate = 0.001 there, 0.5 asked" in capsys.readouterr().err.splitlines()[-1]
+    assert "learning_rate = 0.001 there, 0.5 requested" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_path, labelled, trained, capsys):
@@ -117,7 +118,7 @@ def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line:
 
 def test_a_dry_run_says_what_would_be_trained_and_writes_nothing(tmp_path: Path, monkeypatch, capsys):
     timed = []
-    monkeypatch.setattr("semgs.training.loop.train", lambda settings, out, **options: timed.append(settings.steps))
+    monkeypatch.setattr("semgs.training.loop.train", lambda settings, out, execution: timed.append(settings.steps))
     line = [*LINE.split(), "--out", str(tmp_path / "out"), "--seeds", "3", "4", "--dry-run"]
     assert main(line) == 0
     assert "10 trainings of 2 steps of 1 scenes at 32x48 (20 steps)" in capsys.readouterr().out
@@ -137,8 +138,8 @@ def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
 def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypatch, capsys):
     given = []
 
-    def apart(run: Path, **options):
-        given.append((run.parent.name, options))
+    def apart(run: Path, execution: Execution):
+        given.append((run.parent.name, execution))
         model = start("small", "random", switches=asdict(read_settings(run).network))
         save(run / "weights.safetensors", model, {})
 
@@ -146,9 +147,7 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--device", "cpu"]
     assert main([*line, "--devices", "2", "--precision", "bf16", "--accumulate", "3"]) == 0
     assert [name for name, _ in given] == ["none", "shared", "windows", "camera", "full"]
-    assert given[0][1] == {
-        "device": "cpu", "devices": 2, "precision": "bf16", "accumulate": 3, "minutes": None, "workers": 0
-    }  # fmt: skip
+    assert given[0][1] == Execution("cpu", devices=2, precision="bf16", accumulate=3, workers=0)
     assert trained == []
     assert "Sm-Loss" in capsys.readouterr().out
 

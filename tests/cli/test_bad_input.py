@@ -18,7 +18,7 @@ from networks import preset
 from semgs.cli.main import main
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.files.folders import own_folder
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.weights.file import save
 from semgs.weights.load import load
@@ -151,7 +151,7 @@ def test_weights_that_are_missing_damaged_or_of_something_else(refused: Refused,
 
 def test_weights_of_another_class_table(refused: Refused, scene: Path, tmp_path: Path) -> None:
     table = ClassTable("two", ("a", "b"), ((1, 2, 3), (4, 5, 6)), (1, 2))
-    save(tmp_path / "two.safetensors", build(presets.small(), table), {})
+    save(tmp_path / "two.safetensors", build(networks.small(), table), {})
     line = refused(scene, "--weights", str(tmp_path / "two.safetensors"))
     assert "two" in line
     assert SCANNET20.name in line

@@ -15,7 +15,7 @@ import pytest
 from semgs.cli.main import main
 from semgs.data.classes import ClassTable
 from semgs.files.pictures import read_uint8, write_png
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.weights.file import save
 from semgs.weights.load import load
@@ -288,10 +288,10 @@ def test_no_data(refused: Refused, tmp_path: Path):
 
 
 def test_weights_that_cannot_be_used(refused: Refused, done: tuple[Path, str], tmp_path: Path):
-    assert "expected a file of weights, or small" in refused("smal")
-    assert 'no weights ship for "base"' in refused("base", "--views", "2")
+    assert "expected a weights file, or small" in refused("smal")
+    assert 'no included weights for "base"' in refused("base", "--views", "2")
     table = ClassTable("two", ("a", "b"), ((1, 2, 3), (4, 5, 6)), (1, 2))
-    save(tmp_path / "two.safetensors", build(presets.small(), table), {})
+    save(tmp_path / "two.safetensors", build(networks.small(), table), {})
     line = refused(tmp_path / "two.safetensors", "--views", "2")
     assert "expected class table scannet20 (20 classes), found two (2 classes)" in line
     whole = (done[0] / "random.safetensors").read_bytes()

@@ -14,7 +14,7 @@ from semgs.cli.arguments import parse
 from semgs.cli.errors import UsageError
 from semgs.cli.main import main
 from semgs.cli.train import Train
-from semgs.objectives.weights import DepthLossWeights
+from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.training.presets import base, from_preset, paper, small
 from semgs.training.settings import CLASS_WEIGHTINGS
 
@@ -52,7 +52,7 @@ def test_supervision_by_depth_has_weights_of_its_own():
         ("small --out run --contexts 1 2", r"contexts is \(1, 2\)"),
         ("small --out run --steps 0", "steps is 0; expected at least 1"),
         ("small --out run --stops 3", "--stops"),
-        ("small --out run --data scans=0", "data is 'scans=0'; expected rooms, DIR"),
+        ("small --out run --data scans=0", "data is 'scans=0'; expected rooms or DIR"),
         ("small --out run --class-weights 1 2", "expected 20 factors"),
         ("small --out run --augmentation.crop 2", "expected colour in"),
         ("tiny --out run", "tiny"),
@@ -81,7 +81,7 @@ def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_pa
     assert main([*line, "--steps", "77"]) == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert told[-1].startswith("semgs: error: ")
-    assert f"steps = {small().steps} there, 77 asked" in told[-1]
+    assert f"steps = {small().steps} there, 77 requested" in told[-1]
 
 
 def test_what_differs_from_the_preset_is_told_in_words():
@@ -127,7 +127,7 @@ def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
         ("small --out RUN --devices 3", "a step of 2 scenes cannot be shared by 3 processes"),
         ("small --out RUN --accumulate 0", "--accumulate: expected a whole number, 1 or more, found '0'"),
         ("small --out RUN --data nowhere", "nowhere: expected a folder with a scene, found nothing there"),
-        ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a file of weights"),
+        ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a weights file"),
         ("small --out RUN --init small --classes TABLE --data nowhere", "TABLE: expected a table of classes as JSON"),
     ],
 )

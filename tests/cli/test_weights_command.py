@@ -10,9 +10,9 @@ import pytest
 from semgs.cli.main import main
 from semgs.data.terms import TermsWarning
 from semgs.weights.file import save
+from semgs.weights.header_scores import KEY, Figure, Score, scores_text
 from semgs.weights.index import SHOWN, read_index
 from semgs.weights.load import load, shipped
-from semgs.weights.scores import KEY, Figure, Score, scores_text
 
 
 def test_what_ships_is_listed_with_hash_and_licence(capsys: pytest.CaptureFixture[str]):
@@ -50,7 +50,7 @@ def test_verify_refuses_an_altered_file_on_one_line(tmp_path: Path, capsys: pyte
     told = capsys.readouterr()
     assert told.out == ""
     assert len(told.err.splitlines()) == 1
-    assert "it is altered" in told.err
+    assert "the file was changed" in told.err
 
 
 def test_warnings_of_ours_are_one_line_of_the_terminal_and_others_stay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

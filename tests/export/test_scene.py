@@ -127,7 +127,7 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
     scene = some_scene()
     means = scene.gaussians.means.clone()
     means[2, 2] = float("inf")
-    with pytest.raises(ValueError, match="means hold a number that is not finite"):
+    with pytest.raises(ValueError, match="means contain a number that is not finite"):
         save_scene(
             tmp_path / "a", dataclasses.replace(scene, gaussians=dataclasses.replace(scene.gaussians, means=means))
         )
@@ -140,10 +140,10 @@ def test_what_would_not_have_been_written_is_not_read(tmp_path: Path) -> None:
         header = file.metadata()
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     for name, index, value, told in (
-        ("means", (2, 1), float("nan"), "means hold a number that is not finite"),
+        ("means", (2, 1), float("nan"), "means contain a number that is not finite"),
         ("opacities", (3,), 7.0, r"opacities hold 7\.0; expected 0 to 1"),
         ("colour.scales", (0, 2), -1.0, r"colour\.scales hold -1\.0; expected 0 or more"),
-        ("semantic.scales", (0, 2), float("inf"), r"semantic\.scales hold a number that is not finite"),
+        ("semantic.scales", (0, 2), float("inf"), r"semantic\.scales contain a number that is not finite"),
         (
             "colour.quaternions",
             (5,),

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from semgs.model.cost_filter import CostFilter
-from semgs.model.layout import lay_out
+from semgs.model.memory_format import lay_out
 
 
 def test_it_starts_as_nothing_and_leaves_every_size():

@@ -9,6 +9,7 @@ from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.conventions import MVSPLAT, OURS
 from semgs.model.cost_volume import cost_volume, unit_features
 from semgs.model.depth import CostRegressor
+from semgs.model.settings import DepthSettings
 
 
 def batched(cameras: Cameras) -> Cameras:
@@ -186,7 +187,7 @@ def test_unit_features_have_one_length_and_no_mean():
 
 
 def test_with_the_cost_prior_depth_starts_from_the_cost_alone():
-    regressor = CostRegressor(8, 16, 8, 8, cost_prior=True)
+    regressor = CostRegressor(8, DepthSettings(candidates=16, width=8, hidden=8, cost_prior=True))
     torch.nn.init.zeros_(regressor.head[-1].weight)
     torch.nn.init.zeros_(regressor.head[-1].bias)
     cost = torch.randn(2, 16, 8, 12)

@@ -9,7 +9,7 @@ from networks import preset
 from posed import posed_views
 
 from semgs.data.classes import SCANNET20
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.switches import switched
 from semgs.model.unet import Downsample, UNet
@@ -42,7 +42,7 @@ def test_the_cue_starts_without_a_say_and_has_one_once_it_learned():
             layer.bias.zero_()
         silent = model.sweep(views).depths
     assert not torch.equal(told, silent)
-    fresh = build(switched(presets.small(), CUED)).colour.depth.regressor.cues
+    fresh = build(switched(networks.small(), CUED)).colour.depth.regressor.cues
     assert [(layers[0].num_channels, layers[-1].weight.abs().max().item()) for layers in fresh] == [(32, 0), (96, 0)]
 
 
@@ -54,7 +54,10 @@ def test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it():
     assert taught == model.depth_parameters()
     assert {name for name in taught if "cues" in name}
     pictures = torch.rand(1, 3, 32, 48)
-    assert not any(cue.requires_grad for cue in model.semantic.refinement(pictures, model.cnn).cues)
+    assert not any(
+        cue.requires_grad
+        for cue in model.semantic.refinement.cues(pictures, model.semantic.refinement(pictures, model.cnn).seen)
+    )
     backbone = model.pretrained_parameters()
     assert not taught & backbone
     assert backbone <= model.parts()["shared"], "depth and classes both depend on it"
@@ -77,7 +80,7 @@ def test_a_cue_without_the_backbone_that_gives_it_is_refused():
     with pytest.raises(ValueError, match="depth_cue needs the class backbone"):
         preset("small", depth_cue=True)
     with pytest.raises(ValueError, match="depth_cue needs the class backbone"):
-        build(switched(presets.small(), CUED), None)
-    pyramid = switched(switched(presets.small(), CUED), {"semantic_pyramid": (16, 24)})
+        build(switched(networks.small(), CUED), None)
+    pyramid = switched(switched(networks.small(), CUED), {"semantic_pyramid": (16, 24)})
     assert not pyramid.colour.depth.cue, "the backbone goes, and the cue with it"
     assert build(pyramid, SCANNET20).parts()["shared"] == preset("small").parts()["shared"]

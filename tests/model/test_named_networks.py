@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from networks import preset
 
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.conventions import Conventions
 from semgs.model.settings import MVSplatHeads, PaperHeads
 
 
 def test_the_paper_word_by_word_is_base_in_all_else():
-    literal, base = presets.base_text(), presets.base()
+    literal, base = networks.base_text(), networks.base()
     assert literal.conventions == Conventions(candidates="linear")
     assert literal.colour.heads == PaperHeads()
     assert not literal.colour.transformer.output_transform

@@ -18,8 +18,8 @@ from semgs.model.conventions import OURS, Conventions
 from semgs.model.encoding import Encoding
 from semgs.model.heads import Decoded
 from semgs.model.overlap import Others, seen_by, shrinkage
+from semgs.model.padded import Padded
 from semgs.model.placing import Placer
-from semgs.model.scene import Padded
 from semgs.model.semgs import SemGS
 
 SIZE = (29, 37)

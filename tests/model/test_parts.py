@@ -6,7 +6,7 @@ import pytest
 from networks import network, preset
 
 from semgs.data.classes import SCANNET20
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.semgs import PARTS, SemGS
 
@@ -17,7 +17,7 @@ NETWORKS = {
     "the backbone": lambda: preset("small", class_backbone=True),
     "the cue": lambda: preset("small", class_backbone=True, depth_cue=True, cost_filter=8),
     "the pyramid": lambda: preset("small", semantic_pyramid=(16, 24)),
-    "colour only": lambda: build(presets.small(), None),
+    "colour only": lambda: build(networks.small(), None),
 }
 
 
@@ -68,7 +68,7 @@ def test_what_is_shared_is_the_depths_where_the_semantic_branch_has_a_cnn_of_its
 
 
 def test_a_network_of_colour_alone_has_neither_semantics_nor_classes():
-    assert [part for part, names in build(presets.small(), None).parts().items() if not names] == [
+    assert [part for part, names in build(networks.small(), None).parts().items() if not names] == [
         "shared",
         "semantic",
         "classes",

@@ -12,7 +12,7 @@ from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
 from semgs.model.depth import Depth
 from semgs.model.encoding import Encoding
-from semgs.model.scene import Padded
+from semgs.model.padded import Padded
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches, switches_of
 from semgs.model.switches import switched as with_switches
@@ -72,7 +72,7 @@ def test_other_sizes_are_padded_with_their_camera(small):
 
 def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
     views = posed_views(2, (37, 51))
-    padded = Padded.of(views, torch.zeros(1), 2).pictures
+    padded = Padded.of(views, torch.zeros(1), 2).images
     assert padded.shape == (2, 3, 48, 64)
     for row in range(48):
         for column in (0, 20, 50, 51, 63):
@@ -81,7 +81,7 @@ def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
 
 
 def test_one_view_is_refused(small):
-    with pytest.raises(ValueError, match="given 1 view"):
+    with pytest.raises(ValueError, match="got 1 view"):
         small(posed_views(2, SIZE).select([0]))
 
 
@@ -178,7 +178,7 @@ def test_base_has_the_papers_sizes():
     base = preset("base")
     assert len(base.colour.transformer.swin.layers) == 6
     assert len(base.semantic.transformer.swin.layers) == 3
-    assert base.colour.depth.candidates == 128
+    assert base.colour.depth.settings.candidates == 128
     assert base.cnn.conv2.out_channels == 128
     assert len([*base.cnn.layer1, *base.cnn.layer2, *base.cnn.layer3]) == 6
     assert len(base.semantic.refinement.residual) == 2

@@ -50,7 +50,7 @@ def test_a_class_that_was_given_nothing_has_a_finite_cost_and_stays_last():
     found = tempered(distributions, fitted_temperature(distributions, torch.tensor([1, 0])))
     assert torch.isfinite(found).all()
     assert (found.argmax(-1) == 0).all()
-    with pytest.raises(ValueError, match="there are none"):
+    with pytest.raises(ValueError, match="no labelled pixels"):
         fitted_temperature(distributions[:0], torch.zeros(0, dtype=torch.long))
 
 

@@ -12,7 +12,6 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
 from semgs.objectives.losses import (
     LossWeights,
-    coarse_cross_entropy,
     cross_entropy,
     depth_error,
     losses,
@@ -71,9 +70,9 @@ def test_a_coarse_distribution_answers_for_every_labelled_pixel_of_its_block():
     coarse = torch.tensor([[[[0.5, 0.25]], [[0.5, 0.75]]]])  # two texels of 2x2 pixels, of a picture 2 high and 3 wide
     labels = torch.tensor([[[0, 1, 0], [IGNORE, 1, 1]]], dtype=torch.uint8)
     expected = -(3 * math.log(0.5) + math.log(0.25) + math.log(0.75)) / 5
-    assert float(coarse_cross_entropy(coarse, labels, 2)) == pytest.approx(expected)
+    assert float(cross_entropy(coarse, labels, stride=2)) == pytest.approx(expected)
     weighted = -(math.log(0.5) + 6 * math.log(0.5) + math.log(0.25) + 3 * math.log(0.75)) / 5
-    assert float(coarse_cross_entropy(coarse, labels, 2, [1.0, 3.0])) == pytest.approx(weighted)
+    assert float(cross_entropy(coarse, labels, [1.0, 3.0], stride=2)) == pytest.approx(weighted)
 
 
 @pytest.mark.parametrize("stride", [1, 2, 3])
@@ -84,7 +83,7 @@ def test_the_coarse_cross_entropy_is_that_of_the_repeated_distributions(stride: 
     labels = torch.randint(0, 4, (2, *size), generator=generator).to(torch.uint8)
     labels[labels == 3] = IGNORE
     whole = coarse.repeat_interleave(stride, -1).repeat_interleave(stride, -2)[..., : size[0], : size[1]]
-    found, slow = coarse_cross_entropy(coarse, labels, stride), cross_entropy(whole, labels)
+    found, slow = cross_entropy(coarse, labels, stride=stride), cross_entropy(whole, labels)
     torch.testing.assert_close(found, slow)
     torch.testing.assert_close(*(torch.autograd.grad(loss.sum(), coarse, retain_graph=True) for loss in (found, slow)))
 

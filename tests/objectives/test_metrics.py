@@ -12,7 +12,6 @@ from semgs.data.classes import IGNORE
 from semgs.objectives.metrics import (
     accuracy,
     class_accuracy,
-    confusion_matrices,
     confusion_matrix,
     intersection_over_union,
     miou,
@@ -82,10 +81,15 @@ def test_scores_of_the_whole_set_equal_a_loop_over_its_pixels(seed: int):
     )
 
 
+def confusion_matrices(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """One confusion matrix per image."""
+    return torch.stack([confusion_matrix(*pair, CLASSES) for pair in zip(predicted, truth, strict=True)])
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_scores_per_image_equal_a_loop_per_image_and_an_image_without_truth_counts_as_zero(seed: int):
     predicted, truth = label_maps(seed)
-    confusions = confusion_matrices(predicted, truth, CLASSES)
+    confusions = confusion_matrices(predicted, truth)
     single = [scores_by_a_loop(pixels(*pair)) for pair in zip(predicted, truth, strict=True)]
     assert single[3] == (0, 0, 0)
     expected = [sum(one) / len(single) for one in zip(*single, strict=True)]
@@ -104,9 +108,7 @@ def test_the_confusion_matrix_is_that_of_torchmetrics():
 
 def test_matrices_of_images_add_up_to_that_of_the_set():
     predicted, truth = label_maps(7)
-    assert torch.equal(
-        confusion_matrices(predicted, truth, CLASSES).sum(0), confusion_matrix(predicted, truth, CLASSES)
-    )
+    assert torch.equal(confusion_matrices(predicted, truth).sum(0), confusion_matrix(predicted, truth, CLASSES))
 
 
 def test_rows_are_the_truth():
@@ -143,7 +145,7 @@ def test_the_truth_itself_scores_exactly_one():
 
 def test_a_label_outside_the_table_is_refused():
     truth = torch.zeros(2, 3, dtype=torch.uint8)
-    with pytest.raises(ValueError, match=r"predicted labels hold 3; expected 0\.\.2"):
+    with pytest.raises(ValueError, match=r"predicted labels contain 3; expected 0\.\.2"):
         confusion_matrix(truth + 3, truth, 3)
     with pytest.raises(ValueError, match=r"predicted labels are \(2, 3\) but the true ones \(3, 2\)"):
         confusion_matrix(truth, truth.mT, 3)

@@ -15,7 +15,7 @@ from semgs.bench.peak_memory import peak_mb
 from semgs.bench.scenes import network
 from semgs.data.choice import given
 from semgs.data.scenes import open_scene
-from semgs.model import plan
+from semgs.model import memory_plan
 from semgs.reconstruction.allocator import keep_freed_memory
 from semgs.reconstruction.reconstruct import reconstruct
 from semgs.rooms.sets.demo import demo_scene
@@ -24,7 +24,7 @@ from semgs.rooms.sets.demo import demo_scene
 def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> None:
     keep_freed_memory()  # as the command does
     if free_gb:
-        plan.free_bytes = lambda: 1e9 * float(free_gb)
+        memory_plan.free_bytes = lambda: 1e9 * float(free_gb)
     scene, count = open_scene(demo_scene()), int(views)
     choice = given(scene, list(range(count)))
     result = reconstruct(scene, choice, network(name), (int(height), int(width)))

@@ -14,7 +14,7 @@ from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.network import NetworkMethod
 from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import inputs_of, read_views
-from semgs.model import plan as planning
+from semgs.model import memory_plan as planning
 from semgs.model.chunks import Chunks
 from semgs.reconstruction.encode import Network, encode
 from semgs.weights.load import load
@@ -31,8 +31,8 @@ def test_an_evaluation_takes_as_few_views_at_a_time_as_memory_asks_for(
     task, model = task_of(wall_scene()), load("small").eval()
     inputs = inputs_of(task, read_views(task))
     whole = NetworkMethod(model, "cpu", "small").predict(inputs)
-    few = planning.Plan(1e9, "heads", Chunks(1, 1), True, 1e9)
-    monkeypatch.setattr("semgs.reconstruction.encode.plan", lambda *_: few)
+    few = planning.MemoryPlan(1e9, "heads", Chunks(1, 1), True, 1e9)
+    monkeypatch.setattr("semgs.reconstruction.encode.memory_plan", lambda *_: few)
     chunks: list[object] = []
     hook = model.register_forward_pre_hook(lambda _, arguments: chunks.append(arguments[1]))
     parts = NetworkMethod(model, "cpu", "small").predict(inputs)

@@ -22,10 +22,10 @@ from torch.autograd.profiler import profile, record_function
 from semgs.cli.main import main
 from semgs.data.choice import given
 from semgs.data.scene import Scene
-from semgs.model import plan as planning
+from semgs.model import memory_plan as planning
 from semgs.model.chunks import WHOLE, Chunks
 from semgs.model.free_memory import held_bytes
-from semgs.model.plan import NotEnoughMemoryError, Work, plan, stage_bytes
+from semgs.model.memory_plan import NotEnoughMemoryError, Work, memory_plan, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
 from semgs.reconstruction.reconstruct import Network, reconstruct
 
@@ -112,11 +112,11 @@ def test_no_warped_features_of_all_depths_are_ever_in_memory() -> None:
 
 def test_chunks_are_as_large_as_memory_allows() -> None:
     model, views = model_of("small"), posed_views(8, (480, 640))
-    needed = [plan(model, views, available_bytes=float("inf"))]
+    needed = [memory_plan(model, views, available_bytes=float("inf"))]
     assert not needed[0].short
     for _ in range(3):
         try:
-            needed.append(plan(model, views, available_bytes=needed[-1].peak_bytes - 1))
+            needed.append(memory_plan(model, views, available_bytes=needed[-1].peak_bytes - 1))
         except NotEnoughMemoryError:
             break
         assert needed[-1].peak_bytes <= needed[-1].available_bytes
@@ -131,7 +131,7 @@ def test_chunks_are_as_large_as_memory_allows() -> None:
 def test_views_whose_maps_are_large_come_one_at_a_time_wherever_there_is_room(
     name: str, size: tuple[int, int], joined: int | None
 ) -> None:
-    planned = plan(model_of(name), posed_views(2, size), available_bytes=float("inf"))
+    planned = memory_plan(model_of(name), posed_views(2, size), available_bytes=float("inf"))
     assert planned.chunks == Chunks(heads=joined)
     assert not planned.short
 
@@ -139,19 +139,20 @@ def test_views_whose_maps_are_large_come_one_at_a_time_wherever_there_is_room(
 def test_what_does_not_fit_is_told_with_what_would() -> None:
     model, views = model_of("base"), posed_views(4, (480, 640))
     with pytest.raises(NotEnoughMemoryError) as told:
-        plan(model, views, available_bytes=held_bytes() + 1.5e9)
+        memory_plan(model, views, available_bytes=held_bytes() + 1.5e9)
     assert re.fullmatch(
         r"N = 4 at 480x640 needs about [\d.]+ GB, [\d.]+ GB are free; 240x320 needs [\d.]+ GB", str(told.value)
     )
     with pytest.raises(NotEnoughMemoryError, match="no size fits"):
-        plan(model, views, available_bytes=1e6)
+        memory_plan(model, views, available_bytes=1e6)
 
 
 def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)  # which changes while tests run
     model = model_of("small")
     planned = [
-        plan(model, posed_views(2, size), available_bytes=float("inf")).peak_bytes for size in ((97, 145), (112, 160))
+        memory_plan(model, posed_views(2, size), available_bytes=float("inf")).peak_bytes
+        for size in ((97, 145), (112, 160))
     ]
     assert 0 <= planned[0] - planned[1] < 0.1e9
 
@@ -165,8 +166,8 @@ def test_reconstruction_follows_its_plan_and_says_so(
     assert whole.plan is not None
     assert whole.plan.chunks == WHOLE
     assert not any("Memory" in note for note in whole.notes)
-    few = planning.Plan(1e9, "heads", Chunks(1, 1), True, 1e9)
-    monkeypatch.setattr("semgs.reconstruction.encode.plan", lambda *_: few)
+    few = planning.MemoryPlan(1e9, "heads", Chunks(1, 1), True, 1e9)
+    monkeypatch.setattr("semgs.reconstruction.encode.memory_plan", lambda *_: few)
     given_chunks = []
     hook = model.register_forward_pre_hook(lambda _, arguments: given_chunks.append(arguments[1]))
     parts = reconstruct(scene, choice, model)

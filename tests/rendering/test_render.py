@@ -205,5 +205,5 @@ def test_what_cannot_be_rendered_is_refused(random_scene) -> None:
         render(gaussians, Cameras(cameras.world_from_camera, skewed, cameras.size))
     lost = gaussians.means.clone()
     lost[2, 1] = torch.nan
-    with pytest.raises(ValueError, match="means holds a number that is not finite"):
+    with pytest.raises(ValueError, match="means contains a number that is not finite"):
         render(replace(gaussians, means=lost), cameras)

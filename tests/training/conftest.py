@@ -15,7 +15,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.model.depth import CoarseDepth
 from semgs.model.encoding import Encoding
-from semgs.model.scene import widened
+from semgs.model.padded import widened
 from semgs.objectives.losses import LossWeights
 from semgs.rendering.rendering import Rendering
 from semgs.training.settings import TrainingSettings

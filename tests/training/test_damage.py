@@ -11,6 +11,7 @@ from rich.console import Console
 
 from semgs.files.errors import InputError
 from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.execution import Execution
 from semgs.training.log import DAMAGED, RunLog
 from semgs.training.loop import train
 from semgs.training.run import BEST, SETTINGS, WEIGHTS, claim, hold_assets, read_settings
@@ -55,7 +56,7 @@ def test_a_run_whose_checkpoints_are_all_damaged_is_refused_and_left_as_it_is(st
     with pytest.raises(
         InputError, match=r"3, all damaged; the newest is 00000009\.json; nothing was changed; .* --init"
     ):
-        train(settings, out, workers=0)
+        train(settings, out, Execution(workers=0))
     assert content(out) == before
     with pytest.raises(InputError, match="3, all damaged"):
         best_checkpoint(out / "checkpoints")
@@ -141,7 +142,7 @@ def test_damaged_lines_of_a_log_are_set_aside_and_the_run_goes_on(tmp_path):
         pass
     assert log.read_bytes() == good[0] + good[1]
     assert (tmp_path / DAMAGED).read_bytes() == b"".join(bad)
-    assert f"{log}: 6 lines cannot be read; they are in {DAMAGED} now" in told.getvalue()
+    assert f"{log}: 6 lines cannot be read; they were moved to {DAMAGED}" in told.getvalue()
     with RunLog(tmp_path, 20, 100, None):
         pass
     assert log.read_bytes() == good[0]

@@ -23,8 +23,9 @@ from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.faults import BadScenes
-from semgs.training.loop import fit
-from semgs.training.samples import Folder, Samples, completed, relabelled
+from semgs.training.loop import Feed, fit
+from semgs.training.samples import Folder, Form, Mixture, Samples, completed, relabelled
+from semgs.training.session import Session
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.source import Source
 from semgs.training.survey.counts import inverse_frequency
@@ -149,10 +150,10 @@ def test_bad_scenes_that_a_worker_found_end_the_loop(network, batch, settings, t
     state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     seen = [Portion((batch(0),)), Portion((batch(1),), bad=(("x", "cut short"),)), Portion((batch(2),))]
     with pytest.raises(InputError, match="bad scenes"):
-        fit(state, settings, tmp_path, seen, [], scenes=19)
+        fit(state, settings, tmp_path, Feed(seen, scenes=19), Session())
     assert state.step == 1
     with pytest.raises(InputError, match="expected air"):
-        fit(state, settings, tmp_path, [Portion((), failure=InputError("x", "air", "none"))], [])
+        fit(state, settings, tmp_path, Feed([Portion((), failure=InputError("x", "air", "none"))]), Session())
 
 
 def test_a_training_needs_scenes_with_as_many_frames_as_a_sample(scans, tmp_path):
@@ -177,7 +178,7 @@ def test_scenes_without_labels_are_refused_unless_classes_are_not_learned_or_oth
     (first, *_) = batches(blind, tmp_path / "blind")
     assert (first.target.labels == IGNORE).all()
     mixed = surveyed(replace(SETTINGS, data=(str(plain), str(scans))), tmp_path)
-    assert mixed.notes == ("1 of 4 scenes have no labels; they teach colour alone",)
+    assert mixed.notes == ("1 of 4 scenes have no labels and only teach colour",)
 
 
 def test_scenes_without_depth_are_refused_by_name_if_depth_is_learned_wherever_they_are(scans, tmp_path):
@@ -208,7 +209,7 @@ def test_a_run_does_not_go_on_with_other_scenes_but_does_elsewhere(scans, tmp_pa
     settings = replace(SETTINGS, data=(str(scans),))
     surveyed(settings, tmp_path)
     write_labelled(tmp_path / "more" / "scene0", 0)
-    with pytest.raises(InputError, match=r"the 3 scenes that the run began with, found 1, of which scene1 differs"):
+    with pytest.raises(InputError, match=r"the 3 scenes that the run started with, found 1, of which scene1 differs"):
         surveyed(replace(settings, data=(str(tmp_path / "more"),)), tmp_path)
 
 
@@ -247,7 +248,7 @@ def test_balanced_sampling_prefers_scenes_with_rare_classes(scans, tmp_path):
     first, second, third = balanced.folders[0].chances
     assert first == pytest.approx(second, rel=0.1)
     assert third > 1.2 * first
-    with pytest.raises(InputError, match="rooms alone"):
+    with pytest.raises(InputError, match="only rooms"):
         surveyed(replace(SETTINGS, sampling="balanced"), tmp_path)
 
 
@@ -267,14 +268,14 @@ def test_labels_are_brought_to_another_table_by_name(tmp_path):
 def test_scenes_of_another_table_need_one_to_be_named(scans, tmp_path):
     write_table(tmp_path / "three.json")
     own = write_labelled(tmp_path / "own", 6, change=lambda scene: scene.update(label_set="../three.json"))
-    with pytest.raises(InputError, match=r"labels of table scannet20, found those of three; .*--classes FILE"):
+    with pytest.raises(InputError, match=r"labels of class table scannet20, found labels of three; .*--classes FILE"):
         surveyed(replace(SETTINGS, data=(str(own),)), tmp_path)
     table = read_class_file(tmp_path / "three.json").table
     settings = replace(SETTINGS, data=(str(own), str(scans)), classes=table)
     found = surveyed(settings, tmp_path)
     assert found.notes == (
-        "labels of scannet20: 2 of 20 classes are in table three; pixels of the others are ignored",
-        "labels of rooms: 2 of 20 classes are in table three; pixels of the others are ignored",
+        "labels of scannet20: 2 of 20 classes are in three; pixels of the other classes are ignored",
+        "labels of rooms: 2 of 20 classes are in three; pixels of the other classes are ignored",
     )
     assert all(one.target.classes == table for one in batches(settings, tmp_path / "run"))
 
@@ -303,7 +304,7 @@ def test_validation_scenes_are_looked_at_before_the_first_step(scans, tmp_path):
     write_labelled(tmp_path / "own" / "a", 6, change=lambda scene: scene.update(label_set="../../three.json"))
     write_labelled(tmp_path / "short" / "a", 6, frames=3)
     settings = replace(SETTINGS, data=(str(scans),))
-    with pytest.raises(InputError, match="found those of three"):
+    with pytest.raises(InputError, match="found labels of three"):
         surveyed(replace(settings, validation=str(tmp_path / "own")), tmp_path)
     with pytest.raises(InputError, match="at least 4 usable frames"):
         surveyed(replace(settings, validation=str(tmp_path / "short")), tmp_path)
@@ -315,7 +316,7 @@ def test_sources_are_paths_with_weights():
     assert float(Source.parsed("scans=1e-1").weight) == 0.1
     assert Source.parsed("odd=name/scans").path == "odd=name/scans"
     for text in ("a=0", "a=-1", "a=much", "=2", ""):
-        with pytest.raises(ValueError, match="expected rooms, DIR, or either with =WEIGHT"):
+        with pytest.raises(ValueError, match="expected rooms or DIR, optionally with =WEIGHT"):
             Source.parsed(text)
 
 
@@ -329,7 +330,7 @@ def test_samples_and_frames_of_a_scene_far_from_its_origin_are_near_one(tmp_path
     drawn = []
     for name, change in (("near", lambda scene: None), ("far", far)):
         folder = write_labelled(tmp_path / name, 1, change=change)
-        samples = Samples(3, SETTINGS.size, 1, None, [Folder((folder,))], [1.0], ((2, 2), 1), SCANNET20, Augmentation())
+        samples = Samples(3, Mixture(None, (Folder((folder,)),), (1.0,)), Form(SETTINGS.size, (2, 2), 1, SCANNET20), 1)
         drawn.append(samples[0])
         scene = open_scene(folder)
         frame = read_frame(Task(scene, SETTINGS.size, protocols.Sample((0, 1), 2)), 2, (0.5, 10.0))

@@ -12,8 +12,8 @@ from posed import posed_cameras, posed_views
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.views import Views
 from semgs.model.semgs import SemGS
+from semgs.objectives.loss_weights import LossWeights
 from semgs.objectives.losses import Losses, losses
-from semgs.objectives.weights import LossWeights
 from semgs.rendering.render import render
 
 SIZE = (16, 32)

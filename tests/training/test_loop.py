@@ -19,10 +19,11 @@ from rich.console import Console
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
-from semgs.training.loop import fit, resume
+from semgs.training.loop import Feed, fit, resume
+from semgs.training.session import Session
 from semgs.training.state import TrainingState
 from semgs.training.supervision import supervision_of
-from semgs.training.validation import Validation
+from semgs.training.validation import validation_of_views
 
 
 class Killed(BaseException):
@@ -30,8 +31,8 @@ class Killed(BaseException):
 
 
 @pytest.fixture
-def sitting(network, batch, settings, tmp_path):
-    """One sitting of a run: begins or goes on, and may be cut before a step."""
+def session(network, batch, settings, tmp_path):
+    """One session of a run: begins or goes on, and may be cut before a step."""
 
     def sit(
         out: Path,
@@ -40,7 +41,9 @@ def sitting(network, batch, settings, tmp_path):
         ask_to_stop: int | None = None,
         every: int = 6,
         init: str = "random",
-        **options,
+        minutes: float | None = None,
+        save_minutes: float = 5.0,
+        console: Console | None = None,
     ) -> TrainingState:
         out.mkdir(exist_ok=True)
         state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
@@ -54,14 +57,11 @@ def sitting(network, batch, settings, tmp_path):
                     os.kill(os.getpid(), signal.SIGTERM)
                 yield Portion((batch(step),))
 
-        fit(
-            state,
+        settings_here, feed = (
             replace(settings, validate_every=every, init=init),
-            out,
-            batches(),
-            [batch(1000), batch(1001)],
-            **options,
+            Feed(batches(), [batch(1000), batch(1001)]),
         )
+        fit(state, settings_here, out, feed, Session(minutes, save_minutes, state.seconds), console)
         return state
 
     return sit
@@ -72,69 +72,69 @@ def same(a: TrainingState, b: TrainingState) -> bool:
     return mine.keys() == theirs.keys() and all(torch.equal(mine[name], theirs[name]) for name in mine)
 
 
-def test_a_run_killed_twice_and_gone_on_with_gives_the_same_bits(sitting, tmp_path):
-    whole = sitting(tmp_path / "whole")
+def test_a_run_killed_twice_and_gone_on_with_gives_the_same_bits(session, tmp_path):
+    whole = session(tmp_path / "whole")
     for cut in (5, 9):
         with pytest.raises(Killed):
-            sitting(tmp_path / "cut", cut=cut, save_minutes=0.0)
-    parts = sitting(tmp_path / "cut")
+            session(tmp_path / "cut", cut=cut, save_minutes=0.0)
+    parts = session(tmp_path / "cut")
     assert parts.step == 12
     assert same(whole, parts)
 
 
-def test_a_run_killed_between_checkpoints_goes_on_from_the_last_one(sitting, tmp_path):
-    whole = sitting(tmp_path / "whole")
-    sitting(tmp_path / "cut", minutes=0.0)
+def test_a_run_killed_between_checkpoints_goes_on_from_the_last_one(session, tmp_path):
+    whole = session(tmp_path / "whole")
+    session(tmp_path / "cut", minutes=0.0)
     assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers["step"] == 1
     with pytest.raises(Killed):
-        sitting(tmp_path / "cut", cut=5)
+        session(tmp_path / "cut", cut=5)
     assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers["step"] == 1
-    assert same(whole, sitting(tmp_path / "cut"))
+    assert same(whole, session(tmp_path / "cut"))
 
 
-def test_sigterm_ends_the_sitting_after_its_step_with_a_checkpoint(sitting, tmp_path):
+def test_sigterm_ends_the_session_after_its_step_with_a_checkpoint(session, tmp_path):
     handler = signal.getsignal(signal.SIGTERM)
-    state = sitting(tmp_path / "run", ask_to_stop=4)
+    state = session(tmp_path / "run", ask_to_stop=4)
     assert state.step == 5
     assert newest_checkpoint(tmp_path / "run" / "checkpoints").numbers["step"] == 5
     assert signal.getsignal(signal.SIGTERM) is handler
 
 
-def test_a_finished_run_is_left_as_it_is(sitting, tmp_path):
-    sitting(tmp_path / "run")
+def test_a_finished_run_is_left_as_it_is(session, tmp_path):
+    session(tmp_path / "run")
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "run" / "checkpoints").iterdir()}
-    sitting(tmp_path / "run")
+    session(tmp_path / "run")
     assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "run" / "checkpoints").iterdir()}
 
 
 def test_a_finished_run_that_is_made_longer_has_the_learning_rate_of_the_longer_run(
-    sitting, network, batch, settings, tmp_path
+    session, network, batch, settings, tmp_path
 ):
     """Step 12 of 20 is 12/19 down the cosine from 1e-2: (1 + cos(2.2619 - 0.2778)) / 2 = 0.299 of it; the last of 12 had 4e-8."""
-    ended = sitting(tmp_path / "run")
+    ended = session(tmp_path / "run")
     assert ended.optimizer.param_groups[0]["lr"] == pytest.approx(4e-8)
     state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     resume(state, tmp_path / "run")
     assert same(state, ended)
-    outcome = fit(state, replace(settings, steps=20), tmp_path / "run", [Portion((batch(12),))], [])
+    outcome = fit(state, replace(settings, steps=20), tmp_path / "run", Feed([Portion((batch(12),))]), Session())
     assert (outcome.step, outcome.finished) == (13, False)
     assert state.optimizer.param_groups[0]["lr"] == pytest.approx(2.99e-3, rel=2e-3)
 
 
-def test_a_truncated_checkpoint_is_passed_over_for_the_one_before(sitting, settings, network, tmp_path):
-    whole = sitting(tmp_path / "whole")
+def test_a_truncated_checkpoint_is_passed_over_for_the_one_before(session, settings, network, tmp_path):
+    whole = session(tmp_path / "whole")
     with pytest.raises(Killed):
-        sitting(tmp_path / "cut", cut=6, save_minutes=0.0)
+        session(tmp_path / "cut", cut=6, save_minutes=0.0)
     folder = tmp_path / "cut" / "checkpoints"
     newest = folder / "00000006.safetensors"
     newest.write_bytes(newest.read_bytes()[:-7])
     checkpoint = newest_checkpoint(folder)
     assert checkpoint.numbers["step"] == 5
     assert checkpoint.damaged == (folder / "00000006.json",)
-    assert same(whole, sitting(tmp_path / "cut"))
+    assert same(whole, session(tmp_path / "cut"))
 
 
-def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, network, settings, tmp_path):
+def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(session, network, settings, tmp_path):
     folder = tmp_path / "checkpoints"
     folder.mkdir()
     (folder / ".00000001.safetensors.abcd.part").write_bytes(b"half")
@@ -147,26 +147,28 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(sitting, net
     ]
 
 
-def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(sitting, tmp_path, monkeypatch):
+def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(session, tmp_path, monkeypatch):
     scores = iter([0.2, 0.5, 0.4, 0.3])
     monkeypatch.setattr(
-        "semgs.training.supervision.Rendered.validate", lambda *given: Validation(20.0, next(scores), 0.5, None)
+        "semgs.training.supervision.Rendered.validate",
+        lambda *given: validation_of_views(20.0, next(scores), 0.5, None),
     )
-    sitting(tmp_path / "run", save_minutes=0.0, every=3)
+    session(tmp_path / "run", save_minutes=0.0, every=3)
     folder = tmp_path / "run" / "checkpoints"
     assert sorted(path.stem for path in folder.glob("*.json")) == ["00000006", "00000010", "00000011", "00000012"]
     assert newest_checkpoint(folder).numbers["best_score"] == 0.5
     assert best_checkpoint(folder).numbers["step"] == 6
 
 
-def test_a_run_that_goes_on_knows_the_best_score_of_before(sitting, tmp_path, monkeypatch):
+def test_a_run_that_goes_on_knows_the_best_score_of_before(session, tmp_path, monkeypatch):
     scores = iter([0.2, 0.5, 0.4, 0.3])  # of steps 3, 6, 9 and 12
     monkeypatch.setattr(
-        "semgs.training.supervision.Rendered.validate", lambda *given: Validation(20.0, next(scores), 0.5, None)
+        "semgs.training.supervision.Rendered.validate",
+        lambda *given: validation_of_views(20.0, next(scores), 0.5, None),
     )
     with pytest.raises(Killed):
-        sitting(tmp_path / "run", cut=7, save_minutes=0.0, every=3)
-    state = sitting(tmp_path / "run", save_minutes=0.0, every=3)
+        session(tmp_path / "run", cut=7, save_minutes=0.0, every=3)
+    state = session(tmp_path / "run", save_minutes=0.0, every=3)
     assert (state.step, state.best_step, state.best_score) == (12, 6, 0.5)
     assert best_checkpoint(tmp_path / "run" / "checkpoints").numbers["step"] == 6
 
@@ -186,10 +188,10 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, s
     assert newest_checkpoint(tmp_path).numbers["step"] == 4
 
 
-def test_the_state_of_another_network_is_refused_by_name(sitting, settings, tmp_path):
-    sitting(tmp_path, minutes=0.0)
+def test_the_state_of_another_network_is_refused_by_name(session, settings, tmp_path):
+    session(tmp_path, minutes=0.0)
     other = torch.nn.Conv2d(3, 5, 1)
-    with pytest.raises(InputError, match="expected states of this network, found those of another one"):
+    with pytest.raises(InputError, match="expected checkpoints of this network, found checkpoints of another one"):
         resume(
             TrainingState.begin(other, supervision_of(settings), settings.learning_rate, settings.average_decay),
             tmp_path,
@@ -200,14 +202,14 @@ def test_ten_broken_steps_in_a_row_end_the_run_and_keep_the_batch(network, batch
     state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
     state.model.register_forward_hook(lambda module, inputs, e: replace(e, depths=e.depths * float("nan")))
     with pytest.raises(FloatingPointError, match="10 steps in a row up to step 10"):
-        fit(state, settings, tmp_path, (Portion((batch(step),)) for step in range(12)), [])
+        fit(state, settings, tmp_path, Feed(Portion((batch(step),)) for step in range(12)), Session())
     assert (tmp_path / "bad_batch.safetensors").stat().st_size > 10_000
 
 
-def test_the_log_has_each_step_once_and_the_validations_and_their_pictures(sitting, tmp_path):
+def test_the_log_has_each_step_once_and_the_validations_and_their_pictures(session, tmp_path):
     with pytest.raises(Killed):
-        sitting(tmp_path / "run", cut=9, save_minutes=0.0)
-    sitting(tmp_path / "run")
+        session(tmp_path / "run", cut=9, save_minutes=0.0)
+    session(tmp_path / "run")
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     steps = [line["step"] for line in lines if "total" in line]
     checks = [line for line in lines if "validation" in line]
@@ -229,27 +231,27 @@ def test_the_log_has_each_step_once_and_the_validations_and_their_pictures(sitti
     assert picture.shape == (2 * 16, 6 * 24, 3)
 
 
-def test_a_log_that_ran_ahead_of_the_checkpoint_loses_what_is_computed_again(sitting, tmp_path):
-    sitting(tmp_path / "run", ask_to_stop=6)
+def test_a_log_that_ran_ahead_of_the_checkpoint_loses_what_is_computed_again(session, tmp_path):
+    session(tmp_path / "run", ask_to_stop=6)
     log = tmp_path / "run" / "log.jsonl"
     log.write_text(log.read_text() + '{"step": 9, "total": 1.0}\n{"step": 10, "tot')
-    sitting(tmp_path / "run")
+    session(tmp_path / "run")
     assert [json.loads(line)["step"] for line in log.read_text().splitlines()] == [6, 7, 12, 12]
 
 
-def test_a_run_that_starts_from_weights_is_validated_before_its_first_step(sitting, tmp_path, settings):
-    sitting(tmp_path / "run", init="some.safetensors")
-    sitting(tmp_path / "run", init="some.safetensors")
+def test_a_run_that_starts_from_weights_is_validated_before_its_first_step(session, tmp_path, settings):
+    session(tmp_path / "run", init="some.safetensors")
+    session(tmp_path / "run", init="some.safetensors")
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     assert [line["step"] for line in lines if "validation" in line] == [0, 6, 12]
 
 
-def test_tensorboard_gets_the_numbers_of_the_log_and_the_pictures(sitting, tmp_path):
+def test_tensorboard_gets_the_numbers_of_the_log_and_the_pictures(session, tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     with pytest.raises(Killed):
-        sitting(tmp_path / "run", cut=9, save_minutes=0.0)
-    sitting(tmp_path / "run")
+        session(tmp_path / "run", cut=9, save_minutes=0.0)
+    session(tmp_path / "run")
     events = EventAccumulator(str(tmp_path / "run" / "tensorboard")).Reload()
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     for name in ("total", "psnr", "memory_gb"):
@@ -259,18 +261,18 @@ def test_tensorboard_gets_the_numbers_of_the_log_and_the_pictures(sitting, tmp_p
     assert (events.Images("validation")[0].width, events.Images("validation")[0].height) == (6 * 24, 2 * 16)
 
 
-def test_a_console_that_is_no_terminal_gets_plain_lines(sitting, tmp_path):
+def test_a_console_that_is_no_terminal_gets_plain_lines(session, tmp_path):
     console = Console(file=io.StringIO(), width=200)
-    sitting(tmp_path / "run", console=console)
+    session(tmp_path / "run", console=console)
     told = console.file.getvalue()
     assert "step 12 of 12: loss" in told
     assert "min left" in told
     assert "validation PSNR" in told
 
 
-def test_a_terminal_gets_a_bar_with_the_time_left(sitting, tmp_path):
+def test_a_terminal_gets_a_bar_with_the_time_left(session, tmp_path):
     console = Console(file=io.StringIO(), width=160, force_terminal=True)
-    sitting(tmp_path / "run", console=console)
+    session(tmp_path / "run", console=console)
     told = console.file.getvalue()
     assert "12/12" in told
     assert "PSNR" in told

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 from semgs.training.differences import differences
 from semgs.training.presets import PRESETS, base, base_text, paper, small
 from semgs.training.settings import Augmentation, Switches

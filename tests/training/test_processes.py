@@ -16,7 +16,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from semgs.data.views import Batch
 from semgs.geometry.cameras import Cameras
-from semgs.training.batches import Share
+from semgs.training.execution import Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
 from semgs.training.supervision import Depth, supervision_of

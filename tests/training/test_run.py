@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +15,11 @@ import pytest
 
 from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.objectives.weights import DepthLossWeights, LossWeights
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo
 from semgs.training.checkpoints import save_checkpoint
 from semgs.training.differences import differences
+from semgs.training.execution import Execution
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
 from semgs.training.run import NETWORK, alone, claim, export_weights, network, prolong, read_settings
@@ -63,9 +67,9 @@ def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):
     claim(tmp_path, settings)
     claim(tmp_path, settings)
-    with pytest.raises(ValueError, match=r"batch = 2 there, 3 asked.* only steps may change, and only grow"):
+    with pytest.raises(ValueError, match=r"batch = 2 there, 3 requested.* only steps may change, and only grow"):
         claim(tmp_path, replace(settings, batch=3, steps=13))
-    with pytest.raises(ValueError, match=r"steps = 12 there, 11 asked"):
+    with pytest.raises(ValueError, match=r"steps = 12 there, 11 requested"):
         claim(tmp_path, replace(settings, steps=11))
 
 
@@ -81,7 +85,7 @@ def test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter(setti
         with pytest.raises(InputError, match="another process is training"), alone(tmp_path):
             pass
     assert read_settings(tmp_path) == longer
-    with pytest.raises(ValueError, match=r"steps = 20 there, 12 asked"):
+    with pytest.raises(ValueError, match=r"steps = 20 there, 12 requested"):
         claim(tmp_path, settings)
 
 
@@ -106,7 +110,7 @@ def test_a_run_without_a_checkpoint_has_no_weights(settings, tmp_path):
 
 
 def test_unknown_fields_of_a_newer_version_are_named(settings):
-    with pytest.raises(ValueError, match="hold curriculum"):
+    with pytest.raises(ValueError, match="does not know the settings curriculum"):
         TrainingSettings.from_json({**settings.as_json(), "curriculum": True})
 
 
@@ -143,10 +147,20 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
         assert other.stdout.readline() == "held\n"
         before = {file: file.read_bytes() for file in out.iterdir()}
         with pytest.raises(InputError, match="another process is training"):
-            train(settings, out, workers=0)
+            train(settings, out, Execution(workers=0))
         assert {file: file.read_bytes() for file in out.iterdir()} == before
         other.kill()
     with alone(out):
+        pass
+
+
+@pytest.mark.parametrize("number", [errno.EOPNOTSUPP, errno.EACCES])
+def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monkeypatch, number: int):
+    def refused(self, timeout):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("semgs.training.run.FileLock.acquire", refused)
+    with nullcontext() if number == errno.EOPNOTSUPP else pytest.raises(PermissionError), alone(tmp_path):
         pass
 
 
@@ -158,7 +172,7 @@ def test_a_run_of_a_version_with_flat_settings_is_refused_with_one_line(tmp_path
     )
     (tmp_path / NETWORK).write_text(json.dumps({"channels": 48, "cnn_widths": [16, 32, 48]}))
     with pytest.raises(
-        InputError, match="another version of semgs wrote it; go on with that one or name a new folder"
+        InputError, match="another version of semgs wrote it; resume with that version, or name a new folder"
     ) as told:
         network(tmp_path, settings)
     assert len(str(told.value).splitlines()) == 1

@@ -18,17 +18,18 @@ from semgs.data.views import Batch, Views
 from semgs.files.colours import NOTHING
 from semgs.model.depth import CoarseDepth
 from semgs.model.semantic import ClassMaps
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.objectives.losses import losses
-from semgs.objectives.weights import DepthLossWeights, LossWeights
 from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint
-from semgs.training.loop import fit
+from semgs.training.loop import Feed, fit
 from semgs.training.objective import TERMS, Objective, Supervision, render_targets
+from semgs.training.session import Session
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision import Depth, Labels, Pictures, Rendered, rate_shares, supervision_of
-from semgs.training.validation import DepthValidation, Validation
+from semgs.training.validation import Validation, validation_of_depth, validation_of_views
 from semgs.weights.start import start
 
 
@@ -78,7 +79,7 @@ def test_rendered_views_need_all_layers_so_none_is_held(settings):
 
 
 def test_weights_of_classes_that_are_not_numbers_yet_are_refused(settings):
-    with pytest.raises(ValueError, match="expected its numbers, which the survey of the data gives"):
+    with pytest.raises(ValueError, match="expected numbers, which the survey of the data computes"):
         supervision_of(replace(settings, class_weights="inverse_root_frequency"))
 
 
@@ -131,10 +132,10 @@ def test_a_validation_of_depth_has_the_errors_of_all_pixels_with_depth_together(
     for one in batches:
         one.context.depths[0, 0, :8] = 0  # of the first view, 8 of 16 rows
     result = Depth().validate(Deep(1.1, 2.0), batches)
-    assert result.abs_rel == pytest.approx((0.1 + 2 * 1.0) / 3, rel=1e-5)
-    assert result.delta_125 == pytest.approx(1 / 3)
-    assert result.score == -result.abs_rel
-    assert result.told == ["AbsRel 0.7000", "delta < 1.25 0.333"]
+    assert result.numbers["depth_abs_rel"] == pytest.approx((0.1 + 2 * 1.0) / 3, rel=1e-5)
+    assert result.numbers["depth_delta_125"] == pytest.approx(1 / 3)
+    assert result.score == -result.numbers["depth_abs_rel"]
+    assert list(result.phrases) == ["AbsRel 0.7000", "delta < 1.25 0.333"]
     assert result.pictures.shape == (3 * 16, 3 * 24, 3)
 
 
@@ -152,7 +153,7 @@ def test_without_true_depth_a_validation_of_depth_has_no_score(batch):
     one.context.depths[:] = 0
     for result in (Depth().validate(Deep(1.0), [one]), Depth().validate(Deep(1.0), [])):
         assert math.isnan(result.score)
-        assert math.isnan(result.delta_125)
+        assert math.isnan(result.numbers["depth_delta_125"])
 
 
 def test_scenes_without_labels_will_do_only_where_colour_and_depth_learn_alone():
@@ -194,15 +195,15 @@ def test_a_training_begins_with_all_frozen_that_does_not_learn(supervision, clas
 @pytest.mark.parametrize(
     ("result", "score", "told"),
     [
-        (Validation(21.0, 0.25, 0.5, None), 0.25, ["PSNR 21.00 dB", "mIoU 0.250", "accuracy 0.500"]),
-        (Validation(21.0, None, None, None), 21.0, ["PSNR 21.00 dB"]),
-        (Validation(math.nan, 0.25, 0.5, None), 0.25, ["mIoU 0.250", "accuracy 0.500"]),
+        (validation_of_views(21.0, 0.25, 0.5, None), 0.25, ["PSNR 21.00 dB", "mIoU 0.250", "accuracy 0.500"]),
+        (validation_of_views(21.0, None, None, None), 21.0, ["PSNR 21.00 dB"]),
+        (validation_of_views(math.nan, 0.25, 0.5, None), 0.25, ["mIoU 0.250", "accuracy 0.500"]),
     ],
     ids=["rendered", "colour only", "labels"],
 )
 def test_the_best_is_that_of_mean_iou_or_else_of_psnr(result: Validation, score: float, told: list[str]):
     assert result.score == score
-    assert result.told == told
+    assert list(result.phrases) == told
     assert list(result.numbers) == ["psnr", "miou", "accuracy"]
 
 
@@ -226,7 +227,7 @@ def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_
     monkeypatch.setattr("semgs.model.encoding.render", None)
     errors = iter([0.3, 0.1, 0.2, 0.4])
     monkeypatch.setattr(
-        "semgs.training.supervision.validate_depth", lambda *given: DepthValidation(next(errors), 0.5, None)
+        "semgs.training.supervision.validate_depth", lambda *given: validation_of_depth(next(errors), 0.5, None)
     )
     state = TrainingState.begin(sweeping(), Depth(hold_shared=True), settings.learning_rate, 0.9)
     before = {name: value.clone() for name, value in state.model.named_parameters()}
@@ -234,7 +235,7 @@ def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_
     assert first.total == pytest.approx(1.3 * first.depth + 0.5 * first.gradients + 0.1 * first.distribution, rel=1e-5)
     assert min(first.depth, first.gradients, first.distribution) > 0
     portions = (Portion((batch(step),)) for step in range(1, 12))
-    fit(state, replace(settings, validate_every=3), tmp_path, portions, [batch(1000)])
+    fit(state, replace(settings, validate_every=3), tmp_path, Feed(portions, [batch(1000)]), Session())
     moved = {name for name, value in state.model.named_parameters() if (value != before[name]).any()}
     assert moved == {"layer.weight"}
     best = best_checkpoint(tmp_path / "checkpoints")

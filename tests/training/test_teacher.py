@@ -17,6 +17,7 @@ from semgs.files.errors import InputError
 from semgs.training.augmentation import Variation
 from semgs.training.batches import surveyed, training_batches
 from semgs.training.checkpoints import newest_checkpoint
+from semgs.training.execution import Execution
 from semgs.training.loop import train
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.state import averaged_weights
@@ -120,9 +121,9 @@ def test_a_network_that_does_not_classify_by_itself_has_no_place_for_a_head():
 def test_a_run_with_a_teacher_resumes_exactly_and_keeps_its_head_to_itself(scans: Path, tmp_path: Path):
     network = replace(SETTINGS.network, class_backbone=True)
     settings = replace(SETTINGS, data=(str(scans),), teacher=str(tmp_path / "teacher"), network=network, steps=3)
-    train(settings, tmp_path / "whole", workers=0)
+    train(settings, tmp_path / "whole", Execution(workers=0))
     whole = newest_checkpoint(tmp_path / "whole" / "checkpoints")
-    while not train(settings, tmp_path / "cut", workers=0, minutes=1e-9).finished:
+    while not train(settings, tmp_path / "cut", Execution(workers=0, minutes=1e-9)).finished:
         pass
     cut = newest_checkpoint(tmp_path / "cut" / "checkpoints")
     assert whole is not None

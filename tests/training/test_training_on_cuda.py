@@ -13,6 +13,7 @@ from posed import posed_views
 
 from semgs.data.views import Batch, stack
 from semgs.training import presets
+from semgs.training.execution import Execution
 from semgs.training.loop import train
 from semgs.training.run import export_weights
 from semgs.training.state import TrainingState
@@ -52,7 +53,7 @@ def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path, prec
     settings = replace(
         presets.small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validate_every=2, validation_scenes=1
     )
-    options = {"device": "cuda", "precision": precision, "workers": 0, "minutes": 0.0}
-    steps = [train(settings, tmp_path / "run", **options).step for _ in range(2)]
+    execution = Execution("cuda", precision=precision, workers=0, minutes=0.0)
+    steps = [train(settings, tmp_path / "run", execution).step for _ in range(2)]
     assert steps == [1, 2]
     load("small", export_weights(tmp_path / "run", tmp_path / "weights.safetensors"))

@@ -9,7 +9,7 @@ import torch
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rendering.rendering import Rendering
 from semgs.training.objective import render_targets
-from semgs.training.pictures import strip
+from semgs.training.strips import strip
 from semgs.training.supervision import Rendered
 
 
@@ -30,16 +30,18 @@ def test_scores_are_those_of_all_target_pixels_together(network, batch):
         for k in range(20)
         if (truth == k).any()
     ]
-    assert result.psnr == pytest.approx(np.mean(decibels), rel=1e-5)
-    assert result.miou == pytest.approx(np.mean(ious), rel=1e-5)
-    assert result.accuracy == pytest.approx(float((predicted == truth)[truth != IGNORE].float().mean()), rel=1e-6)
+    assert result.numbers["psnr"] == pytest.approx(np.mean(decibels), rel=1e-5)
+    assert result.numbers["miou"] == pytest.approx(np.mean(ious), rel=1e-5)
+    assert result.numbers["accuracy"] == pytest.approx(
+        float((predicted == truth)[truth != IGNORE].float().mean()), rel=1e-6
+    )
     assert result.pictures.shape == (3 * 16, 6 * 24, 3)
 
 
 def test_without_scenes_there_is_nothing_to_say(network):
     result = Rendered().validate(network(), [])
-    assert np.isnan(result.psnr)
-    assert (result.miou, result.accuracy, result.pictures) == (None, None, None)
+    assert np.isnan(result.numbers["psnr"])
+    assert (result.numbers["miou"], result.numbers["accuracy"], result.pictures) == (None, None, None)
 
 
 def test_the_strip_shows_image_classes_and_depth_each_beside_its_truth(batch):

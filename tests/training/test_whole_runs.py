@@ -21,11 +21,12 @@ from semgs.data.classes import SCANNET20
 from semgs.data.terms import ROOMS
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 from semgs.rooms.sets.stream import RoomSamples, sample
 from semgs.training import batches
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.checkpoints import newest_checkpoint
+from semgs.training.execution import Execution
 from semgs.training.loop import train
 from semgs.training.run import hold_assets
 from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
@@ -61,9 +62,9 @@ def validated(settings: TrainingSettings, folder: Path) -> list[Batch]:
 
 
 @pytest.mark.usefixtures("real_rendering")
-def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting_or_two(tmp_path: Path):
+def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_session_or_two(tmp_path: Path):
     pytest.importorskip("embreex")
-    outcome = train(SETTINGS, tmp_path / "run", workers=0)
+    outcome = train(SETTINGS, tmp_path / "run", Execution(workers=0))
     assert (outcome.step, outcome.finished, outcome.skipped) == (2, True, 0)
     path = tmp_path / "run" / "weights.safetensors"
     model = load("small", path)
@@ -77,8 +78,8 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_sitting
     assert metadata["description"] == "small, 2 of 2 steps of a training in generated rooms"
     assert data_terms(path) == (ROOMS,)
     assert path.stat().st_size < 12e6
-    # The same run in two sittings, with the real network, rooms and splatting, ends with the same bits.
-    cut = [train(SETTINGS, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]
+    # The same run in two sessions, with the real network, rooms and splatting, ends with the same bits.
+    cut = [train(SETTINGS, tmp_path / "cut", Execution(workers=0, minutes=0.0)).step for _ in range(2)]
     assert cut == [1, 2]
     whole, parts = (newest_checkpoint(tmp_path / name / "checkpoints").tensors for name in ("run", "cut"))
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
@@ -102,7 +103,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
         SETTINGS, supervision=supervision, init=str(with_shared_cnn), data=(str(own),), validation=str(own), depth_weight=0.0,
         hold_shared=held,
     )  # fmt: skip
-    train(settings, tmp_path / "run", workers=0)
+    train(settings, tmp_path / "run", Execution(workers=0))
     model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
     moved = {
         name
@@ -123,7 +124,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_sitting_or_two(
+def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_session_or_two(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, held: bool
 ):
     monkeypatch.setattr("semgs.model.encoding.render", None)
@@ -131,7 +132,7 @@ def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one
     settings = replace(
         SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own), hold_shared=held
     )  # fmt: skip
-    train(settings, tmp_path / "run", workers=0)
+    train(settings, tmp_path / "run", Execution(workers=0))
     model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
     moved = {
         name
@@ -149,7 +150,7 @@ def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one
     assert all(check["depth_abs_rel"] > 0 and 0 <= check["depth_delta_125"] <= 1 for check in checks)
     assert (tmp_path / "run" / "best.safetensors").is_file()
     assert (tmp_path / "run" / "validation" / "00000002.png").is_file()
-    cut = [train(settings, tmp_path / "cut", workers=0, minutes=0.0).step for _ in range(2)]
+    cut = [train(settings, tmp_path / "cut", Execution(workers=0, minutes=0.0)).step for _ in range(2)]
     assert cut == [1, 2]
     whole, parts = (newest_checkpoint(tmp_path / name / "checkpoints").tensors for name in ("run", "cut"))
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
@@ -157,7 +158,7 @@ def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one
 
 def test_depth_is_learned_in_rooms_drawn_live(tmp_path: Path):
     pytest.importorskip("embreex")
-    train(replace(SETTINGS, supervision="depth", steps=1), tmp_path / "run", workers=0)
+    train(replace(SETTINGS, supervision="depth", steps=1), tmp_path / "run", Execution(workers=0))
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     assert [line["validation"]["depth_abs_rel"] > 0 for line in lines if "validation" in line] == [True]
 
@@ -173,7 +174,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
         class_weights="inverse_root_frequency", augmentation=Augmentation(flip=True),
     )  # fmt: skip
     console = Console(file=io.StringIO(), width=300)
-    train(settings, tmp_path / "run", workers=0, console=console)
+    train(settings, tmp_path / "run", Execution(workers=0), console=console)
     told = console.file.getvalue()
     assert "tensors kept; drawn anew for the 3 classes of three" in told
     assert "classes: three (wall, seat, floor)" not in told, "there is no preset to differ from"
@@ -324,7 +325,7 @@ def test_a_run_goes_on_with_the_assets_that_it_began_with(tmp_path):
     hold_assets(run, [str(tmp_path / "assets")])
     hold_assets(run, [str(tmp_path / "assets")])
     (tmp_path / "assets" / "lock.json").write_text("grown")
-    with pytest.raises(InputError, match="those that the run began with"):
+    with pytest.raises(InputError, match="those that the run started with"):
         hold_assets(run, [str(tmp_path / "assets")])
 
 

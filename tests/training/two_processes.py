@@ -17,9 +17,9 @@ from posed import posed_views
 from semgs.data.classes import IGNORE
 from semgs.data.views import Batch, Views, stack
 from semgs.model.semgs import SemGS
-from semgs.objectives.weights import LossWeights
-from semgs.training.batches import Share
+from semgs.objectives.loss_weights import LossWeights
 from semgs.training.engine import launched
+from semgs.training.execution import Execution, Share
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
@@ -77,7 +77,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
             abs(getattr(said, name) - getattr(alone, name))
             for name in ("total", "semantic", "depth", "gradients", "distribution")
         )
-        + (0 if SETTINGS.supervision == "depth" else abs(said.psnr - alone.psnr)),
+        + (0 if SETTINGS.supervision == "depth" else abs(said.numbers["psnr"] - alone.numbers["psnr"])),
         "unlabelled": abs(said.unlabelled - alone.unlabelled) + (alone.unlabelled != UNLABELLED[SETTINGS.supervision]),
         "moved": float(said.moved and alone.moved),
     }
@@ -100,7 +100,7 @@ def broken(fabric) -> bool:
 
 
 def main() -> None:
-    fabric = launched("cpu", devices=2)
+    fabric = launched(Execution(devices=2))
     found = {name: compare(fabric, dtype) for name, dtype in (("double", torch.float64), ("single", torch.float32))}
     skipped = fabric.all_reduce(torch.tensor(float(broken(fabric))), reduce_op="sum")
     if fabric.is_global_zero:

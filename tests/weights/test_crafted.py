@@ -14,14 +14,14 @@ from safetensors.torch import load_file, save_file
 
 from semgs.files.errors import InputError
 from semgs.files.tensor_files import opened_tensors
-from semgs.model import presets
+from semgs.model import networks
 from semgs.weights.file import CHECKSUM, checksum, is_ours, read_header, read_tensors, restate
 from semgs.weights.load import find, load, shipped
 
 
 def stored(path: Path, tensors: dict[str, torch.Tensor], **header: str) -> Path:
     """A small file of weights whose settings are those of `small`."""
-    given = {"semgs": "2", "settings": json.dumps(presets.small().as_json()), "classes": "null"}
+    given = {"semgs": "2", "settings": json.dumps(networks.small().as_json()), "classes": "null"}
     save_file(tensors, path, given | header)
     return path
 
@@ -34,7 +34,7 @@ def bare(path: Path, header: bytes, body: bytes = b"") -> Path:
 
 def with_setting(*keys: str, value: object) -> str:
     """The settings of `small` as JSON with one of them changed."""
-    settings = json.loads(json.dumps(presets.small().as_json()))
+    settings = json.loads(json.dumps(networks.small().as_json()))
     part = settings
     for key in keys[:-1]:
         part = part[key]
@@ -56,7 +56,9 @@ def test_one_flipped_bit_of_a_tensor_is_noticed_and_files_without_a_checksum_loa
     data = bytearray(path.read_bytes())
     data[-3] ^= 1
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"tensors_sha256: expected tensors of sha256 \w{12}.* found \w{12}; the file"):
+    with pytest.raises(
+        InputError, match=r"tensors_sha256: expected tensors with sha256 \w{12}.* found \w{12}; the file"
+    ):
         read_tensors(path)
     with pytest.raises(InputError, match="damaged"):
         restate(path, tmp_path / "again", {"licence": "CC0"})

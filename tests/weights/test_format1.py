@@ -12,7 +12,7 @@ from safetensors.torch import save_file
 
 from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.settings import NetworkSettings, PaperHeads, Pyramid
 from semgs.weights.file import read_header, read_tensors, save
@@ -43,7 +43,7 @@ def test_every_file_that_shipped_fills_the_network_of_its_header(file: dict):
 
 
 def test_flat_settings_mean_what_they_did():
-    assert todays_settings(BASE) == presets.base()
+    assert todays_settings(BASE) == networks.base()
     assert todays_settings(BASE, semantic=False).semantic is None
     switched = {
         "paper_heads": True,
@@ -109,18 +109,18 @@ def test_a_later_format_is_refused(tmp_path: Path):
         read_header(tmp_path / "later.safetensors")
 
 
-@pytest.mark.parametrize("name", presets.NAMES)
+@pytest.mark.parametrize("name", networks.NAMES)
 def test_settings_survive_json(name: str):
-    settings = presets.PRESETS[name]()
+    settings = networks.NETWORKS[name]()
     assert NetworkSettings.from_json(json.loads(json.dumps(settings.as_json()))) == settings
 
 
 def test_settings_of_an_unknown_kind_are_refused():
-    saved = presets.base().as_json()
+    saved = networks.base().as_json()
     saved["colour"]["heads"]["kind"] = "other"
     with pytest.raises(ValueError, match="kind is 'other'; expected mvsplat or paper"):
         NetworkSettings.from_json(saved)
 
 
 def test_the_test_networks_are_the_presets():
-    assert network().settings == presets.base()
+    assert network().settings == networks.base()

@@ -102,8 +102,8 @@ def lost(file: SimpleNamespace) -> SimpleNamespace:
 @pytest.mark.parametrize(
     ("change", "asked", "told"),
     [
-        ({"unreachable": OSError("no route\nto host")}, ASKED, "rooms: expected a repository on the hub, found no route; fetch"),
-        ({"cut": RuntimeError()}, ASKED, "found RuntimeError; fetch the file by other means"),
+        ({"unreachable": OSError("no route\nto host")}, ASKED, "rooms: expected a repository on the hub, found no route; download"),
+        ({"cut": RuntimeError()}, ASKED, "found RuntimeError; download the file by other means"),
         ({"content": b"other"}, ASKED, "cached.safetensors: expected sha256 .*, as of hf://owner/rooms, found"),
         ({}, f"{ASKED}@sha256:{'0' * 64}", "found .*, as the repository states"),
         ({"siblings": lambda file: [file, file]}, ASKED, "with one safetensors file, found w.safetensors, w.safetensors"),

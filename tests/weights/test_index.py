@@ -13,8 +13,8 @@ from safetensors.torch import load_file
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.weights.file import count_parameters, read_header, restate, save
+from semgs.weights.header_scores import KEY, Figure, Score, read_scores, scores_text
 from semgs.weights.index import FILE_NAME, check, matching, read_index, shipped_folder, write_index
-from semgs.weights.scores import KEY, Figure, Score, read_scores, scores_text
 
 SCORE = Score("rooms", "neighbours", 2, 96, "ab" * 32, {"miou": Figure(0.5, 0.4, 0.6), "psnr": Figure(25.0)})
 
@@ -40,7 +40,7 @@ def test_a_byte_that_changes_is_noticed(folder: Path):
     first, second = read_index(folder)
     assert (first.name, first.bytes, second.name) == ("a", 9, "b")
     first.path.write_bytes(b"aaaaaaaab")
-    with pytest.raises(InputError, match=f"a.safetensors: expected sha256 {first.sha256[:12]} .* altered"):
+    with pytest.raises(InputError, match=f"a.safetensors: expected sha256 {first.sha256[:12]} .* was changed"):
         check(first)
     check(second)
     second.path.unlink()
@@ -51,16 +51,16 @@ def test_a_byte_that_changes_is_noticed(folder: Path):
 def test_a_file_is_known_by_its_bytes_whatever_it_is_called(folder: Path):
     (folder / "downloaded").write_bytes(b"b" * 9)
     assert matching(folder / "downloaded", read_index(folder)).name == "b"
-    with pytest.raises(InputError, match=r"expected the sha256 of weights that ship .a .*, b .*, found"):
+    with pytest.raises(InputError, match=r"expected the sha256 of included weights .a .*, b .*, found"):
         matching(folder / FILE_NAME, read_index(folder))
-    with pytest.raises(InputError, match="a file of weights, or a or b, found nothing"):
+    with pytest.raises(InputError, match="a weights file, or a or b, found nothing"):
         matching(folder / "absent", read_index(folder))
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"a": {}}', '{"a": {"file": "a", "sha256": "", "bytes": "many"}}'])
 def test_a_broken_index_is_told_of(folder: Path, text: str):
     (folder / FILE_NAME).write_text(text)
-    with pytest.raises(InputError, match="the index of the weights that ship"):
+    with pytest.raises(InputError, match="the index of the included weights"):
         read_index(folder)
 
 

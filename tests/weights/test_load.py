@@ -10,7 +10,7 @@ from semgs import load
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import FURNISHED, ROOMS, SCANNET, TermsWarning, terms_text
 from semgs.files.errors import InputError
-from semgs.model import presets
+from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.conventions import Conventions
 from semgs.model.switches import switched
@@ -41,7 +41,7 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
 
 def test_weights_of_an_ablation_bring_its_switches_back(tmp_path):
     switches = {"paper_heads": True, "windows": 1, "shared_layers": False, "camera_aware_semantic": False}
-    settings = replace(presets.small(), conventions=Conventions(candidates="linear"))
+    settings = replace(networks.small(), conventions=Conventions(candidates="linear"))
     model = build(switched(settings, switches))
     save(tmp_path / "ablation.safetensors", model, {})
     again = load("small", weights=tmp_path / "ablation.safetensors")
@@ -54,16 +54,16 @@ def test_weights_are_found_by_name_or_by_path(written, tmp_path):
     assert find(written) == ("small", written)
     save_file({"encoder.x": torch.zeros(2)}, tmp_path / "foreign.safetensors")
     assert find(tmp_path / "foreign.safetensors") == ("mvsplat", tmp_path / "foreign.safetensors")
-    with pytest.raises(ValueError, match='no weights ship for "base"'):
+    with pytest.raises(ValueError, match='no included weights for "base"'):
         find("base")
-    with pytest.raises(InputError, match="expected a file of weights, or small, found nothing"):
+    with pytest.raises(InputError, match="expected a weights file, or small, found nothing"):
         find(tmp_path / "absent")
 
 
 def test_a_file_says_which_class_table_it_is_for(written, tmp_path):
     assert table_of(written) == SCANNET20
     table = ClassTable("mine", ("wall", "floor"), ((1, 2, 3), (4, 5, 6)), (1, 2))
-    save(tmp_path / "mine.safetensors", build(presets.small(), table), {})
+    save(tmp_path / "mine.safetensors", build(networks.small(), table), {})
     assert table_of(tmp_path / "mine.safetensors") == table
 
 
@@ -78,7 +78,7 @@ def test_drawing_is_a_function_of_the_seed_and_leaves_the_callers_state(small):
 
 
 def test_no_weights_ship_for_base():
-    with pytest.raises(ValueError, match='no weights ship for "base"'):
+    with pytest.raises(ValueError, match='no included weights for "base"'):
         load("base")
 
 
@@ -95,7 +95,7 @@ def test_weights_of_another_network_are_refused(written):
 def test_weights_of_another_class_table_are_refused(tmp_path):
     table = ClassTable("mine", ("wall", "floor"), ((1, 2, 3), (4, 5, 6)), (1, 2))
     path = tmp_path / "mine.safetensors"
-    save(path, build(presets.small(), table), {})
+    save(path, build(networks.small(), table), {})
     with pytest.raises(InputError, match=r"scannet20 \(20 classes\), found mine \(2 classes\)"):
         load("small", weights=path)
     assert load("small", weights=path, classes=table).classes == table
@@ -106,12 +106,12 @@ def test_weights_of_another_shape_are_refused(written, tmp_path):
     tensors = load_file(written)
     tensors["semantic.head.2.bias"] = torch.zeros(5)
     path = tmp_path / "shape.safetensors"
-    settings = json.dumps(presets.small().as_json())
+    settings = json.dumps(networks.small().as_json())
     classes = json.dumps(
         {"name": SCANNET20.name, "names": SCANNET20.names, "colours": SCANNET20.colours, "raw_ids": SCANNET20.raw_ids}
     )
     save_file(tensors, path, {"semgs": "2", "settings": settings, "classes": classes, **header.metadata})
-    with pytest.raises(InputError, match=r"semantic\.head\.2\.bias: expected shape \(27,\), found \(5,\)"):
+    with pytest.raises(InputError, match=r"semantic\.head\.2\.bias: expected shape \(27,\), as in small, found \(5,\)"):
         load("small", weights=path)
 
 
@@ -133,7 +133,7 @@ def test_a_truncated_file_is_refused(written, tmp_path):
 
 
 def test_a_missing_file_is_told(tmp_path):
-    with pytest.raises(InputError, match="expected a file of weights, found nothing"):
+    with pytest.raises(InputError, match="expected a weights file, found nothing"):
         load("small", weights=tmp_path / "none.safetensors")
 
 
@@ -183,11 +183,11 @@ def test_what_is_loaded_gives_no_gradients_but_passes_those_of_its_views_and_lea
 def test_what_cannot_fit_is_refused_before_it_is_encoded_with_what_would(monkeypatch: pytest.MonkeyPatch):
     """0.25 GB more than the 0.4 that the process has: 0.65. Libraries alone take 0.18, two views of 240x320 another 0.15."""
     model, views = load("small", "random"), posed_views(2, (240, 320))
-    monkeypatch.setattr("semgs.model.plan.held_bytes", lambda: 4e8)
-    monkeypatch.setattr("semgs.model.plan.free_bytes", lambda: 0.25e9)
+    monkeypatch.setattr("semgs.model.memory_plan.held_bytes", lambda: 4e8)
+    monkeypatch.setattr("semgs.model.memory_plan.free_bytes", lambda: 0.25e9)
     with pytest.raises(
         MemoryError, match=r"N = 2 at 240x320 needs about 0\.\d+ GB, 0\.65 GB are free; \d+x\d+ needs 0\.\d+ GB"
     ):
         model(views)
-    monkeypatch.setattr("semgs.model.plan.free_bytes", lambda: 0.0)
+    monkeypatch.setattr("semgs.model.memory_plan.free_bytes", lambda: 0.0)
     model.train()(posed_views(2, (32, 48)))  # of training the plan knows nothing

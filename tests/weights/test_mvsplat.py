@@ -129,15 +129,15 @@ def test_every_one_of_the_471_is_missed_by_its_name_and_measured(state, monkeypa
         model = preset("mvsplat")
     wanted = model.state_dict()
     monkeypatch.setattr(model, "state_dict", lambda: wanted)
-    tensors = renamed(state, Path("re10k.ckpt"))
+    tensors = renamed(state, Path("re10k.ckpt"), model.name)
     for name, tensor in tensors.items():
         rest = {key: value for key, value in tensors.items() if key != name}
         with pytest.raises(InputError, match=f"{re.escape(name)}: expected a tensor of shape"):
-            fill(model, rest, Path("re10k.ckpt"))
+            fill(model, rest, Path("re10k.ckpt"), model.name)
         with pytest.raises(InputError, match=f"{re.escape(name)}: expected shape"):
-            fill(model, rest | {name: tensor[None]}, Path("re10k.ckpt"))
+            fill(model, rest | {name: tensor[None]}, Path("re10k.ckpt"), model.name)
     with pytest.raises(InputError, match=r"cnn\.surplus"):
-        fill(model, tensors | {"cnn.surplus": torch.zeros(2)}, Path("re10k.ckpt"))
+        fill(model, tensors | {"cnn.surplus": torch.zeros(2)}, Path("re10k.ckpt"), model.name)
 
 
 @pytest.mark.parametrize("network", ["mvsplat", "base"])
@@ -214,7 +214,7 @@ def test_a_lightning_checkpoint_with_objects_names_the_way_out(state, tmp_path):
     assert "471 tensors of MVSplat taken" in load("mvsplat", weights=tmp_path / "plain.ckpt").origin
     torch.save({"state_dict": state, "lr_schedulers": [Schedule()], **plain}, tmp_path / "objects.ckpt")
     with pytest.raises(
-        InputError, match=r"found an object, test_mvsplat\.Schedule; if you trust it, take its tensors out once"
+        InputError, match=r"found an object, test_mvsplat\.Schedule; if you trust it, extract its tensors once"
     ) as told:
         load("mvsplat", weights=tmp_path / "objects.ckpt")
     assert "weights_only=False" not in str(told.value)

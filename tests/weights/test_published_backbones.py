@@ -77,7 +77,7 @@ def test_a_published_file_is_known_by_its_names(tmp_path: Path):
     assert not is_published(tmp_path / "nowhere.safetensors")
     assert not is_published(tmp_path / "stem.safetensors")
     assert not is_published(str(shipped("small")))
-    with pytest.raises(InputError, match=r"text.safetensors: expected a whole safetensors file"):
+    with pytest.raises(InputError, match=r"text.safetensors: expected a complete safetensors file"):
         fill_backbone(MobileNetV2(), tmp_path / "text.safetensors")
 
 
@@ -106,7 +106,5 @@ def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_pat
     shipped = load("small").state_dict()
     lent = beside.parts()["depth"] | beside.parts()["colour"]
     assert all(torch.equal(beside.state_dict()[name], shipped[name]) for name in lent)
-    with pytest.raises(
-        InputError, match="expected a network that classifies by a MobileNetV2, found one that does not"
-    ):
+    with pytest.raises(InputError, match="expected a network with a MobileNetV2 class backbone, found one without"):
         start("small", "random", backbone=str(path))

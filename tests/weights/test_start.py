@@ -51,7 +51,7 @@ def test_another_table_is_refused_unless_it_is_asked_for():
 
 @pytest.mark.parametrize(
     ("init", "told"),
-    [("nowhere.safetensors", "a file of weights"), ("base", "under which some ship")],
+    [("nowhere.safetensors", "a weights file"), ("base", "the name of included weights")],
 )
 def test_weights_that_are_not_there_are_refused(init: str, told: str):
     with pytest.raises(InputError, match=told):

@@ -11,9 +11,9 @@ from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.weights.file import restate
+from semgs.weights.header_scores import KEY, Score, read_scores, scores_text
 from semgs.weights.index import shipped_folder, write_index
 from semgs.weights.load import DATA_TERMS
-from semgs.weights.scores import KEY, Score, read_scores, scores_text
 from tools.release.pages import SCORES
 
 

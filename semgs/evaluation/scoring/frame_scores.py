@@ -12,7 +12,7 @@ from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
-from semgs.objectives.maps import Maps, MapScores, map_scores
+from semgs.objectives.map_scores import Maps, MapScores, map_scores
 from semgs.objectives.metrics import DepthScores
 
 

@@ -10,7 +10,7 @@ from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.grid import Cell, Grid
 from semgs.evaluation.tables.texts import with_interval
 from semgs.objectives.measures import TITLES, shown_number
-from semgs.weights.scores import Figure
+from semgs.weights.header_scores import Figure
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
 """The columns."""

@@ -1,4 +1,4 @@
-"""Check that scenes can teach what the settings ask for."""
+"""Check that scenes have the labels and depth that the settings need."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from semgs.training.survey.opened import check_bad, open_source
 
 
 def check_labels(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
-    """Refuse labels that the table of the run cannot say, and data without any.
+    """Refuse labels that do not fit the class table of the run, and data without labels if classes are to be learned.
 
     Raises:
-        InputError: as `check_tables`, or there are no labels at all although classes are to be learned.
+        InputError: the labels do not fit (`check_tables`), or there are none at all.
     """
     check_tables(settings, scenes, classes)
     advice = supervision_of(replace(settings, class_weights=None)).without_labels
     labelled = any(scene.classes is not None for scene in scenes)
     if advice is not None and not labelled and not any(source.is_rooms for source in settings.sources):
-        raise InputError(scenes[0].path, "scenes with labels, to learn classes from", "none with any", advice=advice)
+        raise InputError(scenes[0].path, "scenes with labels, to learn classes from", "none", advice=advice)
 
 
 def check_tables(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> None:
-    """Refuse labels that the table of the run cannot say, unless no label counts.
+    """Refuse labels that do not fit the class table of the run, unless labels do not matter.
 
     Raises:
-        InputError: they are of another table and none was asked for, or none of their classes is in the one asked for.
+        InputError: they are of another table and the settings name none, or the named table has none of their classes.
     """
     for scene in scenes:
         if scene.classes is None or settings.supervision == "depth":
             continue
         if settings.classes is None and scene.classes != classes:
             raise InputError(
-                scene.path, f"labels of table {classes.name}", f"those of {scene.classes.name}",
-                advice="name the table of the training with --classes FILE",
+                scene.path, f"labels of class table {classes.name}", f"labels of {scene.classes.name}",
+                advice="name the class table to train with: --classes FILE",
             )  # fmt: skip
         if not set(scene.classes.names) & set(classes.names):
             raise InputError(
@@ -51,26 +51,26 @@ def check_tables(settings: TrainingSettings, scenes: Sequence[Scene], classes: C
 
 
 def check_depth(settings: TrainingSettings, scenes: Sequence[Scene]) -> None:
-    """Refuse scenes that teach nothing because none of their frames has depth.
+    """Refuse scenes without any depth, if depth is to be learned.
 
     Raises:
-        InputError: there are some and depth is to be learned; the first one is named.
+        InputError: there are such scenes; the first one is named.
     """
     advice = supervision_of(replace(settings, class_weights=None)).without_depth
     without = [scene for scene in scenes if all(frame.depth is None for frame in scene.frames)]
     if advice is not None and without:
         raise InputError(
             without[0].path, "frames with depth, to learn depth from",
-            f"none with any; {len(without)} of {len(scenes)} scenes are like that", advice=advice,
+            f"none; {len(without)} of {len(scenes)} scenes have no depth", advice=advice,
         )  # fmt: skip
 
 
 def check_validation(settings: TrainingSettings, classes: ClassTable, trained: Sequence[str]) -> None:
-    """Refuse scenes of validation that cannot be used; as strict as with those of the training.
+    """Refuse validation scenes that cannot be used, by the same rules as training scenes.
 
     Raises:
-        InputError: too many of them are bad, their labels are of another table, one has no depth although that is to be
-            learned, or they show rooms of the scenes that are trained on.
+        InputError: too many are bad, their labels are of another class table, one lacks depth that is to be learned, or they show the
+            same rooms as the training scenes.
     """
     source = Source.parsed(settings.validation)
     if not source.is_rooms and settings.validation_scenes:
@@ -83,7 +83,7 @@ def check_validation(settings: TrainingSettings, classes: ClassTable, trained: S
 
 
 def notes_on(settings: TrainingSettings, scenes: Sequence[Scene], classes: ClassTable) -> list[str]:
-    """What becomes of tables that are not that of the run, and of scenes without labels; nothing if no label counts."""
+    """Notes on other class tables and on scenes without labels; none if labels do not matter."""
     if settings.supervision == "depth":
         return []
     tables = {scene.classes.name: scene.classes for scene in scenes if scene.classes not in (None, classes)}
@@ -95,9 +95,9 @@ def notes_on(settings: TrainingSettings, scenes: Sequence[Scene], classes: Class
     for name, table in tables.items():
         kept = [one for one in table.names if one in classes.names]
         notes.append(
-            f"labels of {name}: {len(kept)} of {len(table)} classes are in table {classes.name}; pixels of the others are ignored"
+            f"labels of {name}: {len(kept)} of {len(table)} classes are in {classes.name}; pixels of the other classes are ignored"
         )
     without = sum(scene.classes is None for scene in scenes)
     if without:
-        notes.append(f"{without} of {len(scenes)} scenes have no labels; they teach colour alone")
+        notes.append(f"{without} of {len(scenes)} scenes have no labels and only teach colour")
     return notes

@@ -20,20 +20,21 @@ FRAMES_COUNTED = 4
 """Frames of each scene in which classes are counted."""
 
 BALANCE = 0.5
-"""Balanced sampling goes by the mean factor of a scene's pixels, of `inverse_frequency` with this power."""
+"""Balanced sampling chooses a scene in proportion to the mean `inverse_frequency` of its pixels, with this power."""
 
 Pixels = np.ndarray
 """Pixels of each class [class], float64."""
 
 
 def inverse_frequency(shares: Pixels, power: float) -> tuple[float, ...]:
-    """Factors 1 / share**power of each class, scaled so that a mean labelled pixel has 1; one that never occurs has that of the rarest.
+    """Factors 1 / share**power of each class, scaled so that labelled pixels have a mean of 1. A class that never occurs has the factor
+    of the rarest.
 
     Raises:
         ValueError: no class occurs.
     """
     if not shares.sum() > 0:
-        raise ValueError("no class of the table occurs in the data, so they cannot be weighed by how often they do")
+        raise ValueError("no class of the table occurs in the data, so classes cannot be weighted by frequency")
     shares = shares / shares.sum()
     weights = np.where(shares > 0, shares, shares[shares > 0].min()) ** -power
     return tuple(float(weight) for weight in np.round(weights / (weights * shares).sum(), 4))
@@ -42,7 +43,7 @@ def inverse_frequency(shares: Pixels, power: float) -> tuple[float, ...]:
 def count_pixels(
     settings: TrainingSettings, scenes: Sequence[Scene], rooms: Callable[[], RoomSamples], classes: ClassTable
 ) -> list[Pixels | None]:
-    """Pixels of each class in each scene and, last, in some rooms; None where the settings need not know."""
+    """Pixels of each class in each scene and, last, in some rooms; None if the settings do not need them."""
     if not isinstance(settings.class_weights, str) and settings.sampling == "even":
         return [None] * (len(scenes) + 1)
     pixels: list[Pixels | None] = [_counted(_some(scene), classes) if scene.classes else None for scene in scenes]
@@ -53,7 +54,7 @@ def count_pixels(
 
 
 def _some(scene: Scene) -> list[Views]:
-    """A few frames spread over a scene; those that cannot be read are left to the training to tell of."""
+    """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
     views = []
     for index in np.unique(np.linspace(0, len(scene) - 1, FRAMES_COUNTED).round().astype(int)):
         with contextlib.suppress(InputError):
@@ -74,7 +75,7 @@ def _counted(views: Sequence[Views], classes: ClassTable) -> Pixels:
 def class_shares(
     settings: TrainingSettings, opened: Sequence[Opened], pixels: Sequence[Pixels | None], classes: ClassTable
 ) -> Pixels:
-    """The share of each class in what the run sees: of each source by its weight, every scene of it alike."""
+    """The share of each class in what the run sees: sources count by their weights, all scenes of a source equally."""
     total = np.zeros(len(classes))
     folders, counts = iter(opened), iter(pixels)
     for source in settings.sources:
@@ -88,7 +89,7 @@ def class_shares(
 def with_chances(
     settings: TrainingSettings, opened: Sequence[Opened], pixels: Sequence[Pixels | None], shares: Pixels
 ) -> tuple[Folder, ...]:
-    """The scenes of each folder with their chances: equal, or the mean factor of their pixels when rare classes have larger ones."""
+    """The scenes of each folder with their chances: equal, or higher for scenes with rare classes (`BALANCE`)."""
     factors = np.array(inverse_frequency(shares, BALANCE)) if settings.sampling == "balanced" else None
     counts = iter(pixels)
     folders = []

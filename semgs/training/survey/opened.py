@@ -1,4 +1,4 @@
-"""Open every scene of a run (headers, not images), so that what is missing is reported before hours are spent."""
+"""Open every scene of a run (headers, not images), so that faults are reported before training starts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TOLERATED = 0.05
 
 
 def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path, ...]]]:
-    """Where the scenes of each source that is not the rooms are: all of them, or those of the list that is asked for.
+    """The scenes of each folder among the sources: all of them, or those in the list of the settings.
 
     Raises:
         InputError: a source has no scene, or none of the list; or a scene of the list is in no source.
@@ -33,15 +33,15 @@ def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path,
         found = [tuple(path for path in paths if path in chosen) for paths in found]
         for source, paths in zip(sources, found, strict=True):
             if not paths:
-                raise InputError(source.path, f"scenes of {settings.scenes}", "none of them")
+                raise InputError(source.path, f"scenes of {settings.scenes}", "none")
     return list(zip(sources, found, strict=True))
 
 
 def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
-    """End a training whose scenes are bad.
+    """Stop if too many scenes are bad.
 
     Raises:
-        InputError: more than 5 % of them are; the first one is named.
+        InputError: more than 5 % are; the first one is named.
     """
     if len(bad) > TOLERATED * scenes:
         path, why = bad[0]
@@ -52,7 +52,7 @@ def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
 
 @dataclass(frozen=True)
 class Opened:
-    """A source whose scenes have been opened."""
+    """A source with its opened scenes and its bad ones."""
 
     source: Source
     scenes: tuple[Scene, ...]
@@ -60,7 +60,7 @@ class Opened:
 
 
 def open_source(source: Source, paths: Sequence[Path], contexts: int, settings: TrainingSettings) -> Opened:
-    """The scenes of a source at these paths, and those that cannot be used or are too short for so many contexts."""
+    """The scenes of a source at these paths; bad ones cannot be used or have too few frames."""
     scenes, bad = [], []
     needed = contexts + settings.targets
     for path in paths:
@@ -69,9 +69,9 @@ def open_source(source: Source, paths: Sequence[Path], contexts: int, settings: 
             if len(scene) < needed:
                 raise InputError(
                     path,
-                    f"at least {needed} usable frames ({contexts} input views and {settings.targets} to compare with)",
+                    f"at least {needed} usable frames ({contexts} input views and {settings.targets} target views)",
                     f"{len(scene)}",
-                    advice="ask for fewer --contexts or --targets",
+                    advice="use fewer --contexts or --targets",
                 )
         except InputError as error:
             bad.append((str(path), str(error)))

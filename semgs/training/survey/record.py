@@ -1,6 +1,6 @@
-"""RUN/data.json: the scenes that a run began with, their counts, and the terms of its data.
+"""RUN/data.json: the scenes that a run started with, their class counts, and the terms of its data.
 
-Sample k is drawn from the scenes by number, so a run resumes with the scenes that it began with or not at all.
+Samples choose scenes by number, so a run only resumes with the scenes that it started with.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ UNSTATED = Terms("data of a run that an older version of semgs began: terms not 
 
 
 def scenes_of(record: Path) -> tuple[str, ...]:
-    """The names of all scenes that a run has seen, those of the weights that it began with included; none where there is no record.
+    """The names of all scenes that a run has seen, including those of its initial weights; none if there is no record.
 
-    Rooms that semgs drew are left out: those of every seed have the same names.
+    Generated rooms are left out, because they have the same names with every seed.
 
     Raises:
         InputError: the record is damaged.
@@ -43,11 +43,11 @@ def scenes_of(record: Path) -> tuple[str, ...]:
             )
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(record, "what the data of the run are", str(error)) from error
+        raise InputError(record, "the record of the run's data", str(error)) from error
 
 
 def data_terms_of(record: Path) -> tuple[Terms, ...]:
-    """The terms of all data that a run has seen, those of the weights that it began with included.
+    """The terms of all data that a run has seen, including those of its initial weights.
 
     Raises:
         InputError: the record is damaged.
@@ -58,7 +58,7 @@ def data_terms_of(record: Path) -> tuple[Terms, ...]:
     except FileNotFoundError:
         return (UNSTATED,)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(record, "what the data of the run are", str(error)) from error
+        raise InputError(record, "the record of the run's data", str(error)) from error
 
 
 def remember(
@@ -68,7 +68,7 @@ def remember(
     before: Sequence[str],
     terms: Sequence[Terms],
 ) -> None:
-    """Write what the data are, which scenes the weights to start from have seen, and the terms of both."""
+    """Write the scenes and their counts, the scenes that the initial weights have seen, and the terms of both."""
     counts = [None if one is None else one.tolist() for one in pixels]
     listed = [
         {"name": scene.name, "frames": len(scene), "pixels": held, "drawn": terms_of(scene) in (ROOMS_TERMS, FURNISHED)}
@@ -80,10 +80,10 @@ def remember(
 
 
 def remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | None:
-    """The pixels that were counted when the run began, None where it begins.
+    """The pixels that were counted when the run started; None if it starts now.
 
     Raises:
-        InputError: the record is damaged, or of other scenes.
+        InputError: the record is damaged, or lists other scenes.
     """
     if not record.is_file():
         return None
@@ -93,24 +93,24 @@ def remembered(record: Path, scenes: Sequence[Scene]) -> list[Pixels | None] | N
         pixels = [*(one["pixels"] for one in before["scenes"]), before["rooms"]["pixels"]]
         counts = [None if one is None else np.array(one, dtype=np.float64) for one in pixels]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(record, "what the data of the run are", str(error)) from error
+        raise InputError(record, "the record of the run's data", str(error)) from error
     here = [(scene.name, len(scene)) for scene in scenes]
     if there != here:
         other = sorted({name for name, _ in set(there) ^ set(here)})
         raise InputError(
-            record, f"the {len(there)} scenes that the run began with", f"{len(here)}, of which {other[0]} differs",
-            advice="bring those back, or train in a new folder",
+            record, f"the {len(there)} scenes that the run started with", f"{len(here)}, of which {other[0]} differs",
+            advice="restore those, or train in a new folder",
         )  # fmt: skip
     return counts
 
 
 def started_on(settings: TrainingSettings) -> tuple[str, ...]:
-    """The scenes that the weights to start from have seen, as far as they say."""
+    """The scenes that the initial weights have seen, if they say so."""
     return () if settings.init == "random" else trained_scenes(settings.init)
 
 
 def terms_of_run(settings: TrainingSettings, scenes: Sequence[Scene]) -> tuple[Terms, ...]:
-    """The terms of rooms and scenes, and of what the weights to start from were trained on."""
+    """The terms of rooms and scenes, and of the data that the initial weights were trained on."""
     drawn = [FURNISHED if settings.assets else ROOMS_TERMS] if any(one.is_rooms for one in settings.sources) else []
     before = () if settings.init == "random" else data_terms(settings.init)
     return tuple(dict.fromkeys([*drawn, *(terms_of(scene) for scene in scenes), *before]))

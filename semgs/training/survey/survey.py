@@ -1,4 +1,4 @@
-"""Survey: what the data of a run are, found out once before it starts and recorded in RUN/data.json."""
+"""Survey of a run's data, made once before it starts and recorded in RUN/data.json."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from semgs.training.survey.record import RECORD, remember, remembered, started_o
 
 @dataclass(frozen=True)
 class Survey:
-    """What the data are.
+    """A run's data.
 
     Attributes:
-        classes: the table of the run.
-        folders: the scenes of each source that is not the rooms.
-        scenes: how many scenes they have, bad ones included.
-        bad: scenes that cannot be used: path and why.
-        class_weights: what the settings ask for, as numbers.
-        notes: what the user should be told, a sentence each.
+        classes: the class table of the run.
+        folders: the scenes of each folder among the sources.
+        scenes: number of scenes in folders, including bad ones.
+        bad: scenes that cannot be used: path and reason.
+        class_weights: those of the settings, as numbers.
+        notes: sentences for the user.
     """
 
     classes: ClassTable
@@ -40,22 +40,20 @@ class Survey:
 
 
 def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSamples]) -> Survey:
-    """Look at the data, or read what was found when the run began.
+    """Survey the data, or read the record from when the run started.
 
     Args:
         settings: of the run.
         out: its folder, for the record.
-        rooms: gives small rooms to count classes in, if they are asked for.
+        rooms: makes small rooms to count classes in, if they are needed.
 
     Raises:
-        InputError: there are no scenes, too many bad ones, none with labels, one without depth that is to be learned from, labels of
-            other classes, rooms of the validation among them, or other scenes than those that the run began with.
+        InputError: there are no scenes or too many bad ones, labels or depth are missing, labels are of other classes, validation scenes
+            show the same rooms, or the scenes are not those that the run started with.
     """
     classes = settings.classes or SCANNET20
     if settings.sampling == "balanced" and all(source.is_rooms for source in settings.sources):
-        raise InputError(
-            ROOMS, "scenes in folders, to balance the sampling of", "rooms alone, which are drawn as they come"
-        )
+        raise InputError(ROOMS, "scenes in folders, for balanced sampling", "only rooms, which are generated at random")
     opened = [open_source(source, paths, settings.contexts[1], settings) for source, paths in training_paths(settings)]
     good = [scene for folder in opened for scene in folder.scenes]
     bad = tuple(one for folder in opened for one in folder.bad)
@@ -63,7 +61,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
     for folder in opened:
         if not folder.scenes:
             path, why = folder.bad[0]
-            raise InputError(folder.source.path, "scenes that can be used", f"none; of {path}: {why}")
+            raise InputError(folder.source.path, "usable scenes", f"none; {path}: {why}")
     check_labels(settings, good, classes)
     check_depth(settings, good)
     pixels = remembered(out / RECORD, good)
@@ -76,9 +74,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
     shares = class_shares(settings, opened, pixels, classes)
     weights = settings.class_weights
     if (isinstance(weights, str) or settings.sampling == "balanced") and not shares.any():
-        raise InputError(
-            ", ".join(settings.data), f"pixels of the classes of {classes.name}, to find how often each occurs", "none"
-        )
+        raise InputError(", ".join(settings.data), f"pixels of the classes of {classes.name}, to count them", "none")
     return Survey(
         classes=classes,
         folders=with_chances(settings, opened, pixels, shares),

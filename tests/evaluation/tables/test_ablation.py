@@ -10,7 +10,7 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.tables.ablation import ROWS, ablation_grid, row_settings, steps_grid
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.grid import printed
-from semgs.objectives.weights import LossWeights
+from semgs.objectives.loss_weights import LossWeights
 from semgs.training.presets import small
 from semgs.training.settings import Switches
 

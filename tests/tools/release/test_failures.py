@@ -20,8 +20,8 @@ from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.page.figure import FigurePart
 from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.weights.header_scores import read_scores
 from semgs.weights.index import SHOWN, read_index
-from semgs.weights.scores import read_scores
 from tools.release.failures import (
     BEGIN,
     END,

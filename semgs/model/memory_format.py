@@ -1,4 +1,4 @@
-"""Layouts in memory: which of channels and pixels are next to each other, in kernels and in feature maps."""
+"""Memory formats: whether the channels or the pixels of kernels and feature maps are adjacent in memory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 
 def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
-    """Bring the kernels of a module's convolutions into a layout, 3D ones into its like; the parameters stay the same objects."""
+    """Store the kernels of a module's convolutions, 3D ones too, in a memory format; parameters stay the same objects."""
     volumes = torch.channels_last_3d if layout == torch.channels_last else layout
     for parameter in module.parameters():
         if parameter.ndim in (4, 5):
@@ -16,9 +16,9 @@ def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
 
 
 def beside(*maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n c h w"]:
-    """Maps one after the other along the channels, in the layout of the widest of them.
+    """Maps concatenated along the channels, in the memory format of the widest.
 
-    `torch.cat` of maps of several layouts takes four times as long as of one, and what it makes has to be turned for the next convolution.
+    `torch.cat` of maps in different formats takes four times as long, and the next convolution has to convert the result.
     """
     widest = max(maps, key=lambda one: one.shape[1])
     last = widest.is_contiguous(memory_format=torch.channels_last)

@@ -1,4 +1,4 @@
-"""Scores of one view's maps against what its camera saw: the same of a reconstruction and of an evaluation."""
+"""Scores of one view's maps against the truth, for reconstructions and evaluations alike."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from semgs.objectives.metrics import (
 
 @dataclass(frozen=True, eq=False)
 class Maps:
-    """One view, rendered or true; None where there is no such map.
+    """The maps of one view, rendered or true; None for a missing map.
 
     Attributes:
         image: RGB, 0..1.
@@ -37,13 +37,13 @@ class Maps:
 
 @dataclass(frozen=True, eq=False)
 class MapScores:
-    """How the maps of a view turned out; None where one of both is missing.
+    """Scores of a view's maps; None if either map is missing.
 
     Attributes:
-        confusion: pixels by true (rows) and given class, of those that have both.
+        confusion: pixels by true (rows) and predicted class, of those with both labels.
         miou, accuracy: mean IoU over the true classes, and share of the pixels with both labels; None also without a true label.
         psnr: [dB].
-        depth: over the pixels with a true depth; None also without one.
+        depth: over the pixels with a true depth; None also without any.
     """
 
     confusion: Int64[Tensor, "class class"] | None = None
@@ -54,12 +54,12 @@ class MapScores:
 
 
 def map_scores(given: Maps, truth: Maps, classes: int, seen: Bool[Tensor, "h w"] | None = None) -> MapScores:
-    """Compare a rendered view with the true one, over all pixels or over those that were seen.
+    """Compare a rendered view with the true one, over all pixels or over the seen ones.
 
     Args:
-        given: what was rendered.
-        truth: what the camera saw, at the same size.
-        classes: of the table that labels refer to.
+        given: the rendered maps.
+        truth: the true maps, at the same size.
+        classes: number of classes in the table of the labels.
         seen: the pixels to compare; None is all.
     """
     confusion = mean_iou = hits = ratio = depth = None

@@ -1,4 +1,4 @@
-"""Padded: what the network sees of a batch of scenes, and how its answer gets back to the size of the views."""
+"""Padded: a batch of scenes in the form that the network takes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class Padded:
     """A batch of b scenes of v views each, padded below and right; n = b v images, scene by scene.
 
     Attributes:
-        pictures: on the network's device and in its dtype.
-        small: the same at the Gaussians' scale.
+        images: on the network's device and in its dtype.
+        small: the same images at the Gaussians' scale.
         cameras: of the padded images, [b v].
         depth_range: near and far of each view [m].
         views: v.
     """
 
-    pictures: Float[Tensor, "n 3 h w"]
+    images: Float[Tensor, "n 3 h w"]
     small: Float[Tensor, "n 3 h2 w2"]
     cameras: Cameras
     depth_range: Float[Tensor, "b v 2"]
@@ -36,22 +36,22 @@ class Padded:
 
     @staticmethod
     def of(views: Views, like: Tensor, stride: int) -> Padded:
-        """Views of one scene, or of scenes with any leading axes.
+        """From views of one scene, or of scenes with any leading axes.
 
         Args:
             views: with images of any size.
             like: a tensor on the device and in the dtype of the network.
-            stride: pixels along each side of a Gaussian's place.
+            stride: pixels per Gaussian along each side.
         """
         count, (height, width) = len(views), views.size
         padded = (-(-height // MULTIPLE) * MULTIPLE, -(-width // MULTIPLE) * MULTIPLE)
-        pictures = views.images.flatten(end_dim=-4).to(like)
+        images = views.images.flatten(end_dim=-4).to(like)
         if padded != (height, width):
-            pictures = pad(pictures, (0, padded[1] - width, 0, padded[0] - height), mode="replicate")
-        small = avg_pool2d(pictures, stride) if stride > 1 else pictures
+            images = pad(images, (0, padded[1] - width, 0, padded[0] - height), mode="replicate")
+        small = avg_pool2d(images, stride) if stride > 1 else images
         cameras = views.cameras.arranged(lambda array: array.reshape(-1, count, *array.shape[-2:]))
         cameras = Cameras.trusted(cameras.world_from_camera, cameras.intrinsics, padded)
-        return Padded(pictures, small, cameras, views.depth_range.reshape(-1, count, 2), count)
+        return Padded(images, small, cameras, views.depth_range.reshape(-1, count, 2), count)
 
     @property
     def near(self) -> Float[Tensor, " b"]:

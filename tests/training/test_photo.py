@@ -7,7 +7,7 @@ import pytest
 import torch
 from posed import posed_views
 
-from semgs.training.camera import Photo, blurred, compressed, greyed, noisy, photographed, shaken, vignetted
+from semgs.training.photo import Photo, blurred, compressed, greyed, noisy, photographed, shaken, vignetted
 
 
 def flat(value: float, height: int = 60, width: int = 80) -> np.ndarray:

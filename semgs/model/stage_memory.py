@@ -1,7 +1,7 @@
-"""Memory: how much the tensors of each stage of the network take at its fullest moment.
+"""Peak memory of the tensors in each stage of the network.
 
-A sum of what is in memory together, counted in numbers per feature texel, per Gaussian and per pixel from the network's settings; the
-terms say what they are. It follows the forward pass and changes with it.
+It adds up the tensors that are in memory at the same time, in numbers per feature texel, per Gaussian and per pixel, from the network's
+settings. Change it together with the forward pass, which it follows.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from semgs.model.semgs import SemGS
 from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, Pyramid, TransformerSettings
 
 DRAWN_PAIRS = 30e6
-"""The pairs of Gaussian and tile that are drawn together [bytes]."""
+"""The pairs of Gaussian and tile that are rendered at a time [bytes]."""
 
 DRAWING = 340
-"""What drawing a view takes for each Gaussian of the scene: its ellipse, its place in depth, its colour from there [bytes]."""
+"""Memory to render a view, per Gaussian of the scene: ellipse, place in the depth order, colour [bytes]."""
 
 UNET_MAPS = 10
-"""Maps of a U-Net's width that are in memory together at its finest level: skips, a convolution's input and output, both in
-its own layout too."""
+"""Maps of a U-Net's width in memory at its finest level: skips, and a convolution's input and output, both also in its own memory
+format."""
 
 
 CUES = sum(width / 4**level for level, width in enumerate(CUE_WIDTHS, 1))
-"""Numbers that depth's cues take for each texel at 1/4."""
+"""Numbers in depth's cues per texel at 1/4."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be done with a network.
+    """The work of a network.
 
     Attributes:
-        views: that go in.
-        size: (height, width) that they are padded to [px].
-        drawn: views that are drawn of the Gaussians.
-        padded: whether the padding copies the pictures.
+        views: number of input views.
+        size: (height, width) after padding [px].
+        drawn: number of rendered views.
+        padded: whether padding copies the images.
     """
 
     views: int
@@ -51,15 +51,15 @@ class Work:
 
 @dataclass(frozen=True)
 class Heads:
-    """What the heads take for each Gaussian, in numbers.
+    """Memory of the heads, in numbers per Gaussian.
 
     Attributes:
-        seen: channels of what the heads of colour and opacity see.
-        outputs: channels of what the colour head predicts.
-        wide: of the upsampled features that are used twice.
-        refined: in the refinement of depth at its fullest moment.
-        kept: of it until the colour head begins.
-        joined: feature maps that are joined before they are upsampled.
+        seen: input channels of the heads of colour and opacity.
+        outputs: output channels of the colour head.
+        wide: channels of the upsampled features, which are used twice.
+        refined: peak of the refinement of depth.
+        kept: of the refinement, until the colour head starts.
+        joined: number of feature maps that are concatenated before upsampling.
     """
 
     seen: int
@@ -71,14 +71,14 @@ class Heads:
 
 
 def stage_bytes(model: SemGS, work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
-    """The tensors of each stage at its fullest moment [bytes], without what was held before."""
+    """Peak memory of the tensors in each stage, without memory used before [bytes]."""
     number = _number_bytes(model)
     numbers = _numbers(model, work, chunks, next(model.parameters()).device.type == "cpu")
     count = work.views * _texels(work.size, model.stride)
     pixels = work.size[0] * work.size[1]
     classes = model.class_count
     maps = 5 + classes
-    # All views' renderings, the largest maps of one call to `render` once more while they are joined, the last view's layers.
+    # All views' renderings, the largest maps of one call to `render` again while they are concatenated, the last view's layers.
     drawn = pixels * (work.drawn * maps + max(work.views, work.drawn - work.views) * max(classes, 3) + 2 * maps) * 4
     result = number * _result(model, count, work.views * pixels)
     drawing = result + drawn + DRAWING * count + DRAWN_PAIRS
@@ -86,17 +86,17 @@ def stage_bytes(model: SemGS, work: Work, chunks: Chunks = WHOLE) -> dict[str, f
 
 
 def seen_bytes(model: SemGS, work: Work) -> float:
-    """What the heads of colour and opacity see of one view [bytes]."""
+    """Input of the heads of colour and opacity for one view [bytes]."""
     return _number_bytes(model) * _texels(work.size, model.stride) * _heads(model.settings).seen
 
 
 def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str, float]:
-    """How many numbers the tensors of each of the network's stages hold at its fullest moment."""
+    """Numbers in the tensors of each stage of the network, at its peak."""
     s, views = model.settings, work.views
     texels = views * _texels(work.size, SHRINK)
     gaussians = views * _texels(work.size, model.stride)
     pixels = views * work.size[0] * work.size[1]
-    pictures = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
+    images = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
     features = texels * s.channels
 
     # Half-size maps of a residual block: its input, and two convolutions and their norms.
@@ -105,7 +105,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     # The shallow and the transformed features of each branch.
     known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
     cost = known + _cost(s, texels, views, chunks, fused)
-    # The cost, the distribution, its largest share and its spread.
+    # The cost, the distribution, its largest probability and its spread.
     known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
     regression = known + texels * (s.channels + 2 * s.colour.depth.candidates + UNET_MAPS * s.colour.depth.width)
     # The filtered cost and what was added to it; five maps at half the volume's sides.
@@ -113,48 +113,48 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     known += texels * CUES * s.colour.depth.cue
 
     heads = _heads(s)
-    again = heads.wide if chunks.heads else 0  # made a second time, and gone before the head begins
+    again = heads.wide if chunks.heads else 0  # computed again, and released before the head starts
     known += heads.joined * features + gaussians * ((1 if heads.refined else 0) + heads.wide - again)
     depth = max(regression, filtered, known + gaussians * heads.refined)
     kept = known + gaussians * heads.kept
-    # What the heads see, their hidden layer and their output, both in the convolution's own layout too.
+    # Input of the heads, their hidden layer and their output, both also in the convolution's own memory format.
     part = min(chunks.heads or views, views) / views
     last = kept + part * gaussians * (heads.seen + max(again, 2 * s.colour.hidden + 2 * heads.outputs))
     if part < 1:
         last += _result(model, gaussians, pixels) * (1 + part)
     return {
-        "cnn": pictures + cnn,
-        "transformer_colour": pictures + features + _attention(s.colour.transformer, features, views),
-        "transformer_semantic": pictures + 3 * features + _semantic(s, features, views),
-        "cost_volume": pictures + cost,
-        "depth": pictures + depth,
-        "heads": pictures + last,
+        "cnn": images + cnn,
+        "transformer_colour": images + features + _attention(s.colour.transformer, features, views),
+        "transformer_semantic": images + 3 * features + _semantic(s, features, views),
+        "cost_volume": images + cost,
+        "depth": images + depth,
+        "heads": images + last,
     }
 
 
 def _attention(transformer: TransformerSettings, features: float, views: int) -> float:
-    """Of the token maps either the hidden layer of the feed-forward network, before and after its activation, or keys and values
+    """Token maps: the larger of the feed-forward network's hidden layer, before and after its activation, and of the keys and values
     gathered from the other views."""
     return features / transformer.reduction**2 * max(4 * transformer.expansion + 14, 3 * (views - 1) + 13)
 
 
 def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
-    """The transformer of the semantic branch or its refinement, whichever takes more."""
+    """The transformer of the semantic branch or its refinement, whichever is larger."""
     if settings.semantic is None:
         return 0.0
     refinement = 0.0
     if isinstance(settings.semantic.refinement, Pyramid):
-        # Its finest level, whose residual block is one of a U-Net; the features and the picture that go into it.
+        # Its finest level, with a residual block like that of a U-Net, and its input: features and image.
         refinement = features + features / settings.channels * 3 * SHRINK**2 + UNET_MAPS * features
     elif isinstance(settings.semantic.refinement, MobileNet):
-        # The widest maps of the backbone, at half the picture: 16 channels in, 96 before and after they are padded; 96 out at 1/4.
+        # The widest maps of the backbone, at half the image: 16 channels in, 96 before and after padding; 96 out at 1/4.
         refinement = features / settings.channels * (4 * (16 + 2 * 96) + 96)
     return max(_attention(settings.semantic.transformer, features, views), refinement)
 
 
 def _cost(settings: NetworkSettings, texels: float, views: int, chunks: Chunks, fused: bool) -> float:
-    """Features gathered for every pair of views, the sums and the counts of its planes; without the compiled kernel also what is warped
-    for some planes at a time, and where it is."""
+    """Features gathered for every pair of views, with the sums and counts of its planes; without the compiled kernel also the features
+    warped for some planes at a time, and their positions."""
     channels, candidates = settings.channels, settings.colour.depth.candidates
     at_once = min(chunks.cost or views, views)
     pair = 2 * channels + 2 * candidates
@@ -164,7 +164,7 @@ def _cost(settings: NetworkSettings, texels: float, views: int, chunks: Chunks, 
 
 
 def _heads(settings: NetworkSettings) -> Heads:
-    """What the heads of these settings take."""
+    """The memory of the heads with these settings."""
     colour, heads = settings.colour, settings.colour.heads
     outputs = SHAPE + 3 * min(colour.harmonics, RENDERED_HARMONICS)
     if isinstance(heads, PaperHeads):
@@ -180,17 +180,17 @@ def _heads(settings: NetworkSettings) -> Heads:
 
 
 def _result(model: SemGS, gaussians: float, pixels: int) -> float:
-    """How many numbers an encoding holds: its Gaussians, and three maps of its views."""
+    """Numbers in an encoding: its Gaussians, and three maps of its views."""
     harmonics = min(model.settings.colour.harmonics, RENDERED_HARMONICS)
     semantic = SHAPE + model.class_count if model.class_count else 0
     return gaussians * (3 + 1 + SHAPE + 3 * harmonics + semantic) + 3 * pixels
 
 
 def _number_bytes(model: SemGS) -> int:
-    """What a number takes in the network's tensors."""
+    """Bytes per number in the network's tensors."""
     return max(next(model.parameters()).element_size(), 4)
 
 
 def _texels(size: tuple[int, int], stride: int) -> float:
-    """Places of a view's grid with that stride."""
+    """Texels of a view's grid with that stride."""
     return size[0] * size[1] / stride**2

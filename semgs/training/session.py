@@ -1,4 +1,4 @@
-"""A sitting: the time that it may take, when a checkpoint is due, and how it is asked to end."""
+"""A session of a run: how long it may take, when a checkpoint is due, and how to stop it."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from typing import Any, TypeVar
 Item = TypeVar("Item")
 
 
-class Sitting:
-    """One sitting of a run, as a context manager; inside it SIGTERM and Ctrl-C ask for its end, and a second Ctrl-C interrupts at once.
+class Session:
+    """One session of a run, as a context manager. Inside it SIGTERM or Ctrl-C stops after the current step, a second Ctrl-C at once.
 
-    Only the main thread of a process hears signals.
+    Signals reach only the main thread of a process.
 
     Args:
-        minutes: it may take; None is any number.
-        save_minutes: between checkpoints.
-        before: seconds that the run has taken in earlier sittings.
+        minutes: how long it may take; None sets no limit.
+        save_minutes: time between checkpoints.
+        before: seconds that the run took in earlier sessions.
     """
 
-    def __init__(self, minutes: float | None, save_minutes: float, before: float) -> None:
+    def __init__(self, minutes: float | None = None, save_minutes: float = 5.0, before: float = 0.0) -> None:
         self._began = self._saved = self._stepped = time.monotonic()
         self._minutes, self._save_minutes, self._before = minutes, save_minutes, before
         self._step = self._save = 0.0
-        self._asked = threading.Event()
+        self._stopping = threading.Event()
         self._handlers: dict[int, Any] = {}
 
-    def __enter__(self) -> Sitting:
-        def ask(number: int, frame: object) -> None:
-            if self._asked.is_set() and number == signal.SIGINT:
+    def __enter__(self) -> Session:
+        def stop(number: int, frame: object) -> None:
+            if self._stopping.is_set() and number == signal.SIGINT:
                 raise KeyboardInterrupt
-            self._asked.set()
+            self._stopping.set()
 
         if threading.current_thread() is threading.main_thread():
-            self._handlers = {number: signal.signal(number, ask) for number in (signal.SIGTERM, signal.SIGINT)}
+            self._handlers = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
         return self
 
     def __exit__(
@@ -47,13 +47,13 @@ class Sitting:
             signal.signal(number, handler)
 
     def stepped(self) -> float:
-        """Take note of the end of a step, and return the seconds that the run has taken."""
+        """Note the end of a step; the seconds that the run has taken."""
         now = time.monotonic()
         self._step, self._stepped = max(self._step, now - self._stepped), now
         return self._before + now - self._began
 
     def saved(self, save: Callable[[], object]) -> None:
-        """Save, and take note of how long it took."""
+        """Save, and note how long it took."""
         began = time.monotonic()
         save()
         self._saved = self._stepped = time.monotonic()
@@ -61,12 +61,12 @@ class Sitting:
 
     @property
     def over(self) -> bool:
-        """Whether its end was asked for, or another step, a checkpoint and the weights would no longer fit.
+        """Whether to stop: on a signal, or if another step, a checkpoint and the weights would take too long.
 
-        A step takes as long as the longest so far, and the last two as long as a checkpoint each.
+        A step is assumed to take as long as the longest so far, the other two as long as a checkpoint each.
         """
-        if self._asked.is_set() or self._minutes is None:
-            return self._asked.is_set()
+        if self._stopping.is_set() or self._minutes is None:
+            return self._stopping.is_set()
         return time.monotonic() + self._step + 2 * self._save - self._began >= 60 * self._minutes
 
     @property
@@ -79,9 +79,9 @@ def timed(items: Iterable[Item]) -> Iterator[tuple[Item, float]]:
     """Each item with the seconds that were spent waiting for it."""
     iterator = iter(items)
     while True:
-        asked = time.monotonic()
+        began = time.monotonic()
         try:
             item = next(iterator)
         except StopIteration:
             return
-        yield item, time.monotonic() - asked
+        yield item, time.monotonic() - began

@@ -1,10 +1,10 @@
-"""A sitting ends in time."""
+"""A session ends in time."""
 
 from __future__ import annotations
 
 import pytest
 
-from semgs.training.sitting import Sitting, timed
+from semgs.training.session import Session, timed
 
 
 @pytest.fixture
@@ -18,30 +18,30 @@ def clock(monkeypatch):
             self.now += seconds
 
     clock = Clock()
-    monkeypatch.setattr("semgs.training.sitting.time.monotonic", lambda: clock.now)
+    monkeypatch.setattr("semgs.training.session.time.monotonic", lambda: clock.now)
     return clock
 
 
 def test_it_ends_before_a_step_and_a_checkpoint_that_would_take_too_long(clock):
-    sitting = Sitting(minutes=2.0, save_minutes=0.5, before=1000.0)
+    session = Session(minutes=2.0, save_minutes=0.5, before=1000.0)
     clock.pass_by(10)
-    assert sitting.stepped() == 1010
-    assert not sitting.save_due
+    assert session.stepped() == 1010
+    assert not session.save_due
     clock.pass_by(25)
-    assert sitting.stepped() == 1035
-    assert sitting.save_due
-    sitting.saved(lambda: clock.pass_by(20))
-    assert not sitting.save_due
+    assert session.stepped() == 1035
+    assert session.save_due
+    session.saved(lambda: clock.pass_by(20))
+    assert not session.save_due
     # 55 s have passed; the longest step took 25 and the checkpoint 20, which the weights may take again: 120 - 25 - 40 = 55.
-    assert sitting.over
+    assert session.over
     clock.now -= 0.5
-    assert not sitting.over
+    assert not session.over
 
 
 def test_without_an_end_it_goes_on(clock):
-    sitting = Sitting(minutes=None, save_minutes=5.0, before=0.0)
+    session = Session(minutes=None, save_minutes=5.0, before=0.0)
     clock.pass_by(1e9)
-    assert not sitting.over
+    assert not session.over
 
 
 def test_waiting_is_measured_and_working_is_not(clock):

@@ -1,4 +1,4 @@
-"""The strip of pictures that a validation leaves: what was rendered, and beside it what should have been."""
+"""The strip of images from a validation: each rendered image next to the true one."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from semgs.rendering.rendering import Rendering, label_maps
 
 
 def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:
-    """The first target view in a row: image, truth, classes, truth, depth, truth; what there is not is left out.
+    """The first target view in one row: image, truth, classes, truth, depth, truth; what is missing is left out.
 
-    Unseen areas of the class map are hatched. Both depths have the colours of the true one's range.
+    Unseen areas of the class map are hatched. Both depths are coloured by the range of the true one.
     """
     shown = _first_view(rendering)
     panels = [_picture(_first(shown.images, 3)), _picture(_first(target.images, 3))]
@@ -27,7 +27,7 @@ def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views) -> UInt8[np.ndarray, "h w_all 3"]:
-    """The first view in a row: image, classes, truth where there is one; of distributions that were not rendered."""
+    """The first view in one row: image, classes, truth if there is one; for distributions that were not rendered."""
     classes = _first(distributions, 3).argmax(0).astype(np.uint8)
     panels = [_picture(_first(views.images, 3)), class_picture(classes, views.classes)]
     if views.labels is not None:
@@ -36,12 +36,12 @@ def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views
 
 
 def depth_strip(depths: Float[Tensor, "*batch v h w"], views: Views) -> UInt8[np.ndarray, "h w_all 3"]:
-    """The first view in a row: image, depth, truth where there is one; of depth that was not rendered."""
+    """The first view in one row: image, depth, truth if there is one; for depth that was not rendered."""
     return np.concatenate([_picture(_first(views.images, 3)), *_depth_panels(depths, views)], axis=1)
 
 
 def _depth_panels(depths: Float[Tensor, "*batch v h w"], views: Views) -> list[UInt8[np.ndarray, "h w 3"]]:
-    """The depth of the first view and its truth, if there is one, both in the colours of the true one's range."""
+    """The depth of the first view and the true one, if there is one, both coloured by the range of the true one."""
     maps = [_first(one, 2) for one in (depths, views.depths) if one is not None]
     limits = depth_limits(maps[-1:])
     return [depth_picture(one, limits) for one in maps]
@@ -49,16 +49,13 @@ def _depth_panels(depths: Float[Tensor, "*batch v h w"], views: Views) -> list[U
 
 def _first_view(rendering: Rendering) -> Rendering:
     """The first view of the first scene, without batch axes."""
-    return Rendering(
-        images=rendering.images.flatten(end_dim=-4)[:1],
-        semantics=None if rendering.semantics is None else rendering.semantics.flatten(end_dim=-4)[:1],
-        depths=rendering.depths.flatten(end_dim=-3)[:1],
-        alphas=rendering.alphas.flatten(end_dim=-3)[:1],
-    )
+    first = (0,) * (rendering.depths.ndim - 3)
+    semantics = None if rendering.semantics is None else rendering.semantics[first][:1]
+    return Rendering(rendering.images[first][:1], semantics, rendering.depths[first][:1], rendering.alphas[first][:1])
 
 
 def _first(maps: Tensor, axes: int) -> np.ndarray:
-    """The first element over all leading axes but the last `axes`."""
+    """The first map, without any but its last `axes` axes."""
     return maps.detach().cpu().flatten(end_dim=-axes - 1)[0].numpy()
 
 

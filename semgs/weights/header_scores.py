@@ -1,4 +1,4 @@
-"""Scores: what weights reached, where, as their header tells it."""
+"""Scores that the header of a weights file states."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from semgs.files.strict_json import parse_json
 from semgs.weights.file import read_header
 
 KEY = "scores"
-"""Where a header has them, as JSON."""
+"""Key of a header, with JSON."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Figure:
 
     Attributes:
         value: the number.
-        low, high: ends of the interval; None where it has none.
+        low, high: ends of the interval; None without an interval.
     """
 
     value: float
@@ -31,14 +31,14 @@ class Figure:
 
 @dataclass(frozen=True)
 class Score:
-    """What weights reached on some data.
+    """Scores of weights on some data.
 
     Attributes:
-        data: what these are called.
+        data: name of the data.
         protocol: which frames were compared.
-        views: the number of input views.
-        targets: how many views were compared.
-        sha256: of the file that was scored. The file whose header has the score holds the same tensors, but another header.
+        views: number of input views.
+        targets: number of views that were compared.
+        sha256: of the file that was scored. The file with these scores in its header has the same tensors, but another header.
         figures: by the metric's name in `report.json`: miou, psnr [dB], ...
     """
 
@@ -51,15 +51,15 @@ class Score:
 
 
 def scores_text(scores: Sequence[Score]) -> str:
-    """Scores as a header keeps them."""
+    """Scores as text for a header."""
     return json.dumps([asdict(one) for one in scores])
 
 
 def read_scores(path: str | Path) -> tuple[Score, ...]:
-    """The scores that the header of a file of weights has; none where it says nothing.
+    """The scores in the header of a weights file; none if it states none.
 
     Raises:
-        InputError: the file is none of ours, or its scores are not of this form.
+        InputError: the file is not one of semgs, or its scores are invalid.
     """
     text = read_header(path).metadata.get(KEY, "[]")
     try:

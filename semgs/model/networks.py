@@ -1,4 +1,4 @@
-"""Presets: the networks that have names. A preset is a function that returns settings."""
+"""The networks that have names, as functions that return settings."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from semgs.model.settings import (
 
 
 def base() -> NetworkSettings:
-    """The paper's sizes; its colour branch and depth have MVSplat's layer shapes."""
+    """The paper's sizes; colour branch and depth have MVSplat's layer shapes."""
     return NetworkSettings(name="base")
 
 
 def base_text() -> NetworkSettings:
-    """`base` with every sentence of the paper read word by word; docs/method.md lists what that changes."""
+    """`base` with the paper's text taken literally; docs/method.md lists what that changes."""
     start = base()
     transformer, semantic = start.colour.transformer, SemanticSettings()
     return replace(
@@ -35,7 +35,7 @@ def base_text() -> NetworkSettings:
 
 
 def small() -> NetworkSettings:
-    """The same modules for a laptop's CPU; its differences from `base` are a table in docs/method.md."""
+    """The same modules for a laptop's CPU; docs/method.md has a table of its differences from `base`."""
     return NetworkSettings(
         name="small",
         channels=48,
@@ -68,7 +68,7 @@ def mvsplat() -> NetworkSettings:
     )
 
 
-PRESETS = {"small": small, "base": base, "base_text": base_text, "mvsplat": mvsplat}
+NETWORKS = {"small": small, "base": base, "base_text": base_text, "mvsplat": mvsplat}
 """By their names."""
 
-NAMES = tuple(PRESETS)
+NAMES = tuple(NETWORKS)

@@ -1,4 +1,4 @@
-"""Photo camera: what a lens, a sensor and a file format do to an image; labels and geometry stay as they are."""
+"""Imitation of a photo camera: lens, sensor and file format change the image; labels and geometry stay the same."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Image = Float[np.ndarray, "h w 3"]
 """RGB in 0..1, float32."""
 
 GREY = (0.299, 0.587, 0.114)
-"""Share of red, green and blue in the brightness (ITU-R BT.601)."""
+"""Shares of red, green and blue in brightness (ITU-R BT.601)."""
 
 MOTION = 0.03
-"""Longest motion blur, as a part of the image's height."""
+"""Longest motion blur, relative to the image's height."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Photo:
     """How one photo is taken; the defaults change nothing.
 
     Attributes:
-        blur: standard deviation of a defocused lens, as a part of the image's height.
-        motion: length of a straight shake, as a part of the image's height.
-        direction: of that shake [rad].
-        vignetting: light lost in the corners, as a share.
+        blur: standard deviation of defocus, relative to the image's height.
+        motion: length of a straight motion blur, relative to the image's height.
+        direction: of that motion [rad].
+        vignetting: share of the light that is lost in the corners.
         balance: factor of each channel.
-        noise: standard deviation of what is added to each channel of each pixel.
+        noise: standard deviation of noise in each channel of each pixel.
         gamma: exponent.
         grey: without colour.
         jpeg: quality from 1 to 100; None is uncompressed.
@@ -49,7 +49,7 @@ class Photo:
 
     @staticmethod
     def drawn(strength: float, rng: np.random.Generator) -> Photo:
-        """A photo by chance; at strength 1 about as an old phone takes it in bad light."""
+        """A random photo; strength 1 is about an old phone in bad light."""
         balance = np.exp(strength * rng.uniform(-0.22, 0.22, 3))
         gamma = np.exp(strength * rng.uniform(-0.3, 0.3))
         blurred, shaken, direction = rng.uniform(), rng.uniform(), rng.uniform(0, np.pi)
@@ -70,7 +70,7 @@ class Photo:
         )
 
     def taken(self, image: Image, rng: np.random.Generator) -> Image:
-        """The image as this photo shows it, in the order of a camera; the generator is for the noise alone."""
+        """The image as this photo shows it, processed in the order of a camera; the generator is only for the noise."""
         image = blurred(image, self.blur * image.shape[0])
         image = shaken(image, self.motion * image.shape[0], self.direction)
         image = vignetted(image, self.vignetting)
@@ -84,12 +84,12 @@ class Photo:
 
 
 def photographed(views: Views, strength: float, rng: np.random.Generator) -> Views:
-    """The views as one camera takes them: all alike, but for the noise.
+    """The views as one camera takes them: all with the same settings, but with different noise.
 
     Args:
         views: with any leading axes, on the CPU.
         strength: 0..1.
-        rng: the random numbers; of the same state, the same photos.
+        rng: random numbers; the same state gives the same photos.
     """
     photo = Photo.drawn(strength, rng)
     flat = views.images.flatten(end_dim=-4)
@@ -101,12 +101,12 @@ def photographed(views: Views, strength: float, rng: np.random.Generator) -> Vie
 
 
 def blurred(image: Image, deviation: float) -> Image:
-    """A Gaussian blur of that standard deviation [px]."""
+    """The image with Gaussian blur of that standard deviation [px]."""
     return cv2.GaussianBlur(image, (0, 0), deviation, borderType=cv2.BORDER_REFLECT_101) if deviation > 0 else image
 
 
 def shaken(image: Image, length: float, direction: float) -> Image:
-    """The mean along a line of that length [px] in a direction [rad], centred on each pixel."""
+    """The image with motion blur: the mean along a line of that length [px] and direction [rad], centred on each pixel."""
     reach = round(length / 2)
     if reach < 1:
         return image
@@ -117,7 +117,7 @@ def shaken(image: Image, length: float, direction: float) -> Image:
 
 
 def vignetted(image: Image, loss: float) -> Image:
-    """Darker with the square of the distance from the middle; the corners lose that share of their light, the middle nothing."""
+    """The image darkened with the square of the distance from its centre; the corners lose that share of their light."""
     if loss == 0:
         return image
     height, width = image.shape[:2]
@@ -127,19 +127,19 @@ def vignetted(image: Image, loss: float) -> Image:
 
 
 def noisy(image: Image, deviation: float, rng: np.random.Generator) -> Image:
-    """With normal noise of that standard deviation in each channel of each pixel; not brought back into 0..1."""
+    """The image with normal noise of that standard deviation in each channel of each pixel; not clipped to 0..1."""
     if deviation == 0:
         return image
     return image + np.float32(deviation) * rng.standard_normal(image.shape, dtype=np.float32)
 
 
 def greyed(image: Image) -> Image:
-    """Without colour: the brightness in all three channels."""
+    """The image without colour: its brightness in all three channels."""
     return np.repeat((image @ np.array(GREY, dtype=np.float32))[..., None], 3, axis=2)
 
 
 def compressed(image: Image, quality: int) -> Image:
-    """After JPEG of that quality, 1 to 100."""
+    """The image after JPEG compression with that quality, 1 to 100."""
     pixels = np.rint(255 * image).astype(np.uint8)
     _, data = cv2.imencode(".jpg", pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     back = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1]

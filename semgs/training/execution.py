@@ -1,0 +1,68 @@
+"""How a training is run: what may change from one session of a run to the next. No torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How a session of a training is run. It changes numbers by rounding at most.
+
+    Attributes:
+        device: where to compute, "cpu" or "cuda".
+        devices: processes on this machine, which share the scenes of each step.
+        nodes: machines, each with that many processes.
+        precision: of the layers: "32", "bf16", or "auto" for bf16 on GPUs that support it.
+        accumulate: pieces that each process splits its scenes of a step into, to save memory.
+        minutes: stop after this time, with a checkpoint; None runs to the last step.
+        workers: processes that prepare batches, for each process that trains; 0 prepares them between steps.
+        save_minutes: time between checkpoints.
+    """
+
+    device: str = "cpu"
+    devices: int = 1
+    nodes: int = 1
+    precision: str = "32"
+    accumulate: int = 1
+    minutes: float | None = None
+    workers: int = 1
+    save_minutes: float = 5.0
+
+    def share(self, rank: int = 0) -> Share:
+        """The share of one process."""
+        return Share(rank, self.devices * self.nodes, self.accumulate)
+
+
+@dataclass(frozen=True)
+class Share:
+    """The scenes of a step that one process takes, and in how many pieces.
+
+    Attributes:
+        rank: number of the process.
+        world: number of processes.
+        accumulate: pieces, computed one after the other; their gradients are added.
+    """
+
+    rank: int = 0
+    world: int = 1
+    accumulate: int = 1
+
+    def check(self, batch: int) -> None:
+        """Refuse a batch that cannot be shared equally.
+
+        Raises:
+            ValueError: it cannot.
+        """
+        parts = self.world * self.accumulate
+        if self.accumulate < 1 or batch % parts:
+            raise ValueError(
+                f"a step of {batch} scenes cannot be shared by {self.world} processes in {self.accumulate} pieces each; "
+                f"expected a --batch that {parts} divides"
+            )
+
+    def pieces(self, step: int, batch: int) -> list[range]:
+        """The numbers of the samples of each piece."""
+        each = batch // (self.world * self.accumulate)
+        first = step * batch + self.rank * self.accumulate * each
+        return [range(first + piece * each, first + (piece + 1) * each) for piece in range(self.accumulate)]
