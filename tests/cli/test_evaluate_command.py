@@ -288,7 +288,7 @@ def test_no_data(refused: Refused, tmp_path: Path):
 
 
 def test_weights_that_cannot_be_used(refused: Refused, done: tuple[Path, str], tmp_path: Path):
-    assert "expected a weights file, or small" in refused("smal")
+    assert "expected a file of weights, or small" in refused("smal")
     assert 'no included weights for "base"' in refused("base", "--views", "2")
     table = ClassTable("two", ("a", "b"), ((1, 2, 3), (4, 5, 6)), (1, 2))
     save(tmp_path / "two.safetensors", build(networks.small(), table), {})

@@ -141,14 +141,14 @@ def test_what_would_not_have_been_written_is_not_read(tmp_path: Path) -> None:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     for name, index, value, told in (
         ("means", (2, 1), float("nan"), "means contain a number that is not finite"),
-        ("opacities", (3,), 7.0, r"opacities hold 7\.0; expected 0 to 1"),
-        ("colour.scales", (0, 2), -1.0, r"colour\.scales hold -1\.0; expected 0 or more"),
+        ("opacities", (3,), 7.0, r"opacities contain 7\.0; expected 0 to 1"),
+        ("colour.scales", (0, 2), -1.0, r"colour\.scales contain -1\.0; expected 0 or more"),
         ("semantic.scales", (0, 2), float("inf"), r"semantic\.scales contain a number that is not finite"),
         (
             "colour.quaternions",
             (5,),
             0.0,
-            r"colour\.quaternions hold \[0\.0, 0\.0, 0\.0, 0\.0\]; expected a length of 1",
+            r"colour\.quaternions contain \[0\.0, 0\.0, 0\.0, 0\.0\]; expected a length of 1",
         ),
         ("semantic.quaternions", (5,), 2.0, r"expected a length of 1"),
         ("depth_range", (0, 0), -0.7, "depth_range contain an invalid number; expected 0 < near < far"),

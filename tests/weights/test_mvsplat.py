@@ -129,7 +129,7 @@ def test_every_one_of_the_471_is_missed_by_its_name_and_measured(state, monkeypa
         model = preset("mvsplat")
     wanted = model.state_dict()
     monkeypatch.setattr(model, "state_dict", lambda: wanted)
-    tensors = renamed(state, Path("re10k.ckpt"), model.name)
+    tensors = renamed(state, Path("re10k.ckpt"))
     for name, tensor in tensors.items():
         rest = {key: value for key, value in tensors.items() if key != name}
         with pytest.raises(InputError, match=f"{re.escape(name)}: expected a tensor of shape"):
