@@ -12,8 +12,8 @@ import tyro
 from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.train_apart import train_apart
 from semgs.cli.training_options import PresetSettings
+from semgs.cli.training_runs import deadline, train_or_resume
 from semgs.cli.types import Count, Device, Minutes, Views, Workers
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
@@ -100,7 +100,7 @@ class Ablate:
         if self.dry_run:
             print(self._cost(len(runs)))
             return
-        ends = None if self.minutes is None else time.monotonic() + 60 * self.minutes
+        ends = deadline(self.minutes)
         for number, (row, settings) in enumerate(runs, 1):
             if not self._train(f"{number}/{len(runs)} {row.title}, seed {settings.seed}", row, settings, ends):
                 print(f"time is up: run {number} of {len(runs)} is not finished; repeat the command to resume")
@@ -155,35 +155,13 @@ class Ablate:
 
     def _train(self, title: str, row: AblationRow, settings: TrainingSettings, ends: float | None) -> bool:
         """Train a variant, or resume its training. Returns whether it is finished."""
-        from rich.console import Console
-
-        from semgs.training.loop import train
-        from semgs.training.run import WEIGHTS, claim, finished
-
         run = self._run(row, settings.seed)
         if run == self.full:
             return True
-        with what_the_user_gave():
-            claim(run, settings)
-        if finished(run) and (run / WEIGHTS).is_file():
-            return True
-        left = None if ends is None else (ends - time.monotonic()) / 60
-        if left is not None and left <= 0:
-            return False
-        console = Console(stderr=True, highlight=False)
-        console.print(title, markup=False)
         execution = Execution(
-            chosen_device(self.device), self.devices, precision=self.precision, accumulate=self.accumulate, minutes=left,
-            workers=self.workers,
+            chosen_device(self.device), self.devices, precision=self.precision, accumulate=self.accumulate, workers=self.workers
         )  # fmt: skip
-        if self.devices > 1:
-            train_apart(run, execution)
-            return finished(run)
-        try:
-            with what_the_user_gave():
-                return train(settings, run, execution, console=console).finished
-        except (FloatingPointError, ImportError) as error:
-            raise UsageError(str(error)) from error
+        return train_or_resume(title, run, settings, execution, ends)
 
     def _evaluate(self, row: AblationRow, settings: TrainingSettings) -> None:
         """Evaluate a trained variant, unless that was done before."""

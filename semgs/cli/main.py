@@ -54,6 +54,7 @@ COMMANDS = {
     "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."),
     "train": Command("semgs.cli.train", "Train", "Train, or resume training."),
+    "recipe": Command("semgs.cli.recipe", "Recipe", "Train as the included weights were: classes, depth, colour."),
     "evaluate": Command(
         "semgs.cli.evaluate", "Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
     ),

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
-from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_the_user_gave
+from semgs.cli.execution_options import ExecutionOptions
 from semgs.cli.training_options import PresetSettings
-from semgs.cli.types import Count, Device, Minutes, Workers, at_least, one_word
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
@@ -36,23 +35,7 @@ class Train:
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder: new, empty, or a run with the same settings to resume. Only --steps may change, and only grow."""
-    device: Device = "auto"
-    """Where to compute; auto uses a CUDA GPU if there is one. Only the CPU gives exactly the same numbers every time."""
-    devices: Count = 1
-    """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
-    nodes: Count = 1
-    """Machines, each with that many devices, started by torchrun or SLURM."""
-    precision: Literal["auto", "32", "bf16"] = "32"
-    """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
-    Gaussians and losses always use float32 or better."""
-    accumulate: Count = 1
-    """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
-    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
-    """Stop after this time, with a checkpoint. The schedule is unchanged. By default training runs to its last step."""
-    workers: Workers = 1
-    """Processes that load scenes ahead, for each device; 0 loads them between steps."""
-    save_minutes: Annotated[float, one_word("FLOAT", at_least(0.0))] = 5.0
-    """Minutes between checkpoints."""
+    compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
         """Train, and write the averaged weights into the run folder.
@@ -63,19 +46,12 @@ class Train:
         """
         with what_the_user_gave():
             self.settings.check_whole()
-        import torch
         from rich.console import Console
 
-        from semgs.training.execution import Execution
         from semgs.training.loop import train
         from semgs.training.run import claim
 
-        device = chosen_device(self.device)
-        if device == "cuda" and self.devices > torch.cuda.device_count():
-            raise UsageError(f"--devices {self.devices}: torch finds {torch.cuda.device_count()} CUDA devices here")
-        execution = Execution(
-            device, self.devices, self.nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes
-        )  # fmt: skip
+        execution = self.compute.execution()
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
             claim(self.out, self.settings)

@@ -25,9 +25,10 @@ class Start:
     Attributes:
         model: one of `MODELS`.
         data, validation, assets, seed: as in `TrainingSettings`; stage k has seed + k.
-        init: weights to start from; only their depth and colour matter.
+        init: weights whose colour and depth to start from; empty for the included ones of `small` and random ones of `base`.
         backbone: published MobileNetV2 weights for the class backbone; empty for random ones.
         teacher: folder of a teacher's class probabilities; empty for none.
+        size: image (height, width) of the last part of each stage [px].
         share: of each stage's steps; 0.05 is a quick trial.
     """
 
@@ -36,9 +37,10 @@ class Start:
     validation: str = TrainingSettings.validation
     assets: tuple[str, ...] = ()
     seed: int = 0
-    init: str = "small"
+    init: str = ""
     backbone: str = ""
     teacher: str = ""
+    size: tuple[int, int] = (240, 320)
     share: float = 1.0
 
     def __post_init__(self) -> None:
@@ -62,10 +64,11 @@ def settings_of(stage: str, start: Start, out: Path) -> TrainingSettings:
         out: the folder that holds the run folders.
     """
     place = STAGES.index(stage)
-    before = str(folder(out, STAGES[place - 1]) / "weights.safetensors") if place else start.init
+    first = start.init or ("small" if start.model == "small" else "random")
+    before = str(folder(out, STAGES[place - 1]) / "weights.safetensors") if place else first
     common = replace(
         PRESETS[start.model](), preset="", data=start.data, validation=start.validation, assets=start.assets, seed=start.seed + place,
-        init=before, size=(240, 320), context_targets=False, warmup=0.05,
+        init=before, size=start.size, context_targets=False, warmup=0.05,
     )  # fmt: skip
     made = _MAKERS[stage](common, start)
     steps = max(1, round(made.steps * start.share))
@@ -98,7 +101,7 @@ def _joint(common: TrainingSettings, start: Start) -> TrainingSettings:
     return replace(
         common, steps=480, batch=2, contexts=(2, 4), targets=2, frames="consecutive", learning_rate=5e-4, average_decay=0.98,
         sweep_rate=0.0, class_rate=0.0, losses=LossWeights(semantic=0.0, smoothness=0.0), depth_weight=0.3,
-        augmentation=Augmentation(colour=0.2, flip=True),
+        context_targets=True, augmentation=Augmentation(colour=0.2, flip=True),
         validate_every=160, validation_scenes=12,
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ def test_a_preset_alone_is_the_preset():
     command = parsed("small --out run")
     assert command.settings == small()
     assert command.out == Path("run")
-    assert command.minutes is None
+    assert command.compute.minutes is None
 
 
 def test_options_may_stand_before_and_behind_the_preset_and_override_it():
@@ -35,7 +35,7 @@ def test_options_may_stand_before_and_behind_the_preset_and_override_it():
     assert (command.settings.steps, command.settings.size, command.settings.contexts) == (70, (48, 64), (2, 4))
     assert command.settings.losses.smoothness == 0
     assert command.settings.learning_rate == small().learning_rate
-    assert command.minutes == 3
+    assert command.compute.minutes == 3
 
 
 def test_supervision_by_depth_has_weights_of_its_own():
