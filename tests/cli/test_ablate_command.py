@@ -143,7 +143,7 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
         model = start("small", "random", switches=asdict(read_settings(run).network))
         save(run / "weights.safetensors", model, {})
 
-    monkeypatch.setattr("semgs.cli.ablate.train_apart", apart)
+    monkeypatch.setattr("semgs.cli.training_runs.train_apart", apart)
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--device", "cpu"]
     assert main([*line, "--devices", "2", "--precision", "bf16", "--accumulate", "3"]) == 0
     assert [name for name, _ in given] == ["none", "shared", "windows", "camera", "full"]
