@@ -126,18 +126,13 @@ def training_batches(
     if live:
         weights.insert(0, float(sum(source.weight for source in live)))
         library = _library(settings, "training")
+        rooms = RoomSamples(
+            settings.seed, settings.size, settings.contexts, settings.targets, length, settings.batch, library
+        )
         if settings.scene_reuse > 1:
             # Only a part of the samples is of rooms: so many more have to pass until a scene has served its number.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
-            rooms = PooledSamples(
-                pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
-                served=served, group=settings.batch, library=library,
-            )  # fmt: skip
-        else:
-            rooms = RoomSamples(
-                settings.seed, settings.size, settings.contexts, settings.targets, length,
-                group=settings.batch, library=library,
-            )  # fmt: skip
+            rooms = PooledSamples(pool, rooms, served)
     samples = Samples(
         settings.seed, settings.size, settings.batch, rooms, data.folders, weights,
         (settings.contexts, settings.targets), data.classes, settings.augmentation, settings.frames,

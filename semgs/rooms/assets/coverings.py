@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semgs.data.classes import IGNORE
-from semgs.rooms.assets.catalogue import PictureRow
+from semgs.rooms.assets.catalogue import ImageEntry
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.pictures import Pyramid
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
 from semgs.rooms.pieces.solids import SHELL, Part
 
@@ -63,6 +63,11 @@ class Shares:
     rug: float = 0.7
 
 
+ALL = Shares()
+HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, rug=0.0)
+"""Only pictures in frames and views through windows, which rooms always have."""
+
+
 class Coverings:
     """Pictures for the surfaces of one room; equal materials are exchanged for equal ones.
 
@@ -73,26 +78,25 @@ class Coverings:
         shares: how often.
     """
 
-    def __init__(
-        self, rng: np.random.Generator, library: Library, gallery: Gallery, shares: Shares | None = None
-    ) -> None:
-        self.rng, self.library, self.gallery = rng, library, gallery
-        self.shares = Shares() if shares is None else shares
-        self._chosen: dict[tuple[int, bytes], Row | None] = {}
-        self._woods: list[PictureRow] = []
+    def __init__(self, rng: np.random.Generator, library: Library, gallery: Gallery, shares: Shares = ALL) -> None:
+        self.rng, self.library, self.gallery, self.shares = rng, library, gallery, shares
+        self._chosen: dict[tuple[int, bytes], Material | None] = {}
+        self._woods: list[ImageEntry] = []
 
     def cover(self, parts: Sequence[Part]) -> list[Part]:
         """The same parts, some with pictures on them."""
         return [self._covered(part) for part in parts]
 
-    def material(self, part: Part) -> Row | None:
+    def material(self, part: Part) -> Material | None:
         """A picture for a part, None where it keeps its material."""
         label, material, share = part.label, part.material, self.shares
         kind = int(material[t.KIND])
         if kind == t.OUTDOOR:
             return self.view(material) if self._chance(share.view) else None
         if kind in (t.LANDSCAPE, t.ABSTRACT) and label == LABEL["picture"]:
-            return self._art() if self._chance(share.art) else None
+            if not self._chance(share.art):
+                return None
+            return self._stretched(str(self.rng.choice(["painting", "painting", "photo", "poster"])))
         if label == LABEL["floor"]:
             return self._tiled(FLOORS.get(kind, ()), share.floor, None, fine=kind != t.PLAIN)
         if label == LABEL["wall"] and kind == t.PLAIN:
@@ -100,7 +104,7 @@ class Coverings:
         if label == LABEL["wall"]:
             return self._tiled(WALLS.get(kind, ()), share.wall, None, fine=True)
         if label == IGNORE and part.size[2] < 0.02 and min(part.size[:2]) > 0.7:
-            return self._rug() if self._chance(share.rug) else None
+            return self._stretched("carpet") if self._chance(share.rug) else None
         if kind == t.WOOD:
             return self.wood(material) if self._chance(share.wood) else None
         if label in CLOTH and self._is_cloth(material):
@@ -109,30 +113,26 @@ class Coverings:
             return self._tiled(("stone",), share.stone, None, fine=False)
         return None
 
-    def wood(self, material: Row | None) -> Row:
+    def wood(self, material: Material) -> Material:
         """Wood; of one room few kinds, at times in the colour of a material."""
-        if len(self._woods) < 3:
-            self._woods += self._pick(("wood",))
+        if len(self._woods) < 3 and (found := self._pick(("wood",))):
+            self._woods.append(found)
         if not self._woods:
-            return m.wood(self.rng) if material is None else material
+            return material
         row = self._woods[int(self.rng.integers(len(self._woods)))]
-        axis = 0 if material is None else int(material[t.AXIS])
-        like = material if material is not None and self._chance(0.5) else None
-        return self._picture(row, like, gloss=self.rng.uniform(0, 0.25), axis=axis, lying=True)
+        like = material if self._chance(0.5) else None
+        return self._picture(row, like, gloss=self.rng.uniform(0, 0.25), axis=int(material[t.AXIS]), lying=True)
 
-    def cloth(self, material: Row | None, leather: bool = False) -> Row:
+    def cloth(self, material: Material, leather: bool = False) -> Material:
         """Cloth or leather, at times in the colour of a material."""
         found = self._pick(("leather",) if leather and self._chance(0.2) else ("fabric",))
-        if not found:
-            return m.fabric(self.rng) if material is None else material
-        return self._picture(found[0], material if material is not None and self._chance(0.6) else None)
+        return self._picture(found, material if self._chance(0.6) else None) if found else material
 
-    def view(self, material: Row) -> Row:
+    def view(self, material: Material) -> Material:
         """What is outside a window, as bright as the material says."""
-        found = self._pick(("outdoor",))
-        if not found:
+        row = self._pick(("outdoor",))
+        if row is None:
             return material
-        row = found[0]
         pyramid = self._open(row)
         whole = row.name.startswith("pano") or pyramid.size[0] == 2 * pyramid.size[1]
         result = np.zeros(t.WIDTH)
@@ -146,7 +146,7 @@ class Coverings:
         result[t.EMISSION] = material[t.EMISSION] * self.rng.uniform(*VIEW_LIGHT) / bright
         return result
 
-    def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Row:
+    def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Material:
         """A picture that lies on a shell by its own coordinates."""
         result = np.zeros(t.WIDTH)
         result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.gallery.number(pyramid)
@@ -164,33 +164,29 @@ class Coverings:
         chosen = self._chosen[key]
         return part if chosen is None else replace(part, material=_in_place_of(part.material, chosen))
 
-    def _is_cloth(self, material: Row) -> bool:
+    def _is_cloth(self, material: Material) -> bool:
         kind = int(material[t.KIND])
         woven = kind in (t.WEAVE, t.STRIPES, t.DOTS)
         return woven or bool(kind == t.PLAIN and material[t.FINE] >= CLOTH_GRAIN and material[t.GLOSS] == 0)
 
-    def _tiled(self, kinds: Sequence[str], share: float, like: Row | None, fine: bool) -> Row | None:
+    def _tiled(self, kinds: Sequence[str], share: float, like: Material | None, fine: bool) -> Material | None:
         if not self._chance(share):
             return None
         found = self._pick(kinds, fine)
-        return self._picture(found[0], like, gloss=self.rng.uniform(0, 0.3) if like is None else 0.0) if found else None
+        return self._picture(found, like, gloss=self.rng.uniform(0, 0.3) if like is None else 0.0) if found else None
 
-    def _art(self) -> Row | None:
-        found = self._pick((str(self.rng.choice(["painting", "painting", "photo", "poster"])),), tileable=False)
-        return self._stretched(found[0]) if found else None
-
-    def _rug(self) -> Row | None:
-        found = self._pick(("carpet",), tileable=False)
-        return self._stretched(found[0]) if found else None
-
-    def _stretched(self, row: PictureRow) -> Row:
-        result = self.unwrapped(self._open(row), (1.0, 1.0, 1.0), 0.0)
+    def _stretched(self, kind: str) -> Material | None:
+        """A picture of a kind, once over the whole part."""
+        found = self._pick((kind,), tileable=False)
+        if found is None:
+            return None
+        result = self.unwrapped(self._open(found), (1.0, 1.0, 1.0), 0.0)
         result[t.MAPPING] = STRETCHED
         return result
 
     def _picture(
-        self, row: PictureRow, like: Row | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
-    ) -> Row:
+        self, row: ImageEntry, like: Material | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
+    ) -> Material:
         """A picture side by side, multiplied so that its mean is the material's colour if one is given."""
         pyramid = self._open(row, not lying)
         colour = self.rng.uniform(0.9, 1.05) * self.rng.uniform(0.97, 1.03, 3)
@@ -204,16 +200,16 @@ class Coverings:
         result[t.ASPECT] = pyramid.size[1] / pyramid.size[0]
         return result
 
-    def _pick(self, kinds: Sequence[str], fine: bool = False, tileable: bool | None = None) -> list[PictureRow]:
-        """One picture of some kinds at random, none if there is none."""
-        wanted = tileable if tileable is not None else not {"outdoor"} & set(kinds)
+    def _pick(self, kinds: Sequence[str], fine: bool = False, tileable: bool | None = None) -> ImageEntry | None:
+        """One picture of some kinds at random, None if there is none."""
+        wanted = "outdoor" not in kinds if tileable is None else tileable
         rows = [row for row in self.library.of_kind(*kinds) if row.tileable == wanted]
         large = [row for row in rows if min(row.size) >= FINE]
         if large and (fine or self._chance(0.5)):
             rows = large
-        return [rows[int(self.rng.integers(len(rows)))]] if rows else []
+        return rows[int(self.rng.integers(len(rows)))] if rows else None
 
-    def _open(self, row: PictureRow, upright: bool = True) -> Pyramid:
+    def _open(self, row: ImageEntry, upright: bool = True) -> Pyramid:
         self.gallery.use(row.file)
         return self.library.pyramid(row, upright)
 
@@ -221,7 +217,7 @@ class Coverings:
         return bool(self.rng.random() < share)
 
 
-def _in_place_of(material: Row, chosen: Row) -> Row:
+def _in_place_of(material: Material, chosen: Material) -> Material:
     """The chosen picture, its grain along the axis of the material that it stands for; what was a mirror stays one."""
     chosen = chosen.copy()
     chosen[t.MIRROR] = material[t.MIRROR]

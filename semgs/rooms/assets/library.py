@@ -13,12 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.catalogue import MeshRow, PictureRow, read_catalogue, usable
+from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, read_catalogue, usable
 from semgs.rooms.assets.glb import Primitive, read_glb
-from semgs.rooms.assets.lock import LockRow, lock_digest, lock_of, read_lock, verify
+from semgs.rooms.assets.lock import LockEntry, lock_digest, lock_of, read_lock, verify
 from semgs.rooms.assets.pictures import Pyramid, decode
 from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
-from semgs.rooms.pieces.shells import corner_normals
+from semgs.rooms.pieces.shells import Shell, corner_normals
 
 T = TypeVar("T")
 
@@ -45,9 +45,7 @@ class Panel:
         colour: linear RGB that the picture is multiplied with.
         picture: None if there is none.
         clear: whether it is glass.
-        corners: [m].
-        normals: unit normals at the corners.
-        uv: texture coordinates at the corners.
+        shell: its triangles.
     """
 
     label: str | None
@@ -55,9 +53,7 @@ class Panel:
     colour: tuple[float, float, float]
     picture: Pyramid | None
     clear: bool
-    corners: Float32[np.ndarray, "t 3 3"]
-    normals: Float32[np.ndarray, "t 3 3"]
-    uv: Float32[np.ndarray, "t 3 2"]
+    shell: Shell
 
 
 class Library:
@@ -86,8 +82,8 @@ class Library:
     ) -> None:
         given = [folders] if isinstance(folders, str | Path) else folders
         self.folders, self.split, self.memory = tuple(Path(folder) for folder in given), split, memory
-        self.meshes: tuple[MeshRow, ...] = ()
-        self.pictures: tuple[PictureRow, ...] = ()
+        self.meshes: tuple[MeshEntry, ...] = ()
+        self.pictures: tuple[ImageEntry, ...] = ()
         self._folder_of: dict[str, Path] = {}
         self._kept: OrderedDict[str, tuple[Any, int]] = OrderedDict()
         self._size = 0
@@ -103,7 +99,7 @@ class Library:
         mesh_lists, picture_lists = split_meshes(meshes), split_pictures(catalogue.pictures)
         self.meshes += tuple(row for row in meshes if mesh_lists[row.name] == self.split)
         self.pictures += tuple(row for row in catalogue.pictures if picture_lists[row.name] == self.split)
-        everything: list[MeshRow | PictureRow] = [*catalogue.meshes, *catalogue.pictures]
+        everything: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.pictures]
         for row in everything:
             if self._folder_of.setdefault(row.file, folder) != folder:
                 other = self._folder_of[row.file]
@@ -112,7 +108,7 @@ class Library:
                 )
 
     @property
-    def lock(self) -> tuple[LockRow, ...]:
+    def lock(self) -> tuple[LockEntry, ...]:
         """The locks of all folders."""
         return tuple(row for folder in self.folders for row in read_lock(lock_of(folder)))
 
@@ -124,11 +120,11 @@ class Library:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": OrderedDict(), "_size": 0}
 
-    def of_kind(self, *kinds: str) -> list[PictureRow]:
+    def of_kind(self, *kinds: str) -> list[ImageEntry]:
         """The pictures of some kinds."""
         return [row for row in self.pictures if row.kind in kinds]
 
-    def panels(self, row: MeshRow) -> tuple[Panel, ...]:
+    def panels(self, row: MeshEntry) -> tuple[Panel, ...]:
         """The contents of a mesh.
 
         Raises:
@@ -136,7 +132,7 @@ class Library:
         """
         return self._remembered(row.name, lambda: _panels(self._path(row), row), _weight)
 
-    def pyramid(self, row: PictureRow, upright: bool = True) -> Pyramid:
+    def pyramid(self, row: ImageEntry, upright: bool = True) -> Pyramid:
         """The contents of a picture; if not upright, with columns and rows exchanged where its grain runs along columns.
 
         Raises:
@@ -148,7 +144,7 @@ class Library:
 
         return self._remembered(f"{row.kind}/{row.name}/{upright}", read, lambda p: p.pixels.nbytes)
 
-    def _path(self, row: MeshRow | PictureRow) -> Path:
+    def _path(self, row: MeshEntry | ImageEntry) -> Path:
         return self._folder_of[row.file] / row.file
 
     def _remembered(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
@@ -182,7 +178,7 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
     return library
 
 
-def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
+def _panels(path: Path, row: MeshEntry) -> tuple[Panel, ...]:
     labels = dict(row.parts)
     panels = []
     primitives = read_glb(path)
@@ -198,23 +194,13 @@ def _panels(path: Path, row: MeshRow) -> tuple[Panel, ...]:
         picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
         uv, normals = uv[whole], corner_normals(corners)
         for label, part in _labelled(row, corners, labels.get(primitive.name)):
-            panels.append(
-                Panel(
-                    label,
-                    primitive.material,
-                    primitive.colour,
-                    picture,
-                    primitive.clear,
-                    corners[part],
-                    normals[part],
-                    uv[part],
-                )
-            )
+            shell = Shell(corners[part], normals[part], uv[part])
+            panels.append(Panel(label, primitive.material, primitive.colour, picture, primitive.clear, shell))
     return tuple(panels)
 
 
 def _labelled(
-    row: MeshRow, corners: Float32[np.ndarray, "t 3 3"], label: str | None
+    row: MeshEntry, corners: Float32[np.ndarray, "t 3 3"], label: str | None
 ) -> list[tuple[str | None, Bool[np.ndarray, " t"]]]:
     """The classes of a primitive's triangles: the catalogue's, but that kitchen cabinets which it calls a counter as a whole are
     cabinets below their top, as the parametric ones are."""
@@ -235,7 +221,7 @@ def _is_cloth(primitive: Primitive) -> bool:
 
 
 def _wanted(
-    row: MeshRow, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
+    row: MeshEntry, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
 ) -> Bool[np.ndarray, " t"]:
     """Which triangles rooms take: of curtains one drape without its rod, of windows all but the panes."""
     name = primitive.material.lower()
@@ -251,7 +237,9 @@ def _wanted(
 
 
 def _weight(panels: tuple[Panel, ...]) -> int:
-    return sum(p.corners.nbytes * 2 + p.uv.nbytes + (p.picture.pixels.nbytes if p.picture else 0) for p in panels)
+    return sum(
+        p.shell.corners.nbytes * 2 + p.shell.uv.nbytes + (p.picture.pixels.nbytes if p.picture else 0) for p in panels
+    )
 
 
 def _lying(upright: Pyramid, keep: bool) -> Pyramid:

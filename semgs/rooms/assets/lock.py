@@ -12,7 +12,7 @@ from pathlib import Path
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
-from semgs.rooms.assets.catalogue import MeshRow, PictureRow, inside, read_catalogue
+from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, Origin, inside, read_catalogue
 
 NAME = "lock.json"
 LISTS = ("catalog.json", "textures.json")
@@ -21,29 +21,21 @@ SHOWN = 3
 
 
 @dataclass(frozen=True)
-class LockRow:
+class LockEntry:
     """One file of the folder.
 
     Attributes:
         file: in the folder.
-        source: the repository it is from.
-        commit: of that repository.
-        path: in it.
-        licence: of the file.
-        author: empty where the source names none.
+        origin: where it is from.
         sha256: of its bytes.
     """
 
     file: str
-    source: str
-    commit: str
-    path: str
-    licence: str
-    author: str
+    origin: Origin
     sha256: str
 
 
-def make_lock(folder: str | Path) -> tuple[LockRow, ...]:
+def make_lock(folder: str | Path) -> tuple[LockEntry, ...]:
     """The lock of a folder as it is: both lists, then every mesh and picture that they name.
 
     Raises:
@@ -51,30 +43,25 @@ def make_lock(folder: str | Path) -> tuple[LockRow, ...]:
     """
     folder = Path(folder)
     catalogue = read_catalogue(folder)
-    lists = [LockRow(name, "", "", "", "", "", _digest(folder, name)) for name in LISTS]
-    named: list[MeshRow | PictureRow] = [*catalogue.meshes, *catalogue.pictures]
-    return (
-        *lists,
-        *(
-            LockRow(row.file, row.source, row.commit, row.path, row.licence, row.author, _digest(folder, row.file))
-            for row in named
-        ),
-    )
+    lists = tuple(LockEntry(name, Origin(), _digest(folder, name)) for name in LISTS)
+    named: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.pictures]
+    return (*lists, *(LockEntry(row.file, row.origin, _digest(folder, row.file)) for row in named))
 
 
-def write_lock(path: str | Path, rows: Sequence[LockRow]) -> None:
+def write_lock(path: str | Path, rows: Sequence[LockEntry]) -> None:
     """Write a lock; origins that several files share are written once."""
     origins: dict[tuple[str, str, str, str], int] = {}
     lines = []
     for row in rows:
-        origin = origins.setdefault((row.source, row.commit, row.licence, row.author), len(origins))
-        lines.append(json.dumps([row.file, origin, row.path, row.sha256], ensure_ascii=False))
+        one = row.origin
+        number = origins.setdefault((one.source, one.commit, one.licence, one.author), len(origins))
+        lines.append(json.dumps([row.file, number, one.path, row.sha256], ensure_ascii=False))
     head = ",\n".join(json.dumps(list(origin), ensure_ascii=False) for origin in origins)
     text = f'{{"origins": [\n{head}\n], "files": [\n' + ",\n".join(lines) + "\n]}\n"
     write_bytes(Path(path), text.encode())
 
 
-def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
+def read_lock(path: str | Path | None = None) -> tuple[LockEntry, ...]:
     """Read a lock, that of the package by default. A file that it names must not lead out of the folder.
 
     Raises:
@@ -86,7 +73,7 @@ def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
         rows = []
         for file, origin, inner, sha256 in content["files"]:
             source, commit, licence, author = content["origins"][origin]
-            rows.append(LockRow(inside(file), source, commit, inner, licence, author, sha256))
+            rows.append(LockEntry(inside(file), Origin(source, commit, inner, licence, author), sha256))
         return tuple(rows)
     except (OSError, KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(
@@ -108,7 +95,7 @@ def lock_digest(folder: str | Path) -> str:
     return hashlib.sha256(lock_of(folder).read_bytes()).hexdigest()[:16]
 
 
-def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
+def verify(folder: str | Path, lock: Sequence[LockEntry] | None = None) -> None:
     """Compare every file that the lock names with it.
 
     Args:
@@ -142,7 +129,7 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
         )
 
 
-def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> str:
+def attribution(used: Iterable[str], lock: Sequence[LockEntry] | None = None) -> str:
     """The text of `ATTRIBUTION.md` for a data set: what was used of the assets, by licence and author.
 
     Args:
@@ -162,12 +149,14 @@ def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> s
         "These pictures show models and textures by others, under the licences named here.",
         "",
     ]
-    groups: dict[tuple[str, str], list[LockRow]] = {}
+    groups: dict[tuple[str, str], list[LockEntry]] = {}
     for file in sorted(set(used)):
-        groups.setdefault((rows[file].licence, rows[file].author), []).append(rows[file])
+        groups.setdefault((rows[file].origin.licence, rows[file].origin.author), []).append(rows[file])
     for (licence, author), members in sorted(groups.items()):
         lines += [f"## {licence}" + (f", by {author}" if author else ""), ""]
-        lines += [f"- `{row.file}`: {row.source}@{row.commit[:12]}, `{row.path}`" for row in members]
+        lines += [
+            f"- `{row.file}`: {row.origin.source}@{row.origin.commit[:12]}, `{row.origin.path}`" for row in members
+        ]
         lines.append("")
     return "\n".join(lines)
 

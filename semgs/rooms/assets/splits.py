@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Literal
 
-from semgs.rooms.assets.catalogue import MeshRow, PictureRow
+from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry
 
 Split = Literal["training", "validation", "other"]
 
@@ -39,7 +39,7 @@ SAME_GENERATOR = {
 """Families that one program made with other settings."""
 
 
-def family(row: MeshRow) -> str:
+def family(row: MeshEntry) -> str:
     """The family of a mesh: maker and class for kits of one style, else the name without numbers and variants."""
     maker = row.name.split("_")[0]
     if maker in KITS:
@@ -52,7 +52,7 @@ def family(row: MeshRow) -> str:
     return SAME_GENERATOR.get(stem, stem)
 
 
-def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
+def split_meshes(rows: Sequence[MeshEntry]) -> dict[str, Split]:
     """The list that each mesh belongs to, by name. Small classes come first: a family of several classes follows the one that
     has the least choice."""
     families: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
@@ -74,7 +74,7 @@ def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
     return result
 
 
-def split_pictures(rows: Sequence[PictureRow]) -> dict[str, Split]:
+def split_pictures(rows: Sequence[ImageEntry]) -> dict[str, Split]:
     """The list that each picture belongs to, by name; every fifth of a kind is held out, in the order of a hash."""
     kinds: dict[str, list[str]] = defaultdict(list)
     for row in rows:

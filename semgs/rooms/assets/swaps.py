@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
-from semgs.rooms.assets.catalogue import MeshRow
+from semgs.rooms.assets.catalogue import MeshEntry
 from semgs.rooms.assets.coverings import Coverings
 from semgs.rooms.assets.library import Library, Panel
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.shells import Shell
 from semgs.rooms.pieces.solids import SHELL, Part, Piece, Triple
 
@@ -99,36 +99,11 @@ FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "spe
 GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
 WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
 METALS = (
-    "metal",
-    "steel",
-    "chrome",
-    "tap",
-    "faucet",
-    "handle",
-    "knob",
-    "drain",
-    "rod",
-    "ring",
-    "finial",
-    "pull",
-    "lever",
-    "gold",
-)
+    "metal", "steel", "chrome", "tap", "faucet", "handle", "knob", "drain", "rod", "ring", "finial", "pull", "lever", "gold",
+)  # fmt: skip
 CLOTHS = (
-    "carpet",
-    "fabric",
-    "cushion",
-    "pillow",
-    "couch",
-    "mattress",
-    "sheet",
-    "blanket",
-    "bed",
-    "curtain",
-    "cloth",
-    "seat",
-    "sofa",
-)
+    "carpet", "fabric", "cushion", "pillow", "couch", "mattress", "sheet", "blanket", "bed", "curtain", "cloth", "seat", "sofa",
+)  # fmt: skip
 WARES = ("basin", "ceramic", "porcelain", "sink", "bowl", "vessel", "tub")
 
 
@@ -184,7 +159,7 @@ class Swaps:
         surface = _surface(panels, row, scale) if piece.name in SURFACED else None
         return Piece(piece.name, piece.size, tuple(parts), surface)
 
-    def _candidates(self, rule: Rule) -> list[MeshRow]:
+    def _candidates(self, rule: Rule) -> list[MeshEntry]:
         rows = [row for row in self.library.meshes if row.label == rule.label]
         if rule.label == "clutter":
             return [row for row in rows if row.mount == "surface" or row.subtype in FLOOR_CLUTTER]
@@ -193,43 +168,42 @@ class Swaps:
         return [row for row in rows if not rule.subtypes or row.subtype in rule.subtypes]
 
     def _parts(
-        self, panels: tuple[Panel, ...], row: MeshRow, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
+        self, panels: tuple[Panel, ...], row: MeshEntry, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
     ) -> list[Part]:
         own = LABEL.get(row.label, IGNORE)
         tint = np.clip(self.rng.normal(1.0, 0.06, 3) * self.rng.uniform(0.8, 1.15), 0.5, 1.3)
-        chosen: dict[str, Row] = {}
+        chosen: dict[str, Material] = {}
         parts = []
         for panel in panels:
             label = own if panel.label is None else LABEL.get(panel.label, IGNORE)
-            make = (
-                row.label
-                if row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
-                else panel.material
-            )
+            hangs = row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
+            make = row.label if hangs else panel.material
             if make not in chosen:
                 chosen[make] = self._material(panel, row, label, tint)
-            corners = panel.corners * scale
-            normals = panel.normals / scale
+            corners = panel.shell.corners * scale
+            normals = panel.shell.normals / scale
             normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
             flat = corners.reshape(-1, 3)
             lowest, highest = flat.min(axis=0), flat.max(axis=0)
             middle = (lowest + highest) / 2
             x, y, z = (float(c) for c in middle + foot)
             width, depth, height = (max(float(side), 1e-3) for side in highest - lowest)
-            shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.uv)
+            shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.shell.uv)
             parts.append(Part(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
         return parts
 
-    def _material(self, panel: Panel, row: MeshRow, label: int, tint: np.ndarray) -> Row:
+    def _material(self, panel: Panel, row: MeshEntry, label: int, tint: np.ndarray) -> Material:
         rng = self.rng
         if panel.picture is not None:
             red, green, blue = (float(c * f) for c, f in zip(panel.colour, tint, strict=True))
             return self.coverings.unwrapped(panel.picture, (red, green, blue), rng.uniform(0, 0.2))
         if panel.clear:
-            return m.row(rng, a=m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7)), fine=0.0, blotch=0.05, gloss=0.7)
+            return m.plain(
+                rng, m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7)), m.Noise(fine=0.0, blotch=0.05), gloss=0.7
+            )
         return self.flat(panel.material.lower(), panel.colour, label)
 
-    def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Row:
+    def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Material:
         """A material for what a mesh gives in one colour: by the material's name, else by the class and its colour."""
         rng = self.rng
         ware = label in (LABEL["toilet"], LABEL["bathtub"], LABEL["sink"])
@@ -245,7 +219,7 @@ class Swaps:
             return self.coverings.wood(m.wood(rng)) if rng.random() < 0.6 else self._paint()
         return self._paint()
 
-    def _paint(self) -> Row:
+    def _paint(self) -> Material:
         """White and grey more often than not, seldom a strong colour."""
         rng, look = self.rng, self.rng.random()
         if look < 0.6:
@@ -254,22 +228,21 @@ class Swaps:
             base = m.colour(rng, saturation=(0, 0.2), value=(0.08, 0.6))
         else:
             base = m.colour(rng, saturation=(0.1, 0.6), value=(0.25, 0.85))
-        return m.row(rng, a=base, fine=0.02, blotch=0.03, blotch_scale=0.3, gloss=rng.uniform(0, 0.3))
+        return m.plain(rng, base, m.Noise(fine=0.02, blotch_scale=0.3), gloss=rng.uniform(0, 0.3))
 
-    def _thing(self, name: str, colour: tuple[float, float, float]) -> Row:
+    def _thing(self, name: str, colour: tuple[float, float, float]) -> Material:
         """Clutter, in about its own colour; the dark greens of plants are made what they are in daylight."""
         rng = self.rng
         if _is(name, GREENS) or (colour[1] > 1.2 * colour[0] and colour[1] > 1.2 * colour[2]):
-            return m.row(
-                rng, a=m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6)), fine=0.1, blotch=0.2, blotch_scale=0.08
-            )
+            leaf = m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6))
+            return m.plain(rng, leaf, m.Noise(fine=0.1, blotch=0.2, blotch_scale=0.08))
         if _is(name, CLOTHS):
             return self.coverings.cloth(m.fabric(rng))
         red, green, blue = (float(min(0.9, max(0.02, c * rng.uniform(0.8, 1.25)))) for c in colour)
-        return m.row(rng, a=(red, green, blue), fine=0.02, blotch=0.04, gloss=rng.uniform(0, 0.3))
+        return m.plain(rng, (red, green, blue), m.Noise(fine=0.02, blotch=0.04), gloss=rng.uniform(0, 0.3))
 
 
-def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
+def fit(row: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
     """How a mesh is scaled along x, y and z to stand in a box, None if it cannot without looking wrong.
 
     Its width and depth stay within the box; its height may leave it by an eighth.
@@ -295,7 +268,7 @@ def _draped(
     panels: tuple[Panel, ...], box: Float64[np.ndarray, " 3"], foot: Float64[np.ndarray, " 3"]
 ) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
     """Scale and foot of one drape that fills a box in width and height, gathered as much as that needs."""
-    flat = np.concatenate([panel.corners.reshape(-1, 3) for panel in panels])
+    flat = np.concatenate([panel.shell.corners.reshape(-1, 3) for panel in panels])
     lowest, highest = flat.min(axis=0).astype(np.float64), flat.max(axis=0).astype(np.float64)
     scale = box / np.maximum(highest - lowest, 1e-3)
     scale[1] = min(1.0, DEPTHS["curtain"] / (highest[1] - lowest[1]))
@@ -340,9 +313,9 @@ def _bounds(piece: Piece) -> tuple[float, float]:
     )
 
 
-def _surface(panels: tuple[Panel, ...], row: MeshRow, scale: np.ndarray) -> float | None:
+def _surface(panels: tuple[Panel, ...], row: MeshEntry, scale: np.ndarray) -> float | None:
     """Height of a flat top, None if there is none."""
-    corners = np.concatenate([panel.corners for panel in panels])
+    corners = np.concatenate([panel.shell.corners for panel in panels])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (
         corners[..., 2].min(axis=1) > row.extents[2] - TOP_BAND

@@ -42,8 +42,7 @@ class Room:
         owners: the part of each triangle.
         planes: unit normal and offset of each triangle's plane (n . x = offset).
         caster: its triangles.
-        field: distance of grid nodes to the nearest solid, at most `FIELD_REACH` [m].
-        space: the same without the floor and what lies flat on it.
+        space: distance of grid nodes to the nearest solid but the floor and what lies flat on it, at most `FIELD_REACH` [m].
         corner: where the grid starts [m].
         shifts: moves the texture of each part.
         lights: rows for the shading kernels.
@@ -59,7 +58,6 @@ class Room:
     owners: Int64[np.ndarray, " t"]
     planes: Float64[np.ndarray, "t 4"]
     caster: Raycaster
-    field: Float64[np.ndarray, "x y z"]
     space: Float64[np.ndarray, "x y z"]
     corner: Float64[np.ndarray, 3]
     shifts: Float64[np.ndarray, " p"]
@@ -78,7 +76,7 @@ class Room:
 
     def inside(self, places: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Whether places are between the walls."""
-        half = np.array([self.plan.size[0] / 2, self.plan.size[1] / 2, self.plan.size[2] / 2])
+        half = np.array(self.plan.size) / 2
         return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
 
 
@@ -105,24 +103,14 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
     planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
     caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    ground, whole = _tops(solids) < FLAT, solids.shapes != SHELL
-    space, corner = _distance_field(plan, solids, ~ground & whole)
+    space, corner = _distance_field(plan, solids, (_tops(solids) >= FLAT) & (solids.shapes != SHELL))
     if len(shells.corners):
         points = shell_kernels.scatter(shells.corners, SCATTER)
         shell_kernels.distance_to_points(space, corner, FIELD_STEP, FIELD_REACH, points)
-    field = space.copy()
-    _lower(field, corner, solids, ground & whole)
     lights, ambient = draw_lights(rng, plan)
     pictures = gallery.pack()
     return Room(
-        plan,
-        solids,
-        owners,
-        planes,
-        caster,
-        field,
-        space,
-        corner,
+        plan, solids, owners, planes, caster, space, corner,
         shifts=rng.uniform(0, 50, len(plan.parts)),
         lights=lights,
         ambient=ambient,
@@ -130,7 +118,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
         shells=shells,
         pictures=pictures,
         files=gallery.files,
-    )
+    )  # fmt: skip
 
 
 def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) -> Float64[np.ndarray, "p 3"]:
@@ -158,17 +146,7 @@ def _distance_field(
     corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
     nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
     field = np.full(tuple(nodes), FIELD_REACH)
-    _lower(field, corner, solids, which)
-    return field, corner
-
-
-def _lower(
-    field: Float64[np.ndarray, "x y z"],
-    corner: Float64[np.ndarray, 3],
-    solids: Solids,
-    which: Bool[np.ndarray, " p"],
-) -> None:
-    """Lower a distance field to the distance from some solids."""
     kernels.distance_field(
         field, corner, FIELD_STEP, FIELD_REACH, solids.rotations[which], solids.centres[which], solids.sizes[which]
     )
+    return field, corner

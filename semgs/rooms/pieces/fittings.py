@@ -7,8 +7,9 @@ import numpy as np
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL, fronts, legs
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, Triple, block
+from semgs.rooms.pieces.texture_kernels import STRIPES
 
 
 def cabinet(rng: np.random.Generator) -> Piece:
@@ -103,7 +104,7 @@ def bookshelf(rng: np.random.Generator) -> Piece:
     return Piece("bookshelf", (width, depth, height), tuple(parts), surface=height if height < 1.2 else None)
 
 
-def basin(label: int, material: Row, low: Triple, high: Triple) -> list[Part]:
+def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Part]:
     """An open box with walls of 2 cm: the bowl of a sink or the tub of a bath, from outside to outside."""
     thick = 0.02 if high[0] - low[0] < 1 else 0.05
     return [
@@ -200,15 +201,13 @@ def refrigerator(rng: np.random.Generator) -> Piece:
     own = LABEL["refrigerator"]
     look = rng.random()
     if look < 0.5:
-        skin = m.row(rng, a=m.colour(rng, saturation=(0, 0.06), value=(0.82, 0.97)), fine=0.01, gloss=0.25)
+        skin = m.plain(rng, m.colour(rng, saturation=(0, 0.06), value=(0.82, 0.97)), m.Noise(fine=0.01), gloss=0.25)
     elif look < 0.8:
-        skin = m.row(
-            rng, a=m.colour(rng, saturation=(0, 0.05), value=(0.4, 0.75)), fine=0.05, fine_scale=0.004, gloss=0.5
-        )
+        skin = m.plain(rng, m.colour(rng, saturation=(0, 0.05), value=(0.4, 0.75)), m.Noise(0.05, 0.004), gloss=0.5)
     else:
-        skin = m.row(rng, a=m.colour(rng, saturation=(0, 0.8), value=(0.08, 0.7)), fine=0.02, gloss=0.4)
+        skin = m.plain(rng, m.colour(rng, saturation=(0, 0.8), value=(0.08, 0.7)), m.Noise(fine=0.02), gloss=0.4)
     width, depth, height = rng.uniform(0.55, 0.92), rng.uniform(0.58, 0.72), rng.uniform(1.4, 1.95)
-    grip, dark = m.metal(rng), m.row(rng, a=(0.02, 0.02, 0.02))
+    grip, dark = m.metal(rng), m.plain(rng, (0.02, 0.02, 0.02))
     split = height * rng.uniform(0.3, 0.72)
     parts = [
         block(own, dark, (0.02, 0.02, 0), (width - 0.02, depth - 0.1, 0.06)),
@@ -308,9 +307,9 @@ def other(rng: np.random.Generator) -> Piece:
                 x += span + rng.uniform(0.03, 0.15)
         return Piece("other", (width, depth, height), tuple(parts))
     if look == 2:
-        wood = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.1, 0.7), (0.03, 0.4)), gloss=0.5, fine=0.03)
+        wood = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.1, 0.7), (0.03, 0.4)), gloss=0.5)
         width, depth, height, keys = rng.uniform(1.3, 1.5), 0.6, rng.uniform(1.0, 1.25), 0.68
-        ivory = m.row(rng, 1, (0.8, 0.78, 0.7), (0.02, 0.02, 0.02), scale=0.035, duty=0.62)
+        ivory = m.patterned(rng, m.Pattern(STRIPES, (0.8, 0.78, 0.7), (0.02, 0.02, 0.02), scale=0.035, duty=0.62))
         parts = [
             block(own, wood, (0, 0, 0.08), (width, 0.32, height)),
             block(own, wood, (-0.01, 0, height), (width + 0.01, 0.34, height + 0.02)),
@@ -346,7 +345,7 @@ def stove(rng: np.random.Generator) -> Piece:
     """A free-standing stove with an oven, which is other furniture."""
     own = LABEL["otherfurniture"]
     skin = m.lacquer(rng) if rng.random() < 0.5 else m.metal(rng)
-    dark, grip = m.row(rng, a=(0.015, 0.015, 0.018), gloss=0.6), m.metal(rng)
+    dark, grip = m.plain(rng, (0.015, 0.015, 0.018), gloss=0.6), m.metal(rng)
     width, depth, height = 0.6, 0.6, rng.uniform(0.85, 0.92)
     parts = [
         block(own, skin, (0, 0, 0), (width, depth, height - 0.02)),

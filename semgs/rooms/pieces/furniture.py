@@ -8,7 +8,7 @@ import numpy as np
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import CUSHION, CYLINDER, Part, Piece, block
 
 Maker = Callable[[np.random.Generator], Piece]
@@ -18,7 +18,7 @@ LABEL = {name: SCANNET20.index(name) for name in SCANNET20.names}
 
 
 def legs(
-    label: int, material: Row, width: float, depth: float, height: float, thickness: float, inset: float = 0.0
+    label: int, material: Material, width: float, depth: float, height: float, thickness: float, inset: float = 0.0
 ) -> list[Part]:
     """Four legs under a rectangle."""
     upright = m.along(material, 2)
@@ -167,7 +167,7 @@ def chair(rng: np.random.Generator) -> Piece:
 
 
 def _table_under(
-    rng: np.random.Generator, label: int, frame: Row, width: float, depth: float, height: float
+    rng: np.random.Generator, label: int, frame: Material, width: float, depth: float, height: float
 ) -> list[Part]:
     """What carries a table top: legs, panels, or a middle post."""
     look = rng.random()
@@ -242,7 +242,7 @@ def desk(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.3:
         parts.append(block(label, wood, (0.03, depth * 0.1, 0.1), (width - 0.03, depth * 0.1 + 0.02, height - 0.03)))
     if rng.random() < 0.65:
-        dark = m.row(rng, a=m.colour(rng, saturation=(0, 0.2), value=(0.03, 0.25)), gloss=0.4)
+        dark = m.plain(rng, m.colour(rng, saturation=(0, 0.2), value=(0.03, 0.25)), gloss=0.4)
         x, half = width * rng.uniform(0.35, 0.65), rng.uniform(0.22, 0.34)
         parts.append(block(IGNORE, dark, (x - half, 0.14, height + 0.1), (x + half, 0.17, height + 0.1 + 1.15 * half)))
         parts.append(block(IGNORE, dark, (x - 0.03, 0.11, height), (x + 0.03, 0.14, height + 0.25)))
@@ -256,7 +256,7 @@ def desk(rng: np.random.Generator) -> Piece:
 def fronts(
     rng: np.random.Generator,
     label: int,
-    material: Row,
+    material: Material,
     across: tuple[float | int, float | int],
     y: float,
     upwards: tuple[float | int, float | int],

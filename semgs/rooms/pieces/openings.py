@@ -10,9 +10,9 @@ import numpy as np
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import Part, Piece, block
-from semgs.rooms.pieces.texture_kernels import TILES
+from semgs.rooms.pieces.texture_kernels import MARBLE, MIRROR, TILES
 
 
 def door(rng: np.random.Generator, room_height: float) -> Piece:
@@ -81,7 +81,7 @@ def passage(rng: np.random.Generator, width: float, height: float, thick: float)
 
 def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
     """White ribs in front of a wall, as under windows; without a class."""
-    white = m.row(rng, a=m.colour(rng, (0.05, 0.2), (0, 0.08), (0.8, 0.97)), gloss=0.3, fine=0.01)
+    white = m.plain(rng, m.colour(rng, (0.05, 0.2), (0, 0.08), (0.8, 0.97)), m.Noise(fine=0.01), gloss=0.3)
     low, deep = 0.12, rng.uniform(0.06, 0.12)
     parts = [block(IGNORE, white, (0, 0.03, low + 0.03), (width, 0.05 + deep / 3, height - 0.03))]
     step = rng.uniform(0.045, 0.09)
@@ -95,9 +95,13 @@ def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
 def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
     """Over a washbasin or a chest; without a class, as mirrors have none among the twenty. It shows the grey of a
     room."""
-    glass = m.row(rng, m.t.MARBLE, m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)), m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
-                  scale=rng.uniform(0.8, 1.6), gloss=0.7, fine=0.0)  # fmt: skip
-    glass[m.t.MIRROR] = 1
+    light, dark = (
+        m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)),
+        m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
+    )
+    reflection = m.Pattern(MARBLE, light, dark, scale=rng.uniform(0.8, 1.6))
+    glass = m.patterned(rng, reflection, m.Noise(fine=0.0), gloss=0.7)
+    glass[MIRROR] = 1
     parts = [
         block(IGNORE, m.carpentry(rng), (0, 0, 0), (width, 0.02, height)),
         block(IGNORE, glass, (0.02, 0, 0.02), (width - 0.02, 0.024, height - 0.02)),
@@ -124,14 +128,14 @@ def window(rng: np.random.Generator, width: float, height: float, light: float, 
         parts.append(block(own, frame, (-0.05, 0, -0.03), (width + 0.05, rng.uniform(0.06, 0.1), 0.0)))
     if blind:
         colour, gap = m.colour(rng, saturation=(0, 0.2), value=(0.6, 0.95)), (0.12, 0.12, 0.12)
-        slats = m.row(rng, TILES, colour, gap, scale=rng.uniform(0.03, 0.06), aspect=1e3, duty=0.8)
+        slats = m.patterned(rng, m.Pattern(TILES, colour, gap, scale=rng.uniform(0.03, 0.06), aspect=1e3, duty=0.8))
         drop = height * blind
         parts.append(block(own, slats, (0.01, 0.052, height - drop), (width - 0.01, 0.06, height)))
     return Piece("window", (width, 0.1, height), tuple(parts))
 
 
 def folds(
-    rng: np.random.Generator, label: int, cloth: Row, width: float, low: float, high: float, y: float
+    rng: np.random.Generator, label: int, cloth: Material, width: float, low: float, high: float, y: float
 ) -> list[Part]:
     """A curtain from x = 0 to `width` in zigzag folds about depth `y`."""
     count = max(3, round(width / rng.uniform(0.05, 0.085)))
@@ -179,7 +183,7 @@ def picture(rng: np.random.Generator) -> Piece:
     parts = [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.03, height)) for x in (0, width - bar)]
     parts += [block(own, frame, (bar, 0, z), (width - bar, 0.03, z + bar)) for z in (0, height - bar)]
     if mount and width > 0.4 and height > 0.4:
-        parts.append(block(own, m.row(rng, a=(0.8, 0.8, 0.77)), (bar, 0, bar), (width - bar, 0.012, height - bar)))
+        parts.append(block(own, m.plain(rng, (0.8, 0.8, 0.77)), (bar, 0, bar), (width - bar, 0.012, height - bar)))
         bar += mount
     parts.append(block(own, art, (bar, 0, bar), (width - bar, 0.016, height - bar)))
     return Piece("picture", (width, 0.03, height), tuple(parts))

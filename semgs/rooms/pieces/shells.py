@@ -18,7 +18,7 @@ WELD = 1e-5
 
 @dataclass(frozen=True)
 class Shell:
-    """Triangles about the middle of the box around them.
+    """Triangles with normals and texture coordinates; of a part, about the middle of the box around them.
 
     Attributes:
         corners: [m].

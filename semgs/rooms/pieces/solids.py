@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.shells import Shell
 
 Triple = tuple[float | int, float | int, float | int]
@@ -40,7 +40,7 @@ class Part:
     """
 
     label: int
-    material: Row
+    material: Material
     centre: Triple
     size: Triple
     shape: int = BOX
@@ -89,7 +89,7 @@ class Solids:
 
 def block(
     label: int,
-    material: Row,
+    material: Material,
     low: Triple,
     high: Triple,
     shape: int = BOX,

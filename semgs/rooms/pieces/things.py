@@ -11,7 +11,7 @@ from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, bloc
 
 def television(rng: np.random.Generator, width: float) -> Piece:
     """A dark screen on a foot; without a class."""
-    dark = m.row(rng, a=m.colour(rng, saturation=(0, 0.2), value=(0.02, 0.1)), gloss=0.6, fine=0.0)
+    dark = m.plain(rng, m.colour(rng, saturation=(0, 0.2), value=(0.02, 0.1)), m.Noise(fine=0.0), gloss=0.6)
     height = width * 0.58
     parts = [
         block(IGNORE, dark, (0, 0.08, 0.06), (width, 0.12, height + 0.06)),
@@ -24,7 +24,7 @@ def television(rng: np.random.Generator, width: float) -> Piece:
 def floor_lamp(rng: np.random.Generator, lit: bool) -> Piece:
     """A foot, a pole and a shade that shines if it is on; without a class."""
     tall, reach, steel = rng.uniform(1.35, 1.7), rng.uniform(0.13, 0.2), m.metal(rng)
-    shade = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=1.5 if lit else 0.0)
+    shade = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=1.5 if lit else 0.0)
     x = reach
     parts = [
         block(IGNORE, steel, (x - 0.12, x - 0.12, 0), (x + 0.12, x + 0.12, 0.03), CYLINDER),
@@ -72,7 +72,7 @@ def _plant(rng: np.random.Generator, size: float) -> Piece:
     """Blades that rise out of a pot and lean outwards."""
     pot, high, tall = size * rng.uniform(0.3, 0.5), size * rng.uniform(0.25, 0.5), size * rng.uniform(0.9, 2.0)
     leaf = m.colour(rng, m.GREEN_HUES, (0.3, 0.8), (0.12, 0.55))
-    green = m.row(rng, a=leaf, fine=0.3, fine_scale=size * 0.05, blotch=0.4, blotch_scale=size * 0.15)
+    green = m.plain(rng, leaf, m.Noise(0.3, size * 0.05, 0.4, size * 0.15))
     parts = [
         block(
             IGNORE,
@@ -115,7 +115,7 @@ def _bag(rng: np.random.Generator, size: float) -> Piece:
 
 def _papers(rng: np.random.Generator, size: float) -> Piece:
     """Sheets that lie side by side or over each other."""
-    white = m.row(rng, a=m.colour(rng, saturation=(0, 0.1), value=(0.8, 0.97)), fine=0.05, fine_scale=0.01)
+    white = m.plain(rng, m.colour(rng, saturation=(0, 0.1), value=(0.8, 0.97)), m.Noise(fine=0.05))
     width, depth = 0.21, 0.297
     parts = [
         block(IGNORE, white if rng.random() < 0.7 else m.artwork(rng), (0, 0, 0.002 * i), (width, depth, 0.002 * (i + 1)), yaw=rng.uniform(-0.5, 0.5))
@@ -126,7 +126,7 @@ def _papers(rng: np.random.Generator, size: float) -> Piece:
 
 def _table_lamp(rng: np.random.Generator, size: float) -> Piece:
     width, height, middle = size * 0.7, size * 1.3, size * 0.35
-    shade = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=rng.choice([0.0, 1.2]))
+    shade = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=rng.choice([0.0, 1.2]))
     return _piece(
         width, width, height,
         block(IGNORE, m.thing(rng), (middle * 0.6, middle * 0.6, 0), (middle * 1.4, middle * 1.4, height * 0.12), CYLINDER),

@@ -92,7 +92,7 @@ class Builder:
         if left > -self.size[0] / 2:
             low = (left - PARTITION / 2, low[1])
         self.parts.append(block(LABEL["floor"], m.flooring(rng, wet), (*low, -WALL), (*high, 0)))
-        white = m.row(rng, a=m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), fine=rng.uniform(0.01, 0.05), fine_scale=0.02)  # fmt: skip
+        white = m.plain(rng, m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), m.Noise(rng.uniform(0.01, 0.05), 0.02))
         self.parts.append(block(IGNORE, white, (*low, height), (*high, height + WALL)))
         paint = m.wall_paint(rng)
         skirting, tall = m.lacquer(rng) if self.chance(0.6) else m.wood(rng), rng.uniform(0.05, 0.13)
@@ -126,7 +126,7 @@ class Builder:
 
     def fill(self) -> None:
         """Make solid what is built in from floor to ceiling, a little inside its faces: nobody stands in there."""
-        grey = m.row(self.rng)
+        grey = m.plain(self.rng, (0.5, 0.5, 0.5))
         for corners in self.outline.built:
             (left, front), (right, back) = corners.min(axis=0) + 0.01, corners.max(axis=0) - 0.01
             low, high = (float(left), float(front), 0.0), (float(right), float(back), self.size[2])

@@ -83,7 +83,7 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
     rng, height = builder.rng, builder.size[2]
     middle = (np.array(zone.low) + zone.high) / 2 + rng.uniform(-0.3, 0.3, 2)
     x, y = float(middle[0]), float(middle[1])
-    glow = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.3), (0.8, 0.97)), emission=1.6 if lit else 0.0)
+    glow = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.3), (0.8, 0.97)), emission=1.6 if lit else 0.0)
     shape = rectangle(x - 0.3, y - 0.3, 0.6, 0.6, 0.0)
     if builder.chance(0.75) and builder.fits_structure(shape):
         pendant = builder.chance(0.55)

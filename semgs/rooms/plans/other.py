@@ -17,7 +17,7 @@ from semgs.rooms.pieces import fittings, furniture, openings, things
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, block, moved
 from semgs.rooms.plans.builder import Swap
 from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
@@ -109,10 +109,10 @@ class _Loft:
         a, b = x / 2 + WALL, y / 2 + WALL
         self.parts.append(block(LABEL["floor"], self._floor(), (-a, -b, -WALL), (a, b, 0)))
         self.parts.append(
-            block(IGNORE, m.row(rng, a=(0.8, 0.79, 0.76), fine=0.03, fine_scale=0.03), (-a, -b, z), (a, b, z + WALL))
+            block(IGNORE, m.plain(rng, (0.8, 0.79, 0.76), m.Noise(fine_scale=0.03)), (-a, -b, z), (a, b, z + WALL))
         )
         if rng.random() < 0.6:
-            beam = m.row(rng, t.WOOD, self.palette.dark, None, self.palette.dark, axis=1, fine=0.05)
+            beam = m.patterned(rng, m.Pattern(t.WOOD, self.palette.dark, axis=1), m.Noise(fine=0.05))
             for along in np.arange(-x / 2 + rng.uniform(0.3, 0.8), x / 2 - 0.2, rng.uniform(0.7, 1.1)):
                 self.parts.append(block(IGNORE, beam, (along, -b, z - 0.16), (along + 0.12, b, z)))
         own, look, split = LABEL["wall"], rng.random(), rng.uniform(0.85, 1.5)
@@ -123,15 +123,8 @@ class _Loft:
             lower = m.tiles(rng, small=True)
         self.rail = 0.0 if lower is None else split + 0.03
         for number, wall in enumerate(self.walls):
-            colour = self.palette.walls[number % 2]
-            paint = m.row(
-                rng,
-                a=colour,
-                fine=rng.uniform(0.02, 0.07),
-                fine_scale=0.02,
-                blotch=rng.uniform(0.04, 0.12),
-                blotch_scale=0.5,
-            )
+            noise = m.Noise(rng.uniform(0.02, 0.07), 0.02, rng.uniform(0.04, 0.12), 0.5)
+            paint = m.plain(rng, self.palette.walls[number % 2], noise)
             parts = []
             for left, right, bottom, top in around(wall.length, 0.0, z, wall.holes):
                 # The ends reach into the corners, behind the faces of the neighbours.
@@ -139,7 +132,7 @@ class _Loft:
                 end = right + WALL if right == wall.length else right
                 parts.append(block(own, paint, (start, -WALL, bottom), (end, 0, top)))
             if lower is not None:
-                rail = m.row(rng, a=self.palette.paint)
+                rail = m.plain(rng, self.palette.paint)
                 for cover, thick, floor, ceiling in ((lower, 0.006, 0.0, split), (rail, 0.025, split, split + 0.03)):
                     parts += [
                         block(own, cover, (left, 0, bottom), (right, thick, top))
@@ -147,7 +140,7 @@ class _Loft:
                     ]
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
-    def _floor(self) -> Row:
+    def _floor(self) -> Material:
         rng, look = self.rng, self.rng.random()
         if look < 0.3:
             return m.stone(rng)
@@ -155,9 +148,12 @@ class _Loft:
             return m.tiles(rng)
         if look < 0.8:
             dark, wood = self.palette.dark, self.palette.wood
-            return m.row(rng, t.PLANKS, wood, dark, dark, scale=rng.uniform(0.18, 0.3), aspect=rng.uniform(3, 6), duty=0.985,
-                         variation=0.2, tint=0.6, gloss=0.2)  # fmt: skip
-        return m.row(rng, a=self.palette.walls[1], fine=0.2, fine_scale=0.015, blotch=0.1, blotch_scale=0.2)
+            scale, aspect = rng.uniform(0.18, 0.3), rng.uniform(3, 6)
+            planks = m.Pattern(
+                t.PLANKS, wood, dark, dark, scale=scale, aspect=aspect, duty=0.985, variation=0.2, tint=0.6
+            )
+            return m.patterned(rng, planks, gloss=0.2)
+        return m.plain(rng, self.palette.walls[1], m.Noise(0.2, 0.015, 0.1, 0.2))
 
     def openings(self) -> None:
         """A door in an end wall, and a band of equal windows in a long wall or one large one in the other end."""
@@ -221,7 +217,7 @@ class _Loft:
         piece = piece if self.swap is None else self.swap(piece)
         return replace(piece, parts=tuple(replace(part, material=self._toned(part.material)) for part in piece.parts))
 
-    def _toned(self, material: Row) -> Row:
+    def _toned(self, material: Material) -> Material:
         kind = int(material[t.KIND])
         if kind == t.WOOD:
             colours = self.palette.wood, self.palette.dark
@@ -361,7 +357,7 @@ class _Loft:
         """Globes in a row along the middle of the ceiling."""
         rng, (x, _, z) = self.rng, self.size
         lit = rng.random() < 0.5
-        shade = m.row(rng, a=(0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
+        shade = m.plain(rng, (0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
         radius, drop = rng.uniform(0.08, 0.16), rng.uniform(0.35, 0.7)
         for along in np.linspace(-x / 2, x / 2, int(rng.integers(3, 5)))[1:-1]:
             self.parts.append(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semgs.rooms.assets.coverings import Coverings, Shares
+from semgs.rooms.assets.coverings import ALL, HUNG, Coverings
 from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
@@ -21,9 +21,6 @@ MESHES = {"home": 0.5, "other": 0.9}
 """Share of the rooms with meshes, where there is a library."""
 PICTURES = {"home": 0.75, "other": 1.0}
 """Share of the rooms with pictures on their surfaces, where there is a library."""
-ALL = Shares()
-HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, rug=0.0)
-"""Pictures in frames and views through windows only: what the others have as well."""
 
 
 def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, Gallery]:
@@ -42,8 +39,8 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
     if library is None:
         return DRAWN[style](rng), gallery
     own = rng.spawn(1)[0]
-    coverings = Coverings(own, library, gallery)
-    swap = Swaps(own, library, coverings) if own.random() < MESHES[style] else None
-    coverings.shares = ALL if own.random() < PICTURES[style] else HUNG
+    has_meshes = own.random() < MESHES[style]
+    coverings = Coverings(own, library, gallery, ALL if own.random() < PICTURES[style] else HUNG)
+    swap = Swaps(own, library, coverings) if has_meshes else None
     plan = DRAWN[style](rng, swap)
     return replace(plan, parts=tuple(coverings.cover(plan.parts))), gallery

@@ -34,7 +34,7 @@ WALL_LABEL, FLOOR_LABEL = 0, 1
 
 
 @dataclass(frozen=True)
-class Path:
+class CameraPath:
     """A smooth way of a camera, as a function of s.
 
     Attributes:
@@ -47,9 +47,9 @@ class Path:
         phase: where the shaking starts.
     """
 
-    middle: tuple[float, float, float]
-    travel: tuple[float, float, float]
-    bend: tuple[float, float, float]
+    middle: Float64[np.ndarray, 3]
+    travel: Float64[np.ndarray, 3]
+    bend: Float64[np.ndarray, 3]
     yaw: float
     pitch: float
     roll: float
@@ -61,16 +61,14 @@ class Path:
 
     def place(self, s: float) -> Float64[np.ndarray, 3]:
         """Where the camera is [m]."""
-        return np.array(self.middle) + s * np.array(self.travel) + s * s * np.array(self.bend)
+        return self.middle + s * self.travel + s * s * self.bend
 
     def pose(self, s: float) -> Float64[np.ndarray, "4 4"]:
         """world_from_camera, OpenCV axes."""
         shake = self.tremor * np.sin(np.array([5.1, 6.7, 4.3]) * s + self.phase + np.array([0.0, 2.0, 4.0]))
-        yaw, pitch, roll = (
-            self.yaw + self.yaw_rate * s + shake[0],
-            self.pitch + self.pitch_rate * s + shake[1],
-            self.roll + self.roll_rate * s + shake[2],
-        )
+        yaw = self.yaw + self.yaw_rate * s + shake[0]
+        pitch = self.pitch + self.pitch_rate * s + shake[1]
+        roll = self.roll + self.roll_rate * s + shake[2]
         forward = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
         right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
         down = np.cross(forward, right)
@@ -81,18 +79,12 @@ class Path:
         result[:3, 3] = self.place(s)
         return result
 
-    def paced(self, factor: float) -> Path:
+    def paced(self, factor: float) -> CameraPath:
         """The same way about the same middle, with everything changing `factor` times as fast."""
-        x, y, z = (factor * c for c in self.travel)
-        a, b, c = (factor * factor * d for d in self.bend)
         return replace(
-            self,
-            travel=(x, y, z),
-            bend=(a, b, c),
-            yaw_rate=factor * self.yaw_rate,
-            pitch_rate=factor * self.pitch_rate,
-            roll_rate=factor * self.roll_rate,
-        )
+            self, travel=factor * self.travel, bend=factor * factor * self.bend, yaw_rate=factor * self.yaw_rate,
+            pitch_rate=factor * self.pitch_rate, roll_rate=factor * self.roll_rate,
+        )  # fmt: skip
 
 
 def draw_intrinsics(rng: np.random.Generator, size: tuple[int, int]) -> Float64[np.ndarray, "3 3"]:
@@ -113,7 +105,7 @@ def draw_path(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
     reach: float,
-) -> Path:
+) -> CameraPath:
     """A way through free space that shows much of what is in the room.
 
     Args:
@@ -123,15 +115,12 @@ def draw_path(
         size: image (height, width) [px].
         reach: the way must be free from s = -reach to s = reach.
     """
-    paths: list[Path] = []
+    paths: list[CameraPath] = []
     heights = ROBOT if rng.random() < ROBOTS else HAND
-    for _ in range(6):
-        for middle in _free_places(rng, room, heights, 150)[:60]:
-            path = _draw(rng, room, middle, reach)
-            if free(room, path, reach):
-                paths.append(path)
-            if len(paths) == CANDIDATES:
-                break
+    for middle in (place for _ in range(6) for place in _free_places(rng, room, heights, 150)[:60]):
+        path = _draw(rng, room, middle, reach)
+        if free(room, path, reach):
+            paths.append(path)
         if len(paths) == CANDIDATES:
             break
     if not paths:
@@ -140,7 +129,7 @@ def draw_path(
     return paths[int(scores.argmax())]
 
 
-def free(room: Room, path: Path, reach: float) -> bool:
+def free(room: Room, path: CameraPath, reach: float) -> bool:
     """Whether the way keeps its distance from everything between s = -reach and s = reach."""
     length = 2 * reach * float(np.linalg.norm(path.travel))
     steps = np.linspace(-reach, reach, max(9, int(np.ceil(length / 0.15)) + 1))
@@ -185,7 +174,7 @@ def _free_places(
     return places[room.clearance(places) >= CLEARANCE]
 
 
-def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float) -> Path:
+def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float) -> CameraPath:
     """Any way: sideways round something, forwards or backwards; s = 1 is a step of 5-40 cm (less where the room would not
     hold twice the reach) and 1-15 degrees."""
     x, y, _ = room.plan.size
@@ -200,12 +189,8 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
     rise = 0.2 if middle[2] > ROBOT[1] else 0.02  # robots roll
     longest = min(0.4, 0.3 * float(np.hypot(x, y)) / (2 * reach))
     step = float(np.exp(rng.uniform(np.log(min(0.05, longest / 2)), np.log(longest))))
-    look_way = rng.random()
-    heading = (
-        yaw
-        + (np.pi / 2 * rng.choice([-1, 1]) if look_way < 0.65 else rng.choice([0.0, np.pi]))
-        + rng.uniform(-0.5, 0.5)
-    )
+    turned = np.pi / 2 * rng.choice([-1, 1]) if rng.random() < 0.65 else rng.choice([0.0, np.pi])
+    heading = yaw + turned + rng.uniform(-0.5, 0.5)
     travel = step * np.array([np.cos(heading), np.sin(heading), rng.uniform(-rise, rise)])
     sideways = float(-np.sin(yaw) * travel[0] + np.cos(yaw) * travel[1])
     turn = -sideways / distance * rng.uniform(-0.2, 1.2) + rng.uniform(-0.06, 0.06)
@@ -213,10 +198,10 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
     if abs(turn) < 0.0175:
         turn = 0.0175 if turn >= 0 else -0.0175
     bend = step * rng.uniform(-0.06, 0.06, 3) * (1, 1, rise)
-    return Path(
-        middle=(float(middle[0]), float(middle[1]), float(middle[2])),
-        travel=(float(travel[0]), float(travel[1]), float(travel[2])),
-        bend=(float(bend[0]), float(bend[1]), float(bend[2])),
+    return CameraPath(
+        middle=middle,
+        travel=travel,
+        bend=bend,
         yaw=yaw,
         pitch=float(np.clip(pitch, -0.75, 0.25)),
         roll=float(rng.normal(0, 0.035)),
@@ -231,7 +216,7 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
 def _score(
     rng: np.random.Generator,
     room: Room,
-    path: Path,
+    path: CameraPath,
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
     reach: float,
@@ -255,7 +240,7 @@ def _score(
     return score
 
 
-def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> Path:
+def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> CameraPath:
     """The way through the freest place of the room, as slow as it must be to stay free."""
     x, y, z = room.plan.size
     places = rng.uniform((-x / 2 + 0.3, -y / 2 + 0.3, 0.5), (x / 2 - 0.3, y / 2 - 0.3, z - 0.5), (4000, 3))

@@ -6,11 +6,9 @@ import re
 import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import ATTRIBUTION
 from semgs.data.workers import outcomes
@@ -18,57 +16,10 @@ from semgs.files.atomic import write_bytes, write_json
 from semgs.files.claims import is_begun
 from semgs.files.folders import alone, check_writable
 from semgs.files.strict_json import read_json
-from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution
-from semgs.rooms.plans.style import STYLES, Style
-from semgs.rooms.sets.scenes import ROOM, SHADED, write_scene
+from semgs.rooms.sets.scenes import ROOM, SHADED, Recipe, write_scene
 
 SETTINGS, INDEX = "settings.json", "index.json"
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """All that decides the bytes of scene k; how many scenes there are, where and by whom they are drawn does not.
-
-    Attributes:
-        seed: the stream of rooms.
-        size: image (height, width) [px].
-        frames: of each scene.
-        style: the world that the rooms are of.
-        library: meshes and pictures to draw from, None for none. Wherever its folders are, their locks name it.
-
-    Raises:
-        ValueError: a field is out of its range.
-    """
-
-    seed: int
-    size: tuple[int, int]
-    frames: int = 12
-    style: Style = "home"
-    library: Library | None = None
-
-    def __post_init__(self) -> None:
-        checks = {
-            "seed": (self.seed >= 0, "0 or more"),
-            "size": (min(self.size) >= 1, "positive height and width"),
-            "frames": (self.frames >= 2, "2 or more"),
-            "style": (self.style in STYLES, f"one of {', '.join(STYLES)}"),
-        }
-        for name, (holds, expected) in checks.items():
-            if not holds:
-                raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
-
-    def as_json(self) -> dict:
-        """As `settings.json` keeps it, with the version that drew it: another one may draw other rooms."""
-        return {
-            "semgs": __version__,
-            "seed": self.seed,
-            "size": list(self.size),
-            "frames": self.frames,
-            "style": self.style,
-            "render": SHADED,
-            "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
-        }
 
 
 def write_dataset(
@@ -171,11 +122,7 @@ def _number(name: str) -> str:
 
 
 def _draw(folder: Path, recipe: Recipe, index: int) -> None:
-    """Draw and write one scene."""
-    write_scene(
-        folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-        library=recipe.library, style=recipe.style,
-    )  # fmt: skip
+    write_scene(folder / scene_name(index), recipe, index)
 
 
 def _files(folder: Path, scenes: int) -> set[str]:

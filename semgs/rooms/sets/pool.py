@@ -18,10 +18,9 @@ from torch.utils.data import Dataset
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
-from semgs.rooms.assets.library import Library
 from semgs.rooms.sets.dataset import scene_name
-from semgs.rooms.sets.scenes import ROOM, write_scene
-from semgs.rooms.sets.stream import Count, ranged
+from semgs.rooms.sets.scenes import ROOM, Recipe, write_scene
+from semgs.rooms.sets.stream import RoomSamples
 
 FRAMES = 12
 """Frames of a scene."""
@@ -37,43 +36,26 @@ class PooledSamples(Dataset):
 
     Args:
         folder: of the pool; made if it is not there. Two pools of other seeds, sizes or libraries need two folders.
-        seed: the stream of rooms.
-        size: image (height, width) [px].
-        contexts: number of context views, or a (lowest, highest) range.
-        targets: number of target views, or a range.
-        length: number of samples.
+        rooms: the samples' seed, size, numbers of views, length, group and library.
         served: samples that a scene serves on average.
-        group: samples k with equal k // group have equal counts of views, so that they can be stacked.
-        library: meshes and pictures to draw from, None for none.
 
     Raises:
-        ValueError: a count is not positive, or a scene has fewer frames than a sample needs.
+        ValueError: `served` is not positive, or a scene has fewer frames than a sample needs.
     """
 
-    def __init__(
-        self,
-        folder: str | Path,
-        seed: int,
-        size: tuple[int, int],
-        contexts: Count,
-        targets: Count,
-        length: int,
-        served: int = 8,
-        group: int = 1,
-        library: Library | None = None,
-    ) -> None:
-        self.folder, self.seed, self.size, self.library = Path(folder), seed, size, library
-        self.contexts, self.targets = ranged(contexts), ranged(targets)
-        self.length, self.served, self.group = length, served, group
-        if min(length, served, group) < 1:
-            raise ValueError(f"length is {length}, served {served} and group {group}; expected positive numbers")
-        if self.contexts[1] + self.targets[1] > FRAMES:
+    def __init__(self, folder: str | Path, rooms: RoomSamples, served: int = 8) -> None:
+        self.folder, self.rooms, self.served, self.seed = Path(folder), rooms, served, rooms.seed
+        self._recipe = Recipe(rooms.seed, rooms.size, FRAMES, library=rooms.library)
+        if served < 1:
+            raise ValueError(f"served is {served}; expected a positive number")
+        (_, contexts), (_, targets) = rooms.ranges
+        if contexts + targets > FRAMES:
             raise ValueError(
-                f"up to {self.contexts[1]} contexts and {self.targets[1]} targets; expected at most the {FRAMES} frames of a scene"
+                f"up to {contexts} contexts and {targets} targets; expected at most the {FRAMES} frames of a scene"
             )
 
     def __len__(self) -> int:
-        return self.length
+        return len(self.rooms)
 
     def __getitem__(self, k: int) -> tuple[Views, Views]:
         """Context and target views of sample k.
@@ -82,8 +64,8 @@ class PooledSamples(Dataset):
             IndexError: k is not in 0 .. length - 1.
             OSError: the disk is full.
         """
-        if not 0 <= k < self.length:
-            raise IndexError(f"sample {k} of {self.length}")
+        if not 0 <= k < len(self):
+            raise IndexError(f"sample {k} of {len(self)}")
         scene, contexts, targets = self.choice(k)
         views = open_scene(self._drawn(scene)).read([*contexts, *targets], "native")
         self._remove_before(k // self.served - WINDOW)
@@ -91,12 +73,12 @@ class PooledSamples(Dataset):
 
     def choice(self, k: int) -> tuple[int, list[int], list[int]]:
         """Which scene sample k is of, and which of its frames are its contexts and targets."""
-        shared = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k // self.group, 2))))
-        count, extra = (int(shared.integers(low, high + 1)) for low, high in (self.contexts, self.targets))
-        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k, 3))))
+        shared = np.random.default_rng((self.seed, k // self.rooms.group, 2))
+        count, extra = (int(shared.integers(low, high + 1)) for low, high in self.rooms.ranges)
+        rng = np.random.default_rng((self.seed, k, 3))
         scene = k // self.served + int(rng.integers(WINDOW))
         if count + extra == 1:  # single pictures: no scene serves two samples of a group
-            place = k % self.group
+            place = k % self.rooms.group
             scene = (k - place) // self.served + int(shared.permutation(WINDOW)[place % WINDOW])
         widest = 3 if count == 1 else min(3, (FRAMES - 1) // (count - 1))
         gap = int(rng.integers(1, widest + 1))
@@ -113,14 +95,7 @@ class PooledSamples(Dataset):
         folder = self.folder / scene_name(index)
         if not (folder / ROOM).is_file():
             try:
-                write_scene(
-                    folder,
-                    self.seed,
-                    index=index,
-                    size=self.size,
-                    frames=FRAMES,
-                    library=self.library,
-                )
+                write_scene(folder, self._recipe, index)
             except InputError:
                 # Another worker was quicker; what is there now is the same.
                 if not (folder / ROOM).is_file():

@@ -7,6 +7,7 @@ training and validation differ by their seeds alone; neither may use the other's
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -20,7 +21,7 @@ from semgs.rooms.drawing.film import develop, draw_film
 from semgs.rooms.drawing.room import Room, build_room
 from semgs.rooms.drawing.shading import photograph
 from semgs.rooms.plans.style import Style
-from semgs.rooms.sets.cameras import Path, draw_intrinsics, draw_path, overlap
+from semgs.rooms.sets.cameras import CameraPath, draw_intrinsics, draw_path, overlap
 
 OVERLAP = (0.6, 0.9)
 """What neighbouring context views share of what they see, where the way allows it."""
@@ -87,12 +88,16 @@ def generator(seed: int, index: int) -> np.random.Generator:
     """
     if seed < 0 or index < 0:
         raise ValueError(f"seed is {seed} and index {index}; expected numbers from 0")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+    return np.random.default_rng((seed, index))
 
 
 def fitted(
-    rng: np.random.Generator, room: Room, path: Path, intrinsics: Float64[np.ndarray, "3 3"], size: tuple[int, int]
-) -> Path:
+    rng: np.random.Generator,
+    room: Room,
+    path: CameraPath,
+    intrinsics: Float64[np.ndarray, "3 3"],
+    size: tuple[int, int],
+) -> CameraPath:
     """The way, slowed down until views one unit of s apart share enough of what they see."""
     wanted = rng.uniform(*OVERLAP)
     for _ in range(6):
@@ -123,40 +128,46 @@ def shoot(
     )
 
 
+@dataclass(frozen=True, eq=False)
 class RoomSamples(Dataset):
     """The first `length` samples of a stream as a data set for loaders; item k is (context, target), a pure function of k.
 
-    Args:
+    Attributes:
         seed: the stream.
         size: image (height, width) [px].
-        contexts: number of context views, or a (lowest, highest) range.
+        contexts: number of input views, or a (lowest, highest) range.
         targets: number of target views, or a range.
         length: number of samples.
-        group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
-            size of a batch that is filled in order.
-        library: meshes and pictures to draw from, None for none.
+        group: samples k with equal k // group have equal numbers of views, so that they can be stacked. Set it to the size of
+            a batch that is filled in order.
+        library: meshes and images to use, None for none.
 
     Raises:
         ValueError: a range is empty, or length or group is not positive.
     """
 
-    def __init__(
-        self,
-        seed: int,
-        size: tuple[int, int],
-        contexts: Count,
-        targets: Count,
-        length: int,
-        group: int = 1,
-        library: Library | None = None,
-    ) -> None:
-        self.seed, self.size, self.length, self.group, self.library = seed, size, length, group, library
-        self.contexts, self.targets = ranged(contexts), ranged(targets)
-        if length < 1 or group < 1:
-            raise ValueError(f"length is {length} and group {group}; expected positive numbers")
-        for name, (low, high) in (("contexts", self.contexts), ("targets", self.targets)):
+    seed: int
+    size: tuple[int, int]
+    contexts: Count
+    targets: Count
+    length: int
+    group: int = 1
+    library: Library | None = None
+
+    def __post_init__(self) -> None:
+        if self.length < 1 or self.group < 1:
+            raise ValueError(f"length is {self.length} and group {self.group}; expected positive numbers")
+        for low, high in self.ranges:
             if low > high:
-                raise ValueError(f"{name} goes from {low} to {high}; expected (lowest, highest)")
+                raise ValueError(f"views from {low} to {high}; expected (lowest, highest)")
+
+    @property
+    def ranges(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Lowest and highest number of input views, and of target views."""
+        contexts, targets = (
+            (count, count) if isinstance(count, int) else count for count in (self.contexts, self.targets)
+        )
+        return contexts, targets
 
     def __len__(self) -> int:
         return self.length
@@ -178,11 +189,6 @@ class RoomSamples(Dataset):
         """
         if not 0 <= k < self.length:
             raise IndexError(f"sample {k} of {self.length}")
-        draws = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k // self.group, 1))))
-        contexts, targets = (int(draws.integers(low, high + 1)) for low, high in (self.contexts, self.targets))
+        draws = np.random.default_rng((self.seed, k // self.group, 1))
+        contexts, targets = (int(draws.integers(low, high + 1)) for low, high in self.ranges)
         return contexts, targets
-
-
-def ranged(count: Count) -> tuple[int, int]:
-    """Lowest and highest value."""
-    return (count, count) if isinstance(count, int) else count

@@ -58,9 +58,9 @@ def test_a_class_of_several_families_has_pieces_to_hold_out():
 
 
 def read_and_name(counts):
-    from semgs.rooms.assets.catalogue import MeshRow
+    from semgs.rooms.assets.catalogue import MeshEntry
 
-    blank = MeshRow("", "shower curtain", "shower_curtain", "", (1.0, 0.1, 2.0), "ceiling", (), "", "", "", "", "")
+    blank = MeshEntry("", "shower curtain", "shower_curtain", "", (1.0, 0.1, 2.0), "ceiling")
     return [replace(blank, name=f"{stem}_{k}") for stem, count in counts.items() for k in range(count)]
 
 

@@ -242,7 +242,7 @@ def hung_library(tmp_path, write_mesh, box_mesh):
 
 def test_kitchen_cabinets_are_cabinets_below_their_top(hung_library):
     panels = hung_library.panels(next(row for row in hung_library.meshes if row.label == "counter"))
-    heights = {panel.label: panel.corners[..., 2] for panel in panels}
+    heights = {panel.label: panel.shell.corners[..., 2] for panel in panels}
     assert heights.keys() == {None, "cabinet"}
     assert heights[None].min() == pytest.approx(0.86, abs=1e-6)
     assert heights["cabinet"].max() == pytest.approx(0.86, abs=1e-6)
