@@ -2,7 +2,7 @@
 # What only a machine with a CUDA GPU can check: tests, times, training. Nothing is downloaded.
 #
 #   scripts/gpu.sh test                          the tests marked gpu (under 5 minutes, after gsplat has been compiled once)
-#   scripts/gpu.sh time                          milliseconds to encode, render and train with 2, 3 and 4 views
+#   scripts/gpu.sh time                          semgs bench, whose rows that end in _cuda run on the GPU
 #   scripts/gpu.sh train small runs/night 8      train for 8 minutes; the same command goes on from there
 #   scripts/gpu.sh all                           tests, then times
 #
@@ -35,8 +35,8 @@ export TORCH_CUDA_ARCH_LIST
 
 case $task in
     test) "$python" -m pytest -m gpu -rs ;;
-    time) "$python" scripts/time_gpu.py ;;
-    train) "$python" -c 'import sys; from semgs.cli.main import main; sys.exit(main())' train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
-    all) "$python" -m pytest -m gpu -rs && "$python" scripts/time_gpu.py ;;
+    time) "$python" -m semgs bench ;;
+    train) "$python" -m semgs train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
+    all) "$python" -m pytest -m gpu -rs && "$python" -m semgs bench ;;
     *) echo "unknown task $task: test, time, train or all" >&2; exit 2 ;;
 esac

@@ -8,7 +8,7 @@ from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL, fronts, legs
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, Triple, block
+from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, Piece, Triple, block, post
 from semgs.rooms.pieces.texture_kernels import STRIPES
 
 
@@ -88,18 +88,10 @@ def bookshelf(rng: np.random.Generator) -> Piece:
                 if look < 0.72:
                     parts.append(block(label, m.books(rng), (x, 0.03, low), (x + span, depth - inset, low + tall)))
                 elif look < 0.88:
-                    half = min(span, 0.22)
-                    stuff = m.thing(rng)
-                    shape = (0, CYLINDER, BALL)[int(rng.integers(3))]
-                    parts.append(
-                        block(
-                            label,
-                            stuff,
-                            (x, 0.04, low),
-                            (x + half, min(depth - 0.02, 0.04 + half), low + 0.8 * tall),
-                            shape,
-                        )
-                    )
+                    half, stuff = min(span, 0.22), m.thing(rng)
+                    shape = (BOX, CYLINDER, BALL)[int(rng.integers(3))]
+                    far = (x + half, min(depth - 0.02, 0.04 + half), low + 0.8 * tall)
+                    parts.append(block(label, stuff, (x, 0.04, low), far, shape))
                 x += span + rng.uniform(0.0, 0.06)
     return Piece("bookshelf", (width, depth, height), tuple(parts), surface=height if height < 1.2 else None)
 
@@ -120,7 +112,7 @@ def tap(rng: np.random.Generator, label: int, x: float, y: float, z: float) -> l
     """A post and a spout towards +y."""
     steel, tall, long = m.metal(rng), rng.uniform(0.1, 0.3), rng.uniform(0.12, 0.2)
     return [
-        block(label, steel, (x - 0.015, y - 0.015, z), (x + 0.015, y + 0.015, z + tall), CYLINDER),
+        post(label, steel, (x, y), 0.015, z, z + tall),
         block(label, steel, (x - 0.012, y, z + tall - 0.02), (x + 0.012, y + long, z + tall + 0.004)),
     ]
 
@@ -222,14 +214,8 @@ def refrigerator(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.4:
         for _ in range(int(rng.integers(1, 6))):
             x, z = rng.uniform(0.12, width - 0.2), rng.uniform(split + 0.1, height - 0.2)
-            parts.append(
-                block(
-                    own,
-                    m.artwork(rng),
-                    (x, depth, z),
-                    (x + rng.uniform(0.04, 0.12), depth + 0.004, z + rng.uniform(0.05, 0.15)),
-                )
-            )
+            note, wide, tall = m.artwork(rng), rng.uniform(0.04, 0.12), rng.uniform(0.05, 0.15)
+            parts.append(block(own, note, (x, depth, z), (x + wide, depth + 0.004, z + tall)))
     return Piece("refrigerator", (width, depth + 0.035, height), tuple(parts))
 
 
@@ -250,16 +236,8 @@ def toilet(rng: np.random.Generator) -> Piece:
         block(own, ware, (width * 0.25, 0.02, 0.1), (width * 0.75, tank, seat + 0.02)),
     ]
     if rng.random() < 0.45:
-        parts.append(
-            block(
-                own,
-                lid,
-                (0.01, tank + 0.02, seat + 0.04),
-                (width - 0.01, tank + 0.045, seat + 0.42),
-                CUSHION,
-                tilt=-0.1,
-            )
-        )
+        far = (width - 0.01, tank + 0.045, seat + 0.42)
+        parts.append(block(own, lid, (0.01, tank + 0.02, seat + 0.04), far, CUSHION, tilt=-0.1))
     return Piece("toilet", (width, depth + 0.01, top + 0.03), tuple(parts))
 
 

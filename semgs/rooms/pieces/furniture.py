@@ -9,7 +9,7 @@ import numpy as np
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import CUSHION, CYLINDER, Part, Piece, block
+from semgs.rooms.pieces.solids import BOX, CUSHION, CYLINDER, Part, Piece, block, post
 
 Maker = Callable[[np.random.Generator], Piece]
 """A function that makes a piece from a random generator."""
@@ -84,7 +84,7 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
     ]
     if feet:
         parts += legs(label, m.wood(rng, 2), width, depth - 0.05, feet, 0.05, 0.03)
-    shape = CUSHION if rng.random() < 0.6 else 0
+    shape = CUSHION if rng.random() < 0.6 else BOX
     for i in range(seats):
         x = arm + i * seat
         parts.append(
@@ -114,7 +114,7 @@ def chair(rng: np.random.Generator) -> Piece:
         cloth, frame = m.fabric(rng), m.metal(rng)
         x, y = width / 2, depth / 2
         parts = [
-            block(label, frame, (x - 0.03, y - 0.03, 0.06), (x + 0.03, y + 0.03, seat), CYLINDER),
+            post(label, frame, (x, y), 0.03, 0.06, seat),
             block(label, cloth, (0, 0, seat - 0.03), (width, depth, seat + 0.06), CUSHION),
             block(label, cloth, (0.02, -0.03, seat + 0.12), (width - 0.02, 0.06, top + 0.1), CUSHION, tilt=0.1),
             block(label, frame, (x - 0.025, -0.02, seat), (x + 0.025, 0.0, seat + 0.3)),
@@ -145,14 +145,8 @@ def chair(rng: np.random.Generator) -> Piece:
             count = int(rng.integers(2, 5))
             for i in range(count):
                 z = seat + (top - seat) * (i + 0.7) / count
-                parts.append(
-                    block(
-                        label,
-                        frame,
-                        (thin, -0.03 - 0.06 * i / count, z - 0.07),
-                        (width - thin, -0.005 - 0.06 * i / count, z),
-                    )
-                )
+                lean = 0.06 * i / count
+                parts.append(block(label, frame, (thin, -0.03 - lean, z - 0.07), (width - thin, -0.005 - lean, z)))
         else:
             for x in np.linspace(thin + 0.03, width - thin - 0.05, int(rng.integers(3, 7))):
                 parts.append(block(label, upright, (x, -0.02, seat), (x + 0.02, 0.0, top - 0.05), tilt=0.07))
@@ -181,11 +175,8 @@ def _table_under(
     if look < 0.85:
         upright = m.along(frame, 2)
         return [block(label, upright, (x, 0.05, 0), (x + 0.04, depth - 0.05, height)) for x in (0.06, width - 0.1)]
-    x, y = width / 2, depth / 2
-    return [
-        block(label, frame, (x - 0.05, y - 0.05, 0.03), (x + 0.05, y + 0.05, height), CYLINDER),
-        block(label, frame, (x - 0.28, y - 0.28, 0.0), (x + 0.28, y + 0.28, 0.035), CYLINDER),
-    ]  # fmt: skip
+    middle = (width / 2, depth / 2)
+    return [post(label, frame, middle, 0.05, 0.03, height), post(label, frame, middle, 0.28, 0.0, 0.035)]
 
 
 def _table(rng: np.random.Generator, name: str, width: float, depth: float, height: float, round_top: bool) -> Piece:
@@ -194,14 +185,11 @@ def _table(rng: np.random.Generator, name: str, width: float, depth: float, heig
     thick = rng.uniform(0.02, 0.05)
     frame = wood if rng.random() < 0.7 else m.metal(rng)
     if round_top:
-        x, y = width / 2, depth / 2
-        parts = [
-            block(label, frame, (x - 0.05, y - 0.05, 0.03), (x + 0.05, y + 0.05, height - thick), CYLINDER),
-            block(label, frame, (x - 0.22, y - 0.22, 0.0), (x + 0.22, y + 0.22, 0.035), CYLINDER),
-        ]
+        middle = (width / 2, depth / 2)
+        parts = [post(label, frame, middle, 0.05, 0.03, height - thick), post(label, frame, middle, 0.22, 0.0, 0.035)]
     else:
         parts = _table_under(rng, label, frame, width, depth, height - thick)
-    parts.append(block(label, top, (0, 0, height - thick), (width, depth, height), CYLINDER if round_top else 0))
+    parts.append(block(label, top, (0, 0, height - thick), (width, depth, height), CYLINDER if round_top else BOX))
     return Piece(name, (width, depth, height), tuple(parts), surface=height)
 
 

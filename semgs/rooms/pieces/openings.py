@@ -142,15 +142,9 @@ def folds(
     step = width / count
     angle = rng.uniform(0.5, 0.9)
     long = step / np.cos(angle) + 0.008
+    size, middle = (long, 0.008, high - low), (low + high) / 2
     return [
-        Part(
-            label,
-            cloth,
-            ((i + 0.5) * step, y, (low + high) / 2),
-            (long, 0.008, high - low),
-            yaw=angle if i % 2 else -angle,
-        )
-        for i in range(count)
+        Part(label, cloth, ((i + 0.5) * step, y, middle), size, yaw=angle if i % 2 else -angle) for i in range(count)
     ]
 
 

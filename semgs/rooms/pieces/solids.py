@@ -102,6 +102,12 @@ def block(
     return Part(label, material, centre, size, shape, yaw, tilt)
 
 
+def post(label: int, material: Material, middle: tuple[float, float], radius: float, low: float, high: float) -> Part:
+    """An upright cylinder about a place (x, y)."""
+    x, y = middle
+    return block(label, material, (x - radius, y - radius, low), (x + radius, y + radius, high), CYLINDER)
+
+
 def moved(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
     """Parts turned about z and then shifted."""
     cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))

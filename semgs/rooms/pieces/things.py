@@ -6,7 +6,7 @@ import numpy as np
 
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, block
+from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, block, post
 
 
 def television(rng: np.random.Generator, width: float) -> Piece:
@@ -25,10 +25,9 @@ def floor_lamp(rng: np.random.Generator, lit: bool) -> Piece:
     """A foot, a pole and a shade that shines if it is on; without a class."""
     tall, reach, steel = rng.uniform(1.35, 1.7), rng.uniform(0.13, 0.2), m.metal(rng)
     shade = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=1.5 if lit else 0.0)
-    x = reach
     parts = [
-        block(IGNORE, steel, (x - 0.12, x - 0.12, 0), (x + 0.12, x + 0.12, 0.03), CYLINDER),
-        block(IGNORE, steel, (x - 0.012, x - 0.012, 0), (x + 0.012, x + 0.012, tall), CYLINDER),
+        post(IGNORE, steel, (reach, reach), 0.12, 0, 0.03),
+        post(IGNORE, steel, (reach, reach), 0.012, 0, tall),
         block(IGNORE, shade, (0, 0, tall - 0.28), (2 * reach, 2 * reach, tall), CYLINDER),
     ]
     return Piece("floor lamp", (2 * reach, 2 * reach, tall), tuple(parts))
@@ -55,9 +54,8 @@ def _books(rng: np.random.Generator, size: float) -> Piece:
     parts = []
     for _ in range(int(rng.integers(1, 6))):
         thick = rng.uniform(0.012, 0.045)
-        parts.append(
-            block(IGNORE, m.thing(rng), (0, 0, height), (width, depth, height + thick), yaw=rng.uniform(-0.3, 0.3))
-        )
+        book = m.thing(rng)
+        parts.append(block(IGNORE, book, (0, 0, height), (width, depth, height + thick), yaw=rng.uniform(-0.3, 0.3)))
         height += thick
     return _piece(width, depth, height, *parts)
 
@@ -73,15 +71,7 @@ def _plant(rng: np.random.Generator, size: float) -> Piece:
     pot, high, tall = size * rng.uniform(0.3, 0.5), size * rng.uniform(0.25, 0.5), size * rng.uniform(0.9, 2.0)
     leaf = m.colour(rng, m.GREEN_HUES, (0.3, 0.8), (0.12, 0.55))
     green = m.plain(rng, leaf, m.Noise(0.3, size * 0.05, 0.4, size * 0.15))
-    parts = [
-        block(
-            IGNORE,
-            m.ceramic(rng) if rng.random() < 0.6 else m.thing(rng),
-            (-pot / 2, -pot / 2, 0),
-            (pot / 2, pot / 2, high),
-            CYLINDER,
-        )
-    ]
+    parts = [post(IGNORE, m.ceramic(rng) if rng.random() < 0.6 else m.thing(rng), (0.0, 0.0), pot / 2, 0, high)]
     for _ in range(int(rng.integers(10, 22))):
         yaw, lean = rng.uniform(-np.pi, np.pi), rng.uniform(0.1, 1.0)
         long, wide = tall * rng.uniform(0.4, 0.8), size * rng.uniform(0.04, 0.12)
@@ -104,13 +94,9 @@ def _bottle(rng: np.random.Generator, size: float) -> Piece:
 
 def _bag(rng: np.random.Generator, size: float) -> Piece:
     """A bag, a cushion, a heap of cloth."""
-    width, depth, height = size, size * rng.uniform(0.4, 0.7), size * rng.uniform(0.3, 0.9)
-    return _piece(
-        width,
-        depth,
-        height,
-        block(IGNORE, m.fabric(rng), (0, 0, 0), (width, depth, height), CUSHION, tilt=rng.uniform(-0.1, 0.1)),
-    )
+    width, depth, height, cloth = size, size * rng.uniform(0.4, 0.7), size * rng.uniform(0.3, 0.9), m.fabric(rng)
+    heap = block(IGNORE, cloth, (0, 0, 0), (width, depth, height), CUSHION, tilt=rng.uniform(-0.1, 0.1))
+    return _piece(width, depth, height, heap)
 
 
 def _papers(rng: np.random.Generator, size: float) -> Piece:

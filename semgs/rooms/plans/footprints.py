@@ -12,6 +12,12 @@ Span = tuple[float, float, float, float]
 """A part of a wall: left, right, lower and upper edge [m]."""
 
 
+def placed(origin: tuple[float, float], yaw: float, along: float, off: float) -> tuple[float, float]:
+    """A point of the floor, given in a frame whose origin and yaw are these."""
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    return float(origin[0] + along * cosine - off * sine), float(origin[1] + along * sine + off * cosine)
+
+
 def rectangle(x: float, y: float, width: float, depth: float, yaw: float) -> Float64[np.ndarray, "4 2"]:
     """Corners of a footprint whose own (0, 0) is at (x, y), anticlockwise."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
@@ -67,8 +73,7 @@ class Wall:
 
     def at(self, along: float, off: float = 0.0) -> tuple[float, float]:
         """The floor's point at a place along the wall and a distance off it."""
-        cosine, sine = float(np.cos(self.yaw)), float(np.sin(self.yaw))
-        return self.start[0] + along * cosine - off * sine, self.start[1] + along * sine + off * cosine
+        return placed(self.start, self.yaw, along, off)
 
     def free(self, left: float, right: float, low: float, high: float) -> bool:
         """Whether nothing is on that part of the wall."""

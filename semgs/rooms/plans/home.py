@@ -12,7 +12,7 @@ from semgs.rooms.pieces.solids import Piece, moved
 from semgs.rooms.plans import dressing
 from semgs.rooms.plans.builder import Builder, Swap, snug
 from semgs.rooms.plans.floor_plan import FloorPlan, Opening
-from semgs.rooms.plans.footprints import Wall, rectangle
+from semgs.rooms.plans.footprints import Wall, placed, rectangle
 from semgs.rooms.plans.outlines import (
     PARTITION,
     Outline,
@@ -256,13 +256,8 @@ def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: 
             if builder.chance(0.85):
                 builder.beside_wall(wall, stand, side)
     if builder.chance(0.45):
-        dressing.rug(
-            builder,
-            zone,
-            np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75)),
-            wall.yaw,
-            bed.size[0] + rng.uniform(0.6, 1.2),
-        )
+        middle = np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75))
+        dressing.rug(builder, zone, middle, wall.yaw, bed.size[0] + rng.uniform(0.6, 1.2))
 
 
 def _chair_at_the_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
@@ -282,9 +277,8 @@ def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa
     rng = builder.rng
     middle = left + sofa.size[0] / 2
     if builder.chance(0.6):
-        dressing.rug(
-            builder, zone, np.array(wall.at(middle, sofa.size[1] + 0.5)), wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3)
-        )
+        place = np.array(wall.at(middle, sofa.size[1] + 0.5))
+        dressing.rug(builder, zone, place, wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3))
     if builder.chance(0.8):
         low = snug(furniture.coffee_table(rng))
         x, y = wall.at(middle - low.size[0] / 2, sofa.size[1] + rng.uniform(0.35, 0.55))
@@ -336,10 +330,4 @@ def _chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: floa
         out = np.array([np.sin(turn), -np.cos(turn)])
         back = np.array([along, across]) + out * (seat.size[1] + gap)
         corner = back - np.array([np.cos(own), np.sin(own)]) * seat.size[0] / 2
-        cosine, sine = np.cos(yaw), np.sin(yaw)
-        builder.stand(
-            seat,
-            float(x + cosine * corner[0] - sine * corner[1]),
-            float(y + sine * corner[0] + cosine * corner[1]),
-            yaw + own,
-        )
+        builder.stand(seat, *placed((x, y), yaw, *corner), yaw + own)

@@ -18,10 +18,11 @@ from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, block, moved
+from semgs.rooms.pieces.solids import Part, Piece, block, moved, post
 from semgs.rooms.plans.builder import Swap
 from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
-from semgs.rooms.plans.footprints import Wall, around, overlap, rectangle
+from semgs.rooms.plans.footprints import Wall, around, overlap, placed, rectangle
+from semgs.rooms.plans.outlines import rectangular
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
 ZONE_LENGTH = 2.3
@@ -72,14 +73,8 @@ def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
     loft.row_of_pictures()
     loft.lamps()
     loft.things()
-    return FloorPlan(
-        " + ".join(zones),
-        loft.size,
-        tuple(loft.parts),
-        tuple(loft.windows),
-        tuple(loft.footprints),
-        lamps=tuple(loft.lit),
-    )
+    return FloorPlan(" + ".join(zones), loft.size, tuple(loft.parts), tuple(loft.windows), tuple(loft.footprints),
+                lamps=tuple(loft.lit))  # fmt: skip
 
 
 class _Loft:
@@ -95,13 +90,7 @@ class _Loft:
         self.lit: list[Lamp] = []
         self.rail = 0.0  # top of the panels [m]
         self.tops: list[tuple[float, float, float, float, float, float]] = []
-        x, y = size[0] / 2, size[1] / 2
-        self.walls = [
-            Wall((-x, -y), 0.0, size[0]),
-            Wall((x, -y), np.pi / 2, size[1]),
-            Wall((x, y), np.pi, size[0]),
-            Wall((-x, y), -np.pi / 2, size[1]),
-        ]
+        self.walls = rectangular("", size).zones[0].walls
 
     def shell(self) -> None:
         """Floor, ceiling with beams, walls of two colours, panelled to the waist or tiled to the shoulder at times."""
@@ -291,9 +280,8 @@ class _Loft:
     def _working(self, middle: float, length: float, side: int) -> None:
         desk = self.at_wall(furniture.desk, middle, side)
         self.facing(furniture.chair, middle, side, (desk.size[1] if desk else 0.7) + 0.15)
-        self.in_line(
-            (fittings.bookshelf, fittings.bookshelf), middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side
-        )
+        makers = (fittings.bookshelf, fittings.bookshelf)
+        self.in_line(makers, middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
 
     def _eating(self, middle: float, length: float, side: int) -> None:
         table = furniture.dining_table(self.rng)
@@ -305,12 +293,8 @@ class _Loft:
         self.at_wall(fittings.cabinet, middle, side)
 
     def _cooking(self, middle: float, length: float, side: int) -> None:
-        self.in_line(
-            (fittings.refrigerator, fittings.counter, fittings.other),
-            middle - length / 2 + 0.05,
-            middle + length / 2,
-            side,
-        )
+        makers = (fittings.refrigerator, fittings.counter, fittings.other)
+        self.in_line(makers, middle - length / 2 + 0.05, middle + length / 2, side)
         self.at_wall(fittings.island, middle, OPPOSITE - side)
 
     def _bathing(self, middle: float, length: float, side: int) -> None:
@@ -320,12 +304,8 @@ class _Loft:
             wall = self.walls[side]
             along = middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle
             self.stand(drape, *wall.at(along - tub.size[0] / 2, tub.size[1] + 0.06), wall.yaw)
-        self.in_line(
-            (fittings.toilet, fittings.washbasin, fittings.cabinet),
-            middle - length / 2 + 0.1,
-            middle + length / 2,
-            OPPOSITE - side,
-        )
+        makers = (fittings.toilet, fittings.washbasin, fittings.cabinet)
+        self.in_line(makers, middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
 
     def _storing(self, middle: float, length: float, side: int) -> None:
         makers = (fittings.cabinet, fittings.bookshelf, fittings.cabinet)
@@ -360,15 +340,7 @@ class _Loft:
         shade = m.plain(rng, (0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
         radius, drop = rng.uniform(0.08, 0.16), rng.uniform(0.35, 0.7)
         for along in np.linspace(-x / 2, x / 2, int(rng.integers(3, 5)))[1:-1]:
-            self.parts.append(
-                block(
-                    IGNORE,
-                    shade,
-                    (along - radius, -radius, z - drop),
-                    (along + radius, radius, z - drop + 2 * radius),
-                    CYLINDER,
-                )
-            )
+            self.parts.append(post(IGNORE, shade, (along, 0.0), radius, z - drop, z - drop + 2 * radius))
             if lit:
                 self.lit.append(Lamp((float(along), 0.0, z - drop - 0.08), float(rng.uniform(1.0, 3.0))))
             self.parts.append(block(IGNORE, m.metal(rng), (along - 0.006, -0.006, z - drop), (along + 0.006, 0.006, z)))
@@ -383,13 +355,9 @@ class _Loft:
                 if left + thing.size[0] > width - 0.05 or thing.size[1] > depth - 0.06:
                     break
                 a, b = left, (depth - thing.size[1]) * rng.uniform(0.2, 0.8)
-                cosine, sine = np.cos(yaw), np.sin(yaw)
                 thing = thing if self.swap is None else self.swap(thing)
-                self.parts += moved(thing.parts, (x + cosine * a - sine * b, y + sine * a + cosine * b, height), yaw)
+                self.parts += moved(thing.parts, (*placed((x, y), yaw, a, b), height), yaw)
                 left += thing.size[0] + rng.uniform(0.04, 0.25)
         for _ in range(int(rng.integers(0, 4))):
-            self.at_wall(
-                things.clutter(rng, rng.uniform(0.2, 0.5)),
-                rng.uniform(-0.45, 0.45) * self.size[0],
-                int(rng.choice([ALONG, OPPOSITE])),
-            )
+            thing, middle = things.clutter(rng, rng.uniform(0.2, 0.5)), rng.uniform(-0.45, 0.45) * self.size[0]
+            self.at_wall(thing, middle, int(rng.choice([ALONG, OPPOSITE])))
