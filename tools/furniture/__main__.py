@@ -14,8 +14,8 @@ import tyro
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.main import carry_out, guarded
 from semgs.cli.progress import show_progress
-from tools.furniture.baking import Baked, bake, claim
 from tools.furniture.environment import default_folder, prepare
+from tools.furniture.generation import claim, generate
 
 SHOWN = 5
 """How many pieces that were left out are named."""
@@ -74,18 +74,18 @@ class Furniture:
         with what_the_user_gave():
             claim(self.out, self.seed, self.pieces)
         environment = default_folder() if self.environment is None else self.environment
-        python = prepare(environment, self.python, lambda line: print(line, flush=True))
+        prepare(environment, self.python, lambda line: print(line, flush=True))
         try:
-            with show_progress("Baking pieces", self.pieces) as done:
-                baked: Baked = bake(
-                    self.out, self.seed, self.pieces, python=python, environment=environment, limit=self.limit,
-                    workers=self.workers, done=done,
+            with show_progress("Generating pieces", self.pieces) as done:
+                made = generate(
+                    self.out, self.seed, self.pieces, environment=environment, limit=self.limit, workers=self.workers,
+                    done=done,
                 )  # fmt: skip
         except ImportError as error:
             raise UsageError(str(error)) from error
-        self._tell(baked.rows, baked.left_out | baked.late)
+        self._report(made.rows, made.left_out | made.late)
 
-    def _tell(self, rows: tuple[dict, ...], left_out: dict[str, str]) -> None:
+    def _report(self, rows: tuple[dict, ...], left_out: dict[str, str]) -> None:
         """What there is, and what there is not."""
         counts = Counter(row["class"] for row in rows)
         listed = ", ".join(f"{label} {count}" for label, count in counts.most_common())

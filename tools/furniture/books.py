@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int, UInt8
 
+from tools.furniture.kinds import Random
 from tools.furniture.surfaces import Surface, box
-from tools.furniture.tints import Random
 
 SPINES, ROWS = 32, 2
 """Kinds of spine in one picture, in so many rows."""

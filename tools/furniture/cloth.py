@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from tools.furniture.tints import FABRICS, Colour, Random, pick
+from tools.furniture.kinds import Random
+from tools.furniture.tints import FABRICS, Colour, pick
 
 SIDE = 512
 """Of the picture [px]."""

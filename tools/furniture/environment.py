@@ -41,7 +41,7 @@ def is_ready(folder: Path) -> bool:
     return stamp.is_file() and stamp.read_text(encoding="utf-8") == _pins() and python_of(folder).exists()
 
 
-def prepare(folder: Path, python: str | None = None, say: Callable[[str], None] = lambda line: None) -> Path:
+def prepare(folder: Path, python: str | None = None, say: Callable[[str], None] = lambda line: None) -> None:
     """The interpreter of the environment in a folder, which is made if it is not there yet.
 
     Args:
@@ -54,7 +54,7 @@ def prepare(folder: Path, python: str | None = None, say: Callable[[str], None] 
             Blender cannot be imported.
     """
     if is_ready(folder):
-        return python_of(folder)
+        return
     if folder.exists() and not (folder.is_dir() and ((folder / MARK).is_file() or not any(folder.iterdir()))):
         raise InputError(folder, "a new folder or one that semgs made", "something else", advice="name another folder")
     chosen = find_python(python)
@@ -74,7 +74,6 @@ def prepare(folder: Path, python: str | None = None, say: Callable[[str], None] 
     _do([str(python_of(folder)), *_pip_arguments()], folder, "the packages of Blender and Infinigen")
     _do([str(python_of(folder)), "-c", "import bpy, infinigen"], folder, "Blender, importable", PATIENCE)
     write_text(folder / STAMP, _pins())
-    return python_of(folder)
 
 
 def find_python(asked: str | None) -> str:

@@ -13,7 +13,7 @@ from tools.furniture import surfaces as s
 from tools.furniture.books import books_on
 from tools.furniture.cloth import cloth_picture
 from tools.furniture.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
-from tools.furniture.raw import RawMesh, Torn, check_whole
+from tools.furniture.raw import Incomplete, RawMesh, check_complete
 from tools.furniture.surfaces import Surface
 from tools.furniture.tints import (
     CERAMICS,
@@ -45,7 +45,7 @@ NOTE = "generated with Infinigen, base colour baked and retinted"
 
 
 @dataclass(frozen=True)
-class Piece:
+class FinishedPiece:
     """A finished piece: metres, z up, base on z = 0, centred in x and y, front = -y.
 
     Attributes:
@@ -88,16 +88,16 @@ class Piece:
         assert len(read_glb(path)) == len(written)
 
 
-def finish(job: Job, meshes: Sequence[RawMesh]) -> list[Piece]:
+def finish(job: Job, meshes: Sequence[RawMesh]) -> list[FinishedPiece]:
     """The pieces that a job makes, one for most kinds.
 
     Raises:
-        Torn: it came apart, or is of no real size.
+        Incomplete: it came apart, or is of no real size.
         ImportError: embreex is not installed.
     """
     kind = KINDS[job.kind]
     for number, mesh in enumerate(meshes):
-        check_whole(mesh, kind if number == 0 else DRAWERS)
+        check_complete(mesh, kind if number == 0 else DRAWERS)
     rng = job.random()
     source = f"{OBJECTS}/{job.makes[0].factory.rsplit('.', 1)[0].replace('.', '/')}.py"
     pieces = []
@@ -105,8 +105,8 @@ def finish(job: Job, meshes: Sequence[RawMesh]) -> list[Piece]:
         sized = _sized(surfaces, made, rng)
         count = sum(len(one.faces) for one in sized)
         if count > MOST_TRIANGLES:
-            raise Torn(f"{count} triangles are left")
-        pieces.append(Piece(job.name + suffix, made, tuple(sized), source))
+            raise Incomplete(f"{count} triangles are left")
+        pieces.append(FinishedPiece(job.name + suffix, made, tuple(sized), source))
     return pieces
 
 
@@ -121,14 +121,14 @@ def _sized(surfaces: Sequence[Surface], kind: Kind, rng: Random) -> list[Surface
     """Scaled to the kind's sizes.
 
     Raises:
-        Torn: one axis would be scaled much more than another.
+        Incomplete: one axis would be scaled much more than another.
     """
     sides = s.sides(surfaces)
     low, high = np.array(kind.low), np.array(kind.high)
     factors = (rng.uniform(low, high) if kind.drawn else np.clip(sides, low, high)) / sides
     if factors.max() > kind.stretch * factors.min():
         wide, deep, tall = sides
-        raise Torn(f"{wide:.2f} x {deep:.2f} x {tall:.2f} m is no {kind.subtype.replace('_', ' ')}")
+        raise Incomplete(f"{wide:.2f} x {deep:.2f} x {tall:.2f} m is no {kind.subtype.replace('_', ' ')}")
     return s.scaled(surfaces, factors)
 
 
@@ -302,7 +302,7 @@ def _curtain(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     mesh = meshes[0]
     cloth, rod = _of(mesh, ("cloth",)), _of(mesh, ("rod",))
     if not cloth.any():
-        raise Torn("no cloth hangs before the window")
+        raise Incomplete("no cloth hangs before the window")
     found = s.surface(mesh, "cloth", cloth)
     upright = found.vertices * [-1, 1, -1]
     lowest, extent = upright.min(axis=0), np.ptp(upright, axis=0)

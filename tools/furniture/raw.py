@@ -53,7 +53,7 @@ class RawMesh:
         return np.ptp(self.vertices[self.faces.ravel()].astype(np.float64), axis=0)
 
 
-class Torn(Exception):
+class Incomplete(Exception):
     """A piece that is not one; the text says in what way, on one line."""
 
 
@@ -102,29 +102,29 @@ def _mesh(arrays: dict[str, np.ndarray]) -> RawMesh:
     return RawMesh(vertices, faces, uv, material, names, arrays["picture"])
 
 
-def check_whole(mesh: RawMesh, kind: Kind) -> None:
+def check_complete(mesh: RawMesh, kind: Kind) -> None:
     """Look for what has come apart.
 
     Raises:
-        Torn: it has too few or too many triangles, is far too large, has stray triangles, fills too little of its box, or a
+        Incomplete: it has too few or too many triangles, is far too large, has stray triangles, fills too little of its box, or a
             part of it hangs in the air.
     """
     count, sides = len(mesh.faces), mesh.sides if len(mesh.faces) else np.zeros(3)
     if not FEWEST <= count <= MOST:
-        raise Torn(f"{count} triangles")
+        raise Incomplete(f"{count} triangles")
     if sides.max() > kind.largest or sides.min() < 0.01:
-        raise Torn(f"{_metres(sides)} large")
+        raise Incomplete(f"{_metres(sides)} large")
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     points = _on_surface(corners)
     core = (np.ptp(np.quantile(points, (FEW, 1 - FEW), axis=0), axis=0) / sides).min()
     if core < kind.core:
-        raise Torn(f"stray triangles: nearly all of it is within {core:.2f} of a side")
+        raise Incomplete(f"stray triangles: nearly all of it is within {core:.2f} of a side")
     hull = _hull(points) / sides.prod()
     if hull < kind.hull:
-        raise Torn(f"its hull fills {hull:.2f} of its box")
+        raise Incomplete(f"its hull fills {hull:.2f} of its box")
     loose = _loose(mesh, corners, kind.gap)
     if loose > LOOSE:
-        raise Torn(f"{loose:.2f} of its surface hangs in the air")
+        raise Incomplete(f"{loose:.2f} of its surface hangs in the air")
 
 
 def _on_surface(corners: np.ndarray) -> np.ndarray:

@@ -13,9 +13,9 @@ from threading import Event
 from time import monotonic
 
 from semgs.files.errors import InputError
-from tools.furniture.environment import surroundings
+from tools.furniture.environment import python_of, surroundings
 from tools.furniture.kinds import Job
-from tools.furniture.raw import RawMesh, Torn, read_raw
+from tools.furniture.raw import Incomplete, RawMesh, read_raw
 
 FAILED_TO_START = 1
 """How Python ends when the program itself falls over, whatever the job."""
@@ -25,51 +25,39 @@ PATIENCE = 0.5
 """Between looks at whether all is to stop [s]."""
 
 
-class OutOfTime(Torn):
+class OutOfTime(Incomplete):
     """A piece that was not made within its time; another machine, or another hour, may have it."""
 
 
-def run_job(
-    python: Path, environment: Path, job: Job, folder: Path, limit: float, stop: Event | None = None
-) -> list[RawMesh]:
+def run_job(environment: Path, job: Job, folder: Path, limit: float, stop: Event) -> list[RawMesh]:
     """Have a piece made, and read it.
 
     Args:
-        python: interpreter of the environment.
-        environment: its folder.
+        environment: folder of the environment.
         job: what to make.
         folder: where the program works; what is left of the job in it is removed.
         limit: longest that it may take [s].
         stop: ends it at once when it is set.
 
     Raises:
-        Torn: Infinigen could not make it, or fell over.
+        Incomplete: Infinigen could not make it, or fell over.
         OutOfTime: it took longer.
         InputError: the environment does not work, or hands over something else than a piece.
     """
-    result, orders, log = (folder / f"{job.name}{end}" for end in (".npz", ".json", ".log"))
-    reason = result.with_suffix(".txt")
-    left = (result, orders, log, reason)
-    for path in left:
-        path.unlink(missing_ok=True)
+    left = result, orders, log, reason = tuple(folder / f"{job.name}{end}" for end in (".npz", ".json", ".log", ".txt"))
     orders.write_text(json.dumps([job.as_json()]), encoding="utf-8")
     try:
-        code = _run(
-            [str(python), str(files("tools.furniture") / "program.py"), str(orders), str(folder)],
-            environment,
-            log,
-            limit,
-            stop or Event(),
-        )
+        command = [str(python_of(environment)), str(files("tools.furniture") / "program.py"), str(orders), str(folder)]
+        code = _run(command, environment, log, limit, stop)
         if result.is_file():
             return read_raw(result, len(job.makes))
         if reason.is_file():
-            raise Torn(f"Infinigen: {reason.read_text(encoding='utf-8', errors='replace')[:300]}")
+            raise Incomplete(f"Infinigen: {reason.read_text(encoding='utf-8', errors='replace')[:300]}")
         if code == FAILED_TO_START:
             raise InputError(
                 environment, "an environment in which Infinigen starts", _last_line(log), advice="remove it to have it made anew"
             )  # fmt: skip
-        raise Torn(f"the program ended with {code} and made nothing")
+        raise Incomplete(f"the program ended with {code} and made nothing")
     finally:
         for path in left:
             path.unlink(missing_ok=True)

@@ -150,18 +150,9 @@ def primitives(surfaces: Sequence[Surface]) -> list[Primitive]:
             if id(one.picture) not in encoded:
                 encoded[id(one.picture)] = _jpeg(one.picture)
             texture = encoded[id(one.picture)]
-        found.append(
-            Primitive(
-                node_name(number, one),
-                f"m{number}_{one.name}",
-                one.vertices.astype(np.float32),
-                one.faces.astype(np.int64),
-                one.uv.astype(np.float32),
-                one.colour,
-                texture,
-                clear=False,
-            )
-        )
+        vertices, faces, uv = one.vertices.astype(np.float32), one.faces.astype(np.int64), one.uv.astype(np.float32)
+        material = f"m{number}_{one.name}"
+        found.append(Primitive(node_name(number, one), material, vertices, faces, uv, one.colour, texture, clear=False))
     return found
 
 

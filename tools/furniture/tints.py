@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Int, UInt8
 from scipy import ndimage
 
+from tools.furniture.kinds import Random
 from tools.furniture.raw import RawMesh
 
 Colour = tuple[int, int, int]
-Random = np.random.Generator
 
 NATURAL: tuple[Colour, ...] = (
     (196, 164, 120), (110, 76, 52), (214, 178, 130), (70, 52, 42), (222, 200, 165), (150, 88, 60), (176, 134, 92), (128, 92, 62),

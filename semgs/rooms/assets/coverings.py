@@ -9,9 +9,9 @@ import numpy as np
 
 from semgs.data.classes import IGNORE
 from semgs.rooms.assets.catalogue import ImageEntry
-from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.pictures import Pyramid
+from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
@@ -74,12 +74,12 @@ class Coverings:
     Args:
         rng: draws them.
         library: where they are from.
-        gallery: collects what is used.
+        used: collects what is used.
         shares: how often.
     """
 
-    def __init__(self, rng: np.random.Generator, library: Library, gallery: Gallery, shares: Shares = ALL) -> None:
-        self.rng, self.library, self.gallery, self.shares = rng, library, gallery, shares
+    def __init__(self, rng: np.random.Generator, library: Library, used: UsedAssets, shares: Shares = ALL) -> None:
+        self.rng, self.library, self.used, self.shares = rng, library, used, shares
         self._chosen: dict[tuple[int, bytes], Material | None] = {}
         self._woods: list[ImageEntry] = []
 
@@ -119,9 +119,9 @@ class Coverings:
             self._woods.append(found)
         if not self._woods:
             return material
-        row = self._woods[int(self.rng.integers(len(self._woods)))]
+        entry = self._woods[int(self.rng.integers(len(self._woods)))]
         like = material if self._chance(0.5) else None
-        return self._picture(row, like, gloss=self.rng.uniform(0, 0.25), axis=int(material[t.AXIS]), lying=True)
+        return self._picture(entry, like, gloss=self.rng.uniform(0, 0.25), axis=int(material[t.AXIS]), lying=True)
 
     def cloth(self, material: Material, leather: bool = False) -> Material:
         """Cloth or leather, at times in the colour of a material."""
@@ -130,13 +130,13 @@ class Coverings:
 
     def view(self, material: Material) -> Material:
         """What is outside a window, as bright as the material says."""
-        row = self._pick(("outdoor",))
-        if row is None:
+        entry = self._pick(("outdoor",))
+        if entry is None:
             return material
-        pyramid = self._open(row)
-        whole = row.name.startswith("pano") or pyramid.size[0] == 2 * pyramid.size[1]
+        pyramid = self._open(entry)
+        whole = entry.name.startswith("pano") or pyramid.size[0] == 2 * pyramid.size[1]
         result = np.zeros(t.WIDTH)
-        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.gallery.number(pyramid)
+        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.used.number(pyramid)
         result[t.MAPPING] = PANORAMA if whole else VIEW
         result[t.SCALE] = 2 * np.pi if whole else self.rng.uniform(0.9, 1.4)
         result[t.ASPECT] = pyramid.size[1] / pyramid.size[0]
@@ -149,7 +149,7 @@ class Coverings:
     def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Material:
         """A picture that lies on a shell by its own coordinates."""
         result = np.zeros(t.WIDTH)
-        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.gallery.number(pyramid)
+        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.used.number(pyramid)
         result[t.MAPPING], result[t.AXIS], result[t.SCALE], result[t.ASPECT] = UNWRAPPED, -1, 1.0, 1.0
         result[t.COLOUR_A : t.COLOUR_A + 3] = colour
         result[t.GLOSS] = gloss
@@ -185,33 +185,33 @@ class Coverings:
         return result
 
     def _picture(
-        self, row: ImageEntry, like: Material | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
+        self, entry: ImageEntry, like: Material | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
     ) -> Material:
         """A picture side by side, multiplied so that its mean is the material's colour if one is given."""
-        pyramid = self._open(row, not lying)
+        pyramid = self._open(entry, not lying)
         colour = self.rng.uniform(0.9, 1.05) * self.rng.uniform(0.97, 1.03, 3)
         if like is not None:
             colour = like[t.COLOUR_A : t.COLOUR_A + 3] / np.maximum(_mean(pyramid), 0.02)
         red, green, blue = (float(c) for c in np.minimum(colour, 8.0))
         result = self.unwrapped(pyramid, (red, green, blue), gloss)
-        usual = TILE[row.kind] * (COARSE_SHARE if max(row.size) < FINE else 1.0)
+        usual = TILE[entry.kind] * (COARSE_SHARE if max(entry.size) < FINE else 1.0)
         result[t.MAPPING], result[t.AXIS] = TILED, axis
-        result[t.SCALE] = (row.tile or usual) * self.rng.uniform(0.85, 1.15)
+        result[t.SCALE] = (entry.tile or usual) * self.rng.uniform(0.85, 1.15)
         result[t.ASPECT] = pyramid.size[1] / pyramid.size[0]
         return result
 
     def _pick(self, kinds: Sequence[str], fine: bool = False, tileable: bool | None = None) -> ImageEntry | None:
         """One picture of some kinds at random, None if there is none."""
         wanted = "outdoor" not in kinds if tileable is None else tileable
-        rows = [row for row in self.library.of_kind(*kinds) if row.tileable == wanted]
-        large = [row for row in rows if min(row.size) >= FINE]
+        rows = [entry for entry in self.library.of_kind(*kinds) if entry.tileable == wanted]
+        large = [entry for entry in rows if min(entry.size) >= FINE]
         if large and (fine or self._chance(0.5)):
             rows = large
         return rows[int(self.rng.integers(len(rows)))] if rows else None
 
-    def _open(self, row: ImageEntry, upright: bool = True) -> Pyramid:
-        self.gallery.use(row.file)
-        return self.library.pyramid(row, upright)
+    def _open(self, entry: ImageEntry, upright: bool = True) -> Pyramid:
+        self.used.add_file(entry.file)
+        return self.library.pyramid(entry, upright)
 
     def _chance(self, share: float) -> bool:
         return bool(self.rng.random() < share)

@@ -95,22 +95,22 @@ class Library:
     def _add(self, folder: Path) -> None:
         """What a folder has for the split."""
         catalogue = read_catalogue(folder)
-        meshes = [row for row in catalogue.meshes if usable(row)]
+        meshes = [entry for entry in catalogue.meshes if usable(entry)]
         mesh_lists, picture_lists = split_meshes(meshes), split_pictures(catalogue.pictures)
-        self.meshes += tuple(row for row in meshes if mesh_lists[row.name] == self.split)
-        self.pictures += tuple(row for row in catalogue.pictures if picture_lists[row.name] == self.split)
+        self.meshes += tuple(entry for entry in meshes if mesh_lists[entry.name] == self.split)
+        self.pictures += tuple(entry for entry in catalogue.pictures if picture_lists[entry.name] == self.split)
         everything: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.pictures]
-        for row in everything:
-            if self._folder_of.setdefault(row.file, folder) != folder:
-                other = self._folder_of[row.file]
+        for entry in everything:
+            if self._folder_of.setdefault(entry.file, folder) != folder:
+                other = self._folder_of[entry.file]
                 raise InputError(
-                    folder, "files of other names than those of other folders", f"{row.file}, as in {other}"
+                    folder, "files of other names than those of other folders", f"{entry.file}, as in {other}"
                 )
 
     @property
     def lock(self) -> tuple[LockEntry, ...]:
         """The locks of all folders."""
-        return tuple(row for folder in self.folders for row in read_lock(lock_of(folder)))
+        return tuple(entry for folder in self.folders for entry in read_lock(lock_of(folder)))
 
     @property
     def lock_digests(self) -> tuple[str, ...]:
@@ -122,17 +122,17 @@ class Library:
 
     def of_kind(self, *kinds: str) -> list[ImageEntry]:
         """The pictures of some kinds."""
-        return [row for row in self.pictures if row.kind in kinds]
+        return [entry for entry in self.pictures if entry.kind in kinds]
 
-    def panels(self, row: MeshEntry) -> tuple[Panel, ...]:
+    def panels(self, entry: MeshEntry) -> tuple[Panel, ...]:
         """The contents of a mesh.
 
         Raises:
             InputError: the file cannot be read.
         """
-        return self._remembered(row.name, lambda: _panels(self._path(row), row), _weight)
+        return self._remembered(entry.name, lambda: _panels(self._path(entry), entry), _weight)
 
-    def pyramid(self, row: ImageEntry, upright: bool = True) -> Pyramid:
+    def pyramid(self, entry: ImageEntry, upright: bool = True) -> Pyramid:
         """The contents of a picture; if not upright, with columns and rows exchanged where its grain runs along columns.
 
         Raises:
@@ -140,12 +140,12 @@ class Library:
         """
 
         def read() -> Pyramid:
-            return _lying(decode(self._path(row).read_bytes(), self._path(row)), upright)
+            return _lying(decode(self._path(entry).read_bytes(), self._path(entry)), upright)
 
-        return self._remembered(f"{row.kind}/{row.name}/{upright}", read, lambda p: p.pixels.nbytes)
+        return self._remembered(f"{entry.kind}/{entry.name}/{upright}", read, lambda p: p.pixels.nbytes)
 
-    def _path(self, row: MeshEntry | ImageEntry) -> Path:
-        return self._folder_of[row.file] / row.file
+    def _path(self, entry: MeshEntry | ImageEntry) -> Path:
+        return self._folder_of[entry.file] / entry.file
 
     def _remembered(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
         if key in self._kept:
@@ -178,35 +178,35 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
     return library
 
 
-def _panels(path: Path, row: MeshEntry) -> tuple[Panel, ...]:
-    labels = dict(row.parts)
+def _panels(path: Path, entry: MeshEntry) -> tuple[Panel, ...]:
+    labels = dict(entry.parts)
     panels = []
     primitives = read_glb(path)
     turned = [p.vertices[p.faces] * np.array([-1, -1, 1], np.float32) for p in primitives]
     side = _fuller_side(primitives, turned)
     for primitive, corners in zip(primitives, turned, strict=True):
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
-        whole = (area > 1e-10) & _wanted(row, primitive, corners, side)
+        whole = (area > 1e-10) & _wanted(entry, primitive, corners, side)
         if not whole.any():
             continue
         corners = corners[whole]
         uv = primitive.uv[primitive.faces]
         picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
         uv, normals = uv[whole], corner_normals(corners)
-        for label, part in _labelled(row, corners, labels.get(primitive.name)):
+        for label, part in _labelled(entry, corners, labels.get(primitive.name)):
             shell = Shell(corners[part], normals[part], uv[part])
             panels.append(Panel(label, primitive.material, primitive.colour, picture, primitive.clear, shell))
     return tuple(panels)
 
 
 def _labelled(
-    row: MeshEntry, corners: Float32[np.ndarray, "t 3 3"], label: str | None
+    entry: MeshEntry, corners: Float32[np.ndarray, "t 3 3"], label: str | None
 ) -> list[tuple[str | None, Bool[np.ndarray, " t"]]]:
     """The classes of a primitive's triangles: the catalogue's, but that kitchen cabinets which it calls a counter as a whole are
     cabinets below their top, as the parametric ones are."""
-    if row.label != "counter" or row.subtype != "kitchen_base_cabinet" or row.parts:
+    if entry.label != "counter" or entry.subtype != "kitchen_base_cabinet" or entry.parts:
         return [(label, np.ones(len(corners), bool))]
-    top = corners[..., 2].min(axis=1) > row.extents[2] - WORKTOP
+    top = corners[..., 2].min(axis=1) > entry.extents[2] - WORKTOP
     return [(found, part) for found, part in ((None, top), ("cabinet", ~top)) if part.any()]
 
 
@@ -221,13 +221,13 @@ def _is_cloth(primitive: Primitive) -> bool:
 
 
 def _wanted(
-    row: MeshEntry, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
+    entry: MeshEntry, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
 ) -> Bool[np.ndarray, " t"]:
     """Which triangles rooms take: of curtains one drape without its rod, of windows all but the panes."""
     name = primitive.material.lower()
-    if row.label == "curtain" and row.subtype == "curtain":
+    if entry.label == "curtain" and entry.subtype == "curtain":
         return (side * corners[..., 0].mean(axis=1) > 0) & _is_cloth(primitive)
-    if row.label == "window":
+    if entry.label == "window":
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(normals, axis=-1)
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)

@@ -39,15 +39,15 @@ SAME_GENERATOR = {
 """Families that one program made with other settings."""
 
 
-def family(row: MeshEntry) -> str:
+def family(entry: MeshEntry) -> str:
     """The family of a mesh: maker and class for kits of one style, else the name without numbers and variants."""
-    maker = row.name.split("_")[0]
+    maker = entry.name.split("_")[0]
     if maker in KITS:
-        return f"{maker} {row.label}"
+        return f"{maker} {entry.label}"
     stem = (
-        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", row.name))
+        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", entry.name))
         if maker == "ig"
-        else row.name.rstrip("0123456789_")
+        else entry.name.rstrip("0123456789_")
     )
     return SAME_GENERATOR.get(stem, stem)
 
@@ -56,8 +56,8 @@ def split_meshes(rows: Sequence[MeshEntry]) -> dict[str, Split]:
     """The list that each mesh belongs to, by name. Small classes come first: a family of several classes follows the one that
     has the least choice."""
     families: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        families[row.label][family(row)].append(row.name)
+    for entry in rows:
+        families[entry.label][family(entry)].append(entry.name)
     result: dict[str, Split] = {}
     decided: dict[str, bool] = {}
     for label in sorted(families, key=lambda label: (sum(map(len, families[label].values())), label)):
@@ -77,8 +77,8 @@ def split_meshes(rows: Sequence[MeshEntry]) -> dict[str, Split]:
 def split_pictures(rows: Sequence[ImageEntry]) -> dict[str, Split]:
     """The list that each picture belongs to, by name; every fifth of a kind is held out, in the order of a hash."""
     kinds: dict[str, list[str]] = defaultdict(list)
-    for row in rows:
-        kinds[row.kind].append(row.name)
+    for entry in rows:
+        kinds[entry.kind].append(entry.name)
     result: dict[str, Split] = {}
     for names in kinds.values():
         ranked = sorted(names, key=_rank)

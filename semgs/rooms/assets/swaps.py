@@ -140,46 +140,46 @@ class Swaps:
             return piece
         low, high = _bounds(piece)
         box = np.array([piece.size[0], piece.size[1], high - low])
-        found = [(row, scale) for row in self._candidates(rule) if (scale := fit(row, box, rule)) is not None]
+        found = [(entry, scale) for entry in self._candidates(rule) if (scale := fit(entry, box, rule)) is not None]
         if not found:
             return piece
-        row, scale = found[int(self.rng.integers(len(found)))]
-        depth = row.extents[1] * scale[1]
+        entry, scale = found[int(self.rng.integers(len(found)))]
+        depth = entry.extents[1] * scale[1]
         y = box[1] / 2 if rule.centred else depth / 2
         y = {"door": depth / 2 - SUNK, "window": 0.0}.get(piece.name, y)
         foot = np.array([box[0] / 2, y, low])
-        panels = self.library.panels(row)
+        panels = self.library.panels(entry)
         if rule.label == "curtain":
             scale, foot = _draped(panels, box, foot)
-        self.coverings.gallery.use(row.file)
+        self.coverings.used.add_file(entry.file)
         if rule.whole:
             panels = tuple(replace(panel, label=None) for panel in panels)
-        parts = self._parts(panels, row, scale, foot)
+        parts = self._parts(panels, entry, scale, foot)
         parts = _framed(parts, piece) if rule.label == "picture" else parts + _kept(piece)
-        surface = _surface(panels, row, scale) if piece.name in SURFACED else None
+        surface = _surface(panels, entry, scale) if piece.name in SURFACED else None
         return Piece(piece.name, piece.size, tuple(parts), surface)
 
     def _candidates(self, rule: Rule) -> list[MeshEntry]:
-        rows = [row for row in self.library.meshes if row.label == rule.label]
+        rows = [entry for entry in self.library.meshes if entry.label == rule.label]
         if rule.label == "clutter":
-            return [row for row in rows if row.mount == "surface" or row.subtype in FLOOR_CLUTTER]
+            return [entry for entry in rows if entry.mount == "surface" or entry.subtype in FLOOR_CLUTTER]
         if rule.label == "picture":
-            return [row for row in rows if row.mount == "wall"]
-        return [row for row in rows if not rule.subtypes or row.subtype in rule.subtypes]
+            return [entry for entry in rows if entry.mount == "wall"]
+        return [entry for entry in rows if not rule.subtypes or entry.subtype in rule.subtypes]
 
     def _parts(
-        self, panels: tuple[Panel, ...], row: MeshEntry, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
+        self, panels: tuple[Panel, ...], entry: MeshEntry, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
     ) -> list[Part]:
-        own = LABEL.get(row.label, IGNORE)
+        own = LABEL.get(entry.label, IGNORE)
         tint = np.clip(self.rng.normal(1.0, 0.06, 3) * self.rng.uniform(0.8, 1.15), 0.5, 1.3)
         chosen: dict[str, Material] = {}
         parts = []
         for panel in panels:
             label = own if panel.label is None else LABEL.get(panel.label, IGNORE)
-            hangs = row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
-            make = row.label if hangs else panel.material
+            hangs = entry.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
+            make = entry.label if hangs else panel.material
             if make not in chosen:
-                chosen[make] = self._material(panel, row, label, tint)
+                chosen[make] = self._material(panel, entry, label, tint)
             corners = panel.shell.corners * scale
             normals = panel.shell.normals / scale
             normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
@@ -192,7 +192,7 @@ class Swaps:
             parts.append(Part(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
         return parts
 
-    def _material(self, panel: Panel, row: MeshEntry, label: int, tint: np.ndarray) -> Material:
+    def _material(self, panel: Panel, entry: MeshEntry, label: int, tint: np.ndarray) -> Material:
         rng = self.rng
         if panel.picture is not None:
             red, green, blue = (float(c * f) for c, f in zip(panel.colour, tint, strict=True))
@@ -242,17 +242,17 @@ class Swaps:
         return m.plain(rng, (red, green, blue), m.Noise(fine=0.02, blotch=0.04), gloss=rng.uniform(0, 0.3))
 
 
-def fit(row: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
+def fit(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
     """How a mesh is scaled along x, y and z to stand in a box, None if it cannot without looking wrong.
 
     Its width and depth stay within the box; its height may leave it by an eighth.
     """
-    ratio = box / np.array(row.extents)
+    ratio = box / np.array(entry.extents)
     if rule.label == "curtain":
         return ratio
     if rule.hung:
         whole, stretch = float(np.sqrt(ratio[0] * ratio[2])), float(max(ratio[0] / ratio[2], ratio[2] / ratio[0]))
-        depth = DEPTHS.get(rule.label, row.extents[1]) / row.extents[1]
+        depth = DEPTHS.get(rule.label, entry.extents[1]) / entry.extents[1]
         fits = rule.low <= whole <= rule.high and stretch <= rule.stretch
         return np.array([ratio[0], min(1.0, depth), ratio[2]]) if fits else None
     whole = float(min(ratio[0], ratio[1], rule.high))
@@ -260,7 +260,7 @@ def fit(row: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[n
         return None
     scale = np.clip(ratio, whole / rule.stretch, whole * rule.stretch)
     scale[:2] = np.minimum(scale[:2], ratio[:2])
-    filled = scale * row.extents / box
+    filled = scale * entry.extents / box
     return scale if filled[0] >= rule.fill and filled[2] <= HIGHEST else None
 
 
@@ -313,16 +313,16 @@ def _bounds(piece: Piece) -> tuple[float, float]:
     )
 
 
-def _surface(panels: tuple[Panel, ...], row: MeshEntry, scale: np.ndarray) -> float | None:
+def _surface(panels: tuple[Panel, ...], entry: MeshEntry, scale: np.ndarray) -> float | None:
     """Height of a flat top, None if there is none."""
     corners = np.concatenate([panel.shell.corners for panel in panels])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (
-        corners[..., 2].min(axis=1) > row.extents[2] - TOP_BAND
+        corners[..., 2].min(axis=1) > entry.extents[2] - TOP_BAND
     )
     covered = np.abs(normals[top, 2]).sum() / 2
-    footprint = row.extents[0] * row.extents[1]
-    return float(row.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None
+    footprint = entry.extents[0] * entry.extents[1]
+    return float(entry.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None
 
 
 def _brown(colour: tuple[float, float, float]) -> bool:

@@ -93,7 +93,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
         InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; names the extra that brings it.
     """
-    plan, gallery = furnish(rng, library, style)
+    plan, used = furnish(rng, library, style)
     solids = gather(plan.parts)
     corners, owners = triangulate(solids)
     placed = [(number, part.shell) for number, part in enumerate(plan.parts) if part.shell is not None]
@@ -108,7 +108,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
         points = shell_kernels.scatter(shells.corners, SCATTER)
         shell_kernels.distance_to_points(space, corner, FIELD_STEP, FIELD_REACH, points)
     lights, ambient = draw_lights(rng, plan)
-    pictures = gallery.pack()
+    pictures = used.pack()
     return Room(
         plan, solids, owners, planes, caster, space, corner,
         shifts=rng.uniform(0, 50, len(plan.parts)),
@@ -117,7 +117,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
         glow=_glow(solids, ambient, pictures),
         shells=shells,
         pictures=pictures,
-        files=gallery.files,
+        files=used.files,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ EDGE_RAYS = ((-0.27, 0.11), (0.19, 0.31), (0.12, -0.29))
 
 
 @dataclass(frozen=True)
-class Frame:
+class RenderedFrame:
     """What a camera sees.
 
     Attributes:
@@ -80,7 +80,7 @@ def photograph(
     world_from_camera: Float64[np.ndarray, "4 4"],
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
-) -> Frame:
+) -> RenderedFrame:
     """One frame. Labels and depths are those of the pixel's centre; colours of pixels on an edge are the mean of four rays."""
     pixels, width = centres(size), size[1]
     spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
@@ -100,7 +100,7 @@ def photograph(
             total = total + _shade(room, beside, _strengths(room, beside, width), borrowed)
         colours[edges] = total / (1 + len(EDGE_RAYS))
     labels = np.where(seen.triangles < 0, IGNORE, room.solids.labels[room.owners[seen.triangles]])
-    return Frame(
+    return RenderedFrame(
         colours.reshape(*size, 3).astype(np.float32),
         labels.reshape(size).astype(np.uint8),
         seen.depths.reshape(size).astype(np.float32),

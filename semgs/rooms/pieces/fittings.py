@@ -6,7 +6,7 @@ import numpy as np
 
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.furniture import LABEL, fronts, legs
+from semgs.rooms.pieces.furniture import LABEL, Front, fronts, legs
 from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, Piece, Triple, block, post
 from semgs.rooms.pieces.texture_kernels import STRIPES
@@ -41,7 +41,7 @@ def _cabinet(rng: np.random.Generator, look: float) -> Piece:
     else:
         parts.append(block(label, body, (0.02, 0.02, 0), (width - 0.02, depth - 0.03, foot)))
     front = body if rng.random() < 0.6 else m.carpentry(rng)
-    parts += fronts(rng, label, front, (0.01, width - 0.01), depth, (foot + 0.01, height - 0.02), columns, rows)
+    parts += fronts(rng, label, front, Front((0.01, width - 0.01), depth, (foot + 0.01, height - 0.02), columns, rows))
     if rng.random() < 0.5:
         parts.append(block(label, body, (-0.02, -0.0, height), (width + 0.02, depth + 0.025, height + 0.025)))
         height += 0.025
@@ -53,7 +53,8 @@ def nightstand(rng: np.random.Generator) -> Piece:
     label, body = LABEL["cabinet"], m.carpentry(rng)
     width, depth, height = rng.uniform(0.38, 0.55), rng.uniform(0.35, 0.45), rng.uniform(0.45, 0.65)
     parts = [block(label, body, (0, 0, 0.05), (width, depth, height)), *legs(label, body, width, depth, 0.05, 0.04)]
-    parts += fronts(rng, label, body, (0.01, width - 0.01), depth, (0.06, height - 0.02), 1, int(rng.integers(1, 4)))
+    drawers = Front((0.01, width - 0.01), depth, (0.06, height - 0.02), 1, int(rng.integers(1, 4)))
+    parts += fronts(rng, label, body, drawers)
     return Piece("nightstand", (width, depth + 0.04, height), tuple(parts), surface=height)
 
 
@@ -132,9 +133,8 @@ def counter(rng: np.random.Generator) -> Piece:
     parts += [block(label, body, (x, 0, height - 0.2), (x + 0.02, front, height - slab)) for x in (0, width - 0.02)]
     parts.append(block(label, body, (0.02, front - 0.02, height - 0.2), (width - 0.02, front, height - slab)))
     columns = max(2, round(width / rng.uniform(0.45, 0.62)))
-    parts += fronts(
-        rng, label, body, (0, width), front, (0.11, height - slab - 0.01), columns, int(rng.choice([1, 1, 2, 3]))
-    )
+    doors = Front((0, width), front, (0.11, height - slab - 0.01), columns, int(rng.choice([1, 1, 2, 3])))
+    parts += fronts(rng, label, body, doors)
     if rng.random() < 0.72:
         half, middle = rng.uniform(0.22, 0.38), rng.uniform(0.45, width - 0.45)
         left, right, near, far = middle - half, middle + half, 0.12, depth - 0.12
@@ -155,7 +155,7 @@ def counter(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.45:
         low, tall = height + rng.uniform(0.5, 0.62), height + rng.uniform(1.1, 1.3)
         parts.append(block(label, body, (0, 0, low), (width, 0.32, tall)))
-        parts += fronts(rng, label, body, (0, width), 0.32, (low + 0.005, tall - 0.005), columns, 1)
+        parts += fronts(rng, label, body, Front((0, width), 0.32, (low + 0.005, tall - 0.005), columns, 1))
     return Piece("counter", (width, depth, tall), tuple(parts), surface=height if tall == height else None)
 
 
@@ -178,7 +178,8 @@ def washbasin(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.55:
         body = m.carpentry(rng)
         parts = [block(LABEL["cabinet"], body, (0.01, 0, 0.06), (width - 0.01, depth - 0.05, height - 0.16))]
-        parts += fronts(rng, LABEL["cabinet"], body, (0.01, width - 0.01), depth - 0.05, (0.08, height - 0.17), 2, 1)
+        doors = Front((0.01, width - 0.01), depth - 0.05, (0.08, height - 0.17), 2, 1)
+        parts += fronts(rng, LABEL["cabinet"], body, doors)
         parts += basin(own, ware, (0, 0, height - 0.16), (width, depth, height))
     else:
         x = width / 2

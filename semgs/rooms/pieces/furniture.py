@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.materials import Material
+from semgs.rooms.pieces.materials import Material, Range
 from semgs.rooms.pieces.solids import BOX, CUSHION, CYLINDER, Part, Piece, block, post
 
 Maker = Callable[[np.random.Generator], Piece]
@@ -226,7 +227,9 @@ def desk(rng: np.random.Generator) -> Piece:
         x = 0.06 if rng.random() < 0.5 else width - 0.46
         body = wood if rng.random() < 0.6 else m.lacquer(rng)
         parts.append(block(label, body, (x, 0.04, 0.02), (x + 0.4, depth - 0.06, height - 0.03)))
-        parts += fronts(rng, label, body, (x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
+        parts += fronts(
+            rng, label, body, Front((x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
+        )
     if rng.random() < 0.3:
         parts.append(block(label, wood, (0.03, depth * 0.1, 0.1), (width - 0.03, depth * 0.1 + 0.02, height - 0.03)))
     if rng.random() < 0.65:
@@ -241,25 +244,35 @@ def desk(rng: np.random.Generator) -> Piece:
     return Piece("desk", (width, depth, height), tuple(parts), surface=height)
 
 
-def fronts(
-    rng: np.random.Generator,
-    label: int,
-    material: Material,
-    across: tuple[float | int, float | int],
-    y: float,
-    upwards: tuple[float | int, float | int],
-    columns: int,
-    rows: int,
-) -> list[Part]:
-    """Doors or drawers on the front of a body at depth `y`, with gaps between and handles on them."""
+@dataclass(frozen=True)
+class Front:
+    """A grid of doors or drawers on the front of a body.
+
+    Attributes:
+        across: left and right edge [m].
+        y: depth of the body, where they begin [m].
+        upwards: lower and upper edge [m].
+        columns, rows: how many.
+    """
+
+    across: Range
+    y: float
+    upwards: Range
+    columns: int
+    rows: int
+
+
+def fronts(rng: np.random.Generator, label: int, material: Material, front: Front) -> list[Part]:
+    """Doors or drawers with gaps between them and handles."""
     parts = []
     handle = m.metal(rng)
     bars = rng.random() < 0.6
-    width, height = (across[1] - across[0]) / columns, (upwards[1] - upwards[0]) / rows
+    (left, right), (bottom, top), y = front.across, front.upwards, front.y
+    width, height = (right - left) / front.columns, (top - bottom) / front.rows
     thick = rng.uniform(0.012, 0.022)
-    for column in range(columns):
-        for line in range(rows):
-            x, z = across[0] + column * width, upwards[0] + line * height
+    for column in range(front.columns):
+        for line in range(front.rows):
+            x, z = left + column * width, bottom + line * height
             parts.append(
                 block(label, material, (x + 0.004, y, z + 0.004), (x + width - 0.004, y + thick, z + height - 0.004))
             )

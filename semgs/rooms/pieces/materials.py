@@ -15,7 +15,7 @@ from semgs.rooms.pieces import texture_kernels as t
 
 Material = Float64[np.ndarray, " 24"]
 """One material."""
-Span = tuple[float | int, float | int]
+Range = tuple[float | int, float | int]
 """Lowest and highest value."""
 
 
@@ -63,9 +63,9 @@ def linear(colour: Colour) -> Colour:
 
 def colour(
     rng: np.random.Generator,
-    hue: Span = (0.0, 1.0),
-    saturation: Span = (0.0, 0.7),
-    value: Span = (0.15, 0.9),
+    hue: Range = (0.0, 1.0),
+    saturation: Range = (0.0, 0.7),
+    value: Range = (0.15, 0.9),
 ) -> Colour:
     """A random linear RGB colour; hue wraps around at 1, pale tones are more frequent than strong ones."""
     strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 2.2

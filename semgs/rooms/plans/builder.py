@@ -22,7 +22,7 @@ Swap = Callable[[Piece], Piece]
 
 
 @dataclass(frozen=True)
-class Surface:
+class Tabletop:
     """What things may stand on: the top of a piece at (x, y), turned by `yaw` [m, rad].
 
     Attributes:
@@ -65,7 +65,7 @@ class Builder:
         self.kept_free: list[Footprint] = list(outline.built)
         self.windows: list[Opening] = []
         self.lamps: list[Lamp] = []
-        self.surfaces: list[Surface] = []
+        self.surfaces: list[Tabletop] = []
 
     def chance(self, share: float) -> bool:
         """True in that share of the calls."""
@@ -159,7 +159,7 @@ class Builder:
         piece = self.exchanged(piece)
         self.add(moved(piece.parts, (x, y, 0.0), yaw))
         if piece.surface is not None:
-            self.surfaces.append(Surface(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
+            self.surfaces.append(Tabletop(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
         return True
 
     def beside_wall(self, wall: Wall, piece: Piece, left: float, off: float = 0.03, turn: float = 0.0) -> bool:

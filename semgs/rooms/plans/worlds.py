@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from semgs.rooms.assets.coverings import ALL, HUNG, Coverings
-from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
+from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.home import draw_home
 from semgs.rooms.plans.other import draw_other
@@ -23,7 +23,7 @@ PICTURES = {"home": 0.75, "other": 1.0}
 """Share of the rooms with pictures on their surfaces, where there is a library."""
 
 
-def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, Gallery]:
+def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, UsedAssets]:
     """A plan of a style and the pictures that its materials are of.
 
     What comes from the library is drawn by numbers of its own: furniture stands where it would without. Only the small
@@ -35,12 +35,12 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
     """
     if style not in STYLES:
         raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
-    gallery = Gallery()
+    used = UsedAssets()
     if library is None:
-        return DRAWN[style](rng), gallery
+        return DRAWN[style](rng), used
     own = rng.spawn(1)[0]
     has_meshes = own.random() < MESHES[style]
-    coverings = Coverings(own, library, gallery, ALL if own.random() < PICTURES[style] else HUNG)
+    coverings = Coverings(own, library, used, ALL if own.random() < PICTURES[style] else HUNG)
     swap = Swaps(own, library, coverings) if has_meshes else None
     plan = DRAWN[style](rng, swap)
-    return replace(plan, parts=tuple(coverings.cover(plan.parts))), gallery
+    return replace(plan, parts=tuple(coverings.cover(plan.parts))), used

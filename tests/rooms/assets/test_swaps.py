@@ -11,9 +11,9 @@ pytest.importorskip("embreex")
 from semgs.data.classes import IGNORE
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
-from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
+from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.drawing.shading import look
 from semgs.rooms.pieces import fittings, furniture, openings
@@ -31,8 +31,8 @@ def library(asset_folder):
 
 
 def swaps(library, seed=0):
-    rng, gallery = np.random.default_rng(seed), Gallery()
-    return Swaps(rng, library, Coverings(rng, library, gallery), share=1.0)
+    rng, used = np.random.default_rng(seed), UsedAssets()
+    return Swaps(rng, library, Coverings(rng, library, used), share=1.0)
 
 
 def test_a_mesh_that_stands_in_stays_in_the_footprint_and_keeps_the_name(library):

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -20,7 +19,7 @@ from semgs.files.strict_json import parse_json
 from semgs.rooms.assets.lock import LISTS, NAME, make_lock, write_lock
 from tools.furniture.finish import finish
 from tools.furniture.kinds import Job, make_job
-from tools.furniture.raw import RawMesh, Torn
+from tools.furniture.raw import Incomplete, RawMesh
 from tools.furniture.runner import OutOfTime, run_job
 
 SETTINGS, RECORDS, MODELS, WORK = "bake.json", "pieces", "models", "work"
@@ -31,7 +30,7 @@ another recipe are refused. It does not follow from the source, whose comments w
 
 
 @dataclass(frozen=True)
-class Baked:
+class Generated:
     """What a folder holds.
 
     Attributes:
@@ -45,17 +44,16 @@ class Baked:
     late: dict[str, str]
 
 
-def bake(
+def generate(
     folder: str | Path,
     seed: int,
     pieces: int,
     *,
-    python: Path,
     environment: Path,
     limit: float = 1200.0,
     workers: int = 1,
     done: Callable[[int], None] = lambda count: None,
-) -> Baked:
+) -> Generated:
     """Make pieces 0 .. pieces - 1 of a seed that a folder does not hold yet, then write its lists and its lock.
 
     Piece i depends on the seed, on i and on the versions alone. Every piece appears whole or not at all, so the same call goes
@@ -65,8 +63,7 @@ def bake(
         folder: a new or empty one, or one that holds pieces of the same seed.
         seed: the stream of pieces.
         pieces: how many to try; some are left out, and a kitchen makes two.
-        python: interpreter of the environment.
-        environment: its folder.
+        environment: folder that `tools.furniture.environment.prepare` made ready.
         limit: longest that one piece may take [s].
         workers: pieces that are made at once, each in a process of its own.
         done: told how many pieces were tried, at the start and after each.
@@ -79,28 +76,32 @@ def bake(
     """
     target = Path(folder)
     claim(target, seed, pieces)
-    if limit <= 0 or workers < 1:
-        raise ValueError(f"limit is {limit} and workers {workers}; expected a positive time and at least one process")
     jobs = [make_job(seed, number) for number in range(pieces)]
     missing = [job for job in jobs if not record_of(target, job).is_file()]
     late: dict[str, str] = {}
     count = pieces - len(missing)
     done(count)
-    with _working_folder(target) as work:
-        stop = Event()
+    stop, work = Event(), target / WORK
 
-        def make(job: Job) -> None:
-            try:
-                _record(target, job, lambda: run_job(python, environment, job, work, limit, stop))
-            except OutOfTime as error:
-                late[job.name] = str(error)
-
+    def make(job: Job) -> None:
         try:
-            for _ in _side_by_side(make, missing, workers):
-                count += 1
-                done(count)
-        finally:
-            stop.set()  # what is still being made ends now
+            _record(target, job, run_job(environment, job, work, limit, stop))
+        except OutOfTime as error:
+            late[job.name] = str(error)
+        except Incomplete as error:
+            write_json(record_of(target, job), {"left_out": str(error)})
+
+    shutil.rmtree(work, ignore_errors=True)  # from a call that was killed
+    work.mkdir()
+    crew = ThreadPoolExecutor(workers)
+    try:
+        for _ in (map if workers == 1 else crew.map)(make, missing):
+            count += 1
+            done(count)
+    finally:
+        stop.set()  # ends the pieces that are still being made
+        crew.shutdown(cancel_futures=True)
+        shutil.rmtree(work, ignore_errors=True)
     return _listed(target, jobs, late)
 
 
@@ -132,29 +133,17 @@ def record_of(folder: Path, job: Job) -> Path:
     return folder / RECORDS / f"{job.name}.json"
 
 
-def _record(folder: Path, job: Job, make: Callable[[], list[RawMesh]]) -> None:
-    """Make, finish and record one piece.
-
-    Raises:
-        OutOfTime: it was not done in time.
-        InputError, ImportError, OSError: as `bake`.
-    """
-    try:
-        made = finish(job, make())
-    except OutOfTime:
-        raise
-    except Torn as error:
-        write_json(record_of(folder, job), {"left_out": str(error)})
-        return
+def _record(folder: Path, job: Job, meshes: list[RawMesh]) -> None:
+    """Finish and record one piece."""
     rows = []
-    for piece in made:
+    for piece in finish(job, meshes):
         file = f"{MODELS}/{piece.name}.glb"
         piece.write(folder / file)
-        rows.append(piece.row(file, (folder / file).stat().st_size, _pinned("infinigen")))
+        rows.append(piece.row(file, (folder / file).stat().st_size, _infinigen_version()))
     write_json(record_of(folder, job), {"rows": rows})
 
 
-def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Baked:
+def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Generated:
     """Write both lists and the lock."""
     rows: list[dict] = []
     left_out = {}
@@ -174,41 +163,11 @@ def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Baked:
     write_json(folder / LISTS[0], rows)
     write_text(folder / LISTS[1], "[]\n")
     write_lock(folder / NAME, make_lock(folder))
-    return Baked(tuple(rows), left_out, late)
+    return Generated(tuple(rows), left_out, late)
 
 
-@contextmanager
-def _working_folder(folder: Path) -> Iterator[Path]:
-    """An empty folder in it that is gone afterwards, whatever an earlier call left in it."""
-    work = folder / WORK
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir()
-    try:
-        yield work
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-
-
-def _side_by_side(make: Callable[[Job], None], jobs: list[Job], workers: int) -> Iterator[None]:
-    """Make all jobs, some at once, and tell of each that is done; the first that fails ends the others' waiting."""
-    if workers == 1 or len(jobs) < 2:
-        for job in jobs:
-            make(job)
-            yield
-        return
-    crew = ThreadPoolExecutor(workers)
-    try:
-        open_ones: set[Future[None]] = {crew.submit(make, job) for job in jobs}
-        while open_ones:
-            ended, open_ones = wait(open_ones, return_when=FIRST_COMPLETED)
-            for one in ended:
-                yield one.result()
-    finally:
-        crew.shutdown(wait=False, cancel_futures=True)
-
-
-def _pinned(package: str) -> str:
-    """The version of a package in the environment."""
-    found = re.search(rf"^{package}==(\S+)", (files("tools.furniture") / "requirements.txt").read_text(), re.M)
+def _infinigen_version() -> str:
+    """The version of Infinigen in the environment."""
+    found = re.search(r"^infinigen==(\S+)", (files("tools.furniture") / "requirements.txt").read_text(), re.M)
     assert found is not None
     return found[1]

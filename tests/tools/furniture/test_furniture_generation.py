@@ -13,14 +13,14 @@ from semgs.files.errors import InputError
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.lock import lock_digest, lock_of, verify
-from tools.furniture.baking import Baked, bake
+from tools.furniture.generation import Generated, generate
 from tools.furniture.kinds import make_job
 
 SEED = 3
 
 
-def run(folder: Path, stand_in, pieces: int, **options) -> Baked:
-    return bake(folder, SEED, pieces, python=stand_in.python, environment=stand_in.folder, **options)
+def run(folder: Path, stand_in, pieces: int, **options) -> Generated:
+    return generate(folder, SEED, pieces, environment=stand_in.folder, **options)
 
 
 def tree(folder: Path) -> dict[str, bytes]:

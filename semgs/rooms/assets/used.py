@@ -5,7 +5,7 @@ from __future__ import annotations
 from semgs.rooms.assets.pictures import Pack, Pyramid, pack
 
 
-class Gallery:
+class UsedAssets:
     """Collects the pictures of a room for its kernels, and the files they and its meshes are from for its attribution."""
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class Gallery:
             self._pyramids.append(pyramid)
         return self._numbers[id(pyramid)]
 
-    def use(self, file: str) -> None:
+    def add_file(self, file: str) -> None:
         """Note that a file of the assets is in the room."""
         self._files.add(file)
 
