@@ -120,7 +120,7 @@ class Catalogue:
     """All rows of a folder, in its order."""
 
     meshes: tuple[MeshEntry, ...]
-    pictures: tuple[ImageEntry, ...]
+    images: tuple[ImageEntry, ...]
 
 
 def read_catalogue(folder: str | Path) -> Catalogue:
@@ -130,8 +130,8 @@ def read_catalogue(folder: str | Path) -> Catalogue:
         InputError: the folder or one of the two is missing or not of that form, or a name occurs twice.
     """
     meshes = tuple(_read(Path(folder) / "catalog.json", _mesh))
-    pictures = tuple(_read(Path(folder) / "textures.json", _image))
-    return Catalogue(meshes, pictures)
+    images = tuple(_read(Path(folder) / "textures.json", _image))
+    return Catalogue(meshes, images)
 
 
 def usable(row: MeshEntry) -> bool:

@@ -15,9 +15,9 @@ from jaxtyping import Bool, Float32
 from semgs.files.errors import InputError
 from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, read_catalogue, usable
 from semgs.rooms.assets.glb import Primitive, read_glb
+from semgs.rooms.assets.images import Pyramid, decode
 from semgs.rooms.assets.lock import LockEntry, lock_digest, lock_of, read_lock, verify
-from semgs.rooms.assets.pictures import Pyramid, decode
-from semgs.rooms.assets.splits import Split, split_meshes, split_pictures
+from semgs.rooms.assets.splits import Split, split_images, split_meshes
 from semgs.rooms.pieces.shells import Shell, corner_normals
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ class Library:
         given = [folders] if isinstance(folders, str | Path) else folders
         self.folders, self.split, self.memory = tuple(Path(folder) for folder in given), split, memory
         self.meshes: tuple[MeshEntry, ...] = ()
-        self.pictures: tuple[ImageEntry, ...] = ()
+        self.images: tuple[ImageEntry, ...] = ()
         self._folder_of: dict[str, Path] = {}
         self._kept: OrderedDict[str, tuple[Any, int]] = OrderedDict()
         self._size = 0
@@ -96,10 +96,10 @@ class Library:
         """What a folder has for the split."""
         catalogue = read_catalogue(folder)
         meshes = [entry for entry in catalogue.meshes if usable(entry)]
-        mesh_lists, picture_lists = split_meshes(meshes), split_pictures(catalogue.pictures)
+        mesh_lists, image_lists = split_meshes(meshes), split_images(catalogue.images)
         self.meshes += tuple(entry for entry in meshes if mesh_lists[entry.name] == self.split)
-        self.pictures += tuple(entry for entry in catalogue.pictures if picture_lists[entry.name] == self.split)
-        everything: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.pictures]
+        self.images += tuple(entry for entry in catalogue.images if image_lists[entry.name] == self.split)
+        everything: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.images]
         for entry in everything:
             if self._folder_of.setdefault(entry.file, folder) != folder:
                 other = self._folder_of[entry.file]
@@ -122,7 +122,7 @@ class Library:
 
     def of_kind(self, *kinds: str) -> list[ImageEntry]:
         """The pictures of some kinds."""
-        return [entry for entry in self.pictures if entry.kind in kinds]
+        return [entry for entry in self.images if entry.kind in kinds]
 
     def panels(self, entry: MeshEntry) -> tuple[Panel, ...]:
         """The contents of a mesh.
@@ -170,7 +170,7 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
     if style not in SPLIT_OF_STYLE:
         raise ValueError(f"style {style!r}; expected one of {', '.join(SPLIT_OF_STYLE)}")
     library = Library(folders, SPLIT_OF_STYLE[style], check=check)
-    if not library.meshes and not library.pictures:
+    if not library.meshes and not library.images:
         raise InputError(
             ", ".join(map(str, library.folders)), f"meshes or pictures of the list {library.split}", "none",
             advice="what tools.furniture makes is for training and validation rooms" if style == "other" else None,

@@ -44,7 +44,7 @@ def make_lock(folder: str | Path) -> tuple[LockEntry, ...]:
     folder = Path(folder)
     catalogue = read_catalogue(folder)
     lists = tuple(LockEntry(name, Origin(), _digest(folder, name)) for name in LISTS)
-    named: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.pictures]
+    named: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.images]
     return (*lists, *(LockEntry(row.file, row.origin, _digest(folder, row.file)) for row in named))
 
 

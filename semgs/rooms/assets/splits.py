@@ -74,7 +74,7 @@ def split_meshes(rows: Sequence[MeshEntry]) -> dict[str, Split]:
     return result
 
 
-def split_pictures(rows: Sequence[ImageEntry]) -> dict[str, Split]:
+def split_images(rows: Sequence[ImageEntry]) -> dict[str, Split]:
     """The list that each picture belongs to, by name; every fifth of a kind is held out, in the order of a hash."""
     kinds: dict[str, list[str]] = defaultdict(list)
     for entry in rows:

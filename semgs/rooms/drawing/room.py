@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from semgs.data.raycast import Raycaster
+from semgs.rooms.assets.images import Pack
 from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.pictures import Pack
 from semgs.rooms.drawing import shading_kernels as kernels
 from semgs.rooms.drawing.lighting import draw_lights
 from semgs.rooms.pieces import shell_kernels

@@ -1,4 +1,4 @@
-"""Storage, kitchen and bath: cabinets, shelves, counters, sinks and what else stands against a wall."""
+"""Storage, kitchen and bathroom: cabinets, shelves, counters, sinks and other pieces for walls."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def sideboard(rng: np.random.Generator) -> Piece:
 
 
 def _cabinet(rng: np.random.Generator, look: float) -> Piece:
-    """A chest of drawers where `look` is below 0.4, a sideboard below 0.7, else a wardrobe."""
+    """A chest of drawers if `look` is below 0.4, a sideboard below 0.7, else a wardrobe."""
     label, body = LABEL["cabinet"], m.carpentry(rng)
     if look < 0.4:
         width, depth, height = rng.uniform(0.6, 1.1), rng.uniform(0.38, 0.5), rng.uniform(0.7, 1.1)
@@ -59,7 +59,7 @@ def nightstand(rng: np.random.Generator) -> Piece:
 
 
 def bookshelf(rng: np.random.Generator) -> Piece:
-    """Sides, boards, mostly a back, and rows of books with gaps and things between them."""
+    """Sides, boards, usually a back, and books with gaps and things between them."""
     label, wood = LABEL["bookshelf"], m.carpentry(rng)
     width, depth, height = rng.uniform(0.6, 1.6), rng.uniform(0.24, 0.36), rng.uniform(0.9, 2.2)
     columns = max(1, round(width / rng.uniform(0.55, 0.9)))
@@ -98,7 +98,7 @@ def bookshelf(rng: np.random.Generator) -> Piece:
 
 
 def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Part]:
-    """An open box with walls of 2 cm: the bowl of a sink or the tub of a bath, from outside to outside."""
+    """The bowl of a sink (walls of 2 cm) or the tub of a bath (5 cm): an open box of these outer corners."""
     thick = 0.02 if high[0] - low[0] < 1 else 0.05
     return [
         block(label, material, low, (high[0], high[1], low[2] + thick)),
@@ -119,7 +119,7 @@ def tap(rng: np.random.Generator, label: int, x: float, y: float, z: float) -> l
 
 
 def counter(rng: np.random.Generator) -> Piece:
-    """A kitchen counter: cabinets below, a top (counter) with a sink more often than not, cabinets above at times."""
+    """A kitchen run: cabinets, a worktop (counter), usually with a sink, and sometimes wall cabinets."""
     label, body = LABEL["cabinet"], m.carpentry(rng) if rng.random() < 0.5 else m.lacquer(rng)
     width, depth, height = rng.uniform(1.4, 3.0), rng.uniform(0.56, 0.66), rng.uniform(0.86, 0.94)
     front = depth - 0.04
@@ -172,7 +172,7 @@ def island(rng: np.random.Generator) -> Piece:
 
 
 def washbasin(rng: np.random.Generator) -> Piece:
-    """A bathroom sink on a foot, or set on a small cabinet."""
+    """A bathroom sink on a pedestal or on a small cabinet."""
     own, ware = LABEL["sink"], m.ceramic(rng)
     width, depth, height = rng.uniform(0.5, 0.8), rng.uniform(0.42, 0.52), rng.uniform(0.8, 0.88)
     if rng.random() < 0.55:
@@ -190,7 +190,7 @@ def washbasin(rng: np.random.Generator) -> Piece:
 
 
 def refrigerator(rng: np.random.Generator) -> Piece:
-    """White, steel, black or red, of one or two doors."""
+    """White, steel or coloured, with two doors."""
     own = LABEL["refrigerator"]
     look = rng.random()
     if look < 0.5:
@@ -243,7 +243,7 @@ def toilet(rng: np.random.Generator) -> Piece:
 
 
 def bathtub(rng: np.random.Generator) -> Piece:
-    """A tub with a tap; its outside may be tiled."""
+    """A tub with a tap, sometimes tiled outside."""
     own, ware = LABEL["bathtub"], m.ceramic(rng)
     width, depth, height = rng.uniform(1.45, 1.75), rng.uniform(0.7, 0.82), rng.uniform(0.48, 0.62)
     parts = basin(own, ware, (0, 0, 0.1), (width, depth, height))
@@ -258,7 +258,7 @@ def bathtub(rng: np.random.Generator) -> Piece:
 
 
 def other(rng: np.random.Generator) -> Piece:
-    """Furniture that is none of the named kinds: an ottoman, a rack, a piano, a trolley, a bean bag, a stove."""
+    """Other furniture: an ottoman, a rack, a piano, a trolley, a bean bag or a stove."""
     own, look = LABEL["otherfurniture"], int(rng.integers(6))
     if look == 0:
         side, height = rng.uniform(0.45, 0.9), rng.uniform(0.36, 0.48)
@@ -321,7 +321,7 @@ def other(rng: np.random.Generator) -> Piece:
 
 
 def stove(rng: np.random.Generator) -> Piece:
-    """A free-standing stove with an oven, which is other furniture."""
+    """A free-standing stove with an oven; its class is otherfurniture."""
     own = LABEL["otherfurniture"]
     skin = m.lacquer(rng) if rng.random() < 0.5 else m.metal(rng)
     dark, grip = m.plain(rng, (0.015, 0.015, 0.018), gloss=0.6), m.metal(rng)

@@ -1,4 +1,4 @@
-"""Furniture for sitting, lying and working: pieces made of parts, each with random proportions and materials."""
+"""Beds, seats, tables and desks with random proportions and materials."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def legs(
 
 
 def bed(rng: np.random.Generator) -> Piece:
-    """Frame, mattress, cover, pillows, and a headboard more often than not."""
+    """Frame, mattress, cover, pillows, and usually a headboard."""
     label = LABEL["bed"]
     width, depth = float(rng.choice([0.9, 1.2, 1.4, 1.6, 1.8])) + rng.uniform(-0.05, 0.1), rng.uniform(1.95, 2.2)
     frame = m.carpentry(rng) if rng.random() < 0.7 else m.fabric(rng)
@@ -101,7 +101,7 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
 
 
 def armchair(rng: np.random.Generator) -> Piece:
-    """A sofa of one seat, which is a chair."""
+    """A sofa with one seat, labelled as a chair."""
     piece = sofa(rng, seats=1, label=LABEL["chair"])
     return Piece("armchair", piece.size, piece.parts)
 
@@ -164,7 +164,7 @@ def chair(rng: np.random.Generator) -> Piece:
 def _table_under(
     rng: np.random.Generator, label: int, frame: Material, width: float, depth: float, height: float
 ) -> list[Part]:
-    """What carries a table top: legs, panels, or a middle post."""
+    """Support of a table top: legs, panels or a central post."""
     look = rng.random()
     if look < 0.65:
         thin = rng.uniform(0.035, 0.09)
@@ -218,7 +218,7 @@ def side_table(rng: np.random.Generator) -> Piece:
 
 
 def desk(rng: np.random.Generator) -> Piece:
-    """A top on legs or panels, often with drawers; a screen, a keyboard and the like on it are ignored."""
+    """A top on legs or panels, often with drawers. The screen and keyboard on it are ignored."""
     label, wood = LABEL["desk"], m.carpentry(rng)
     width, depth, height = rng.uniform(1.0, 1.8), rng.uniform(0.55, 0.8), rng.uniform(0.7, 0.78)
     parts = _table_under(rng, label, wood if rng.random() < 0.6 else m.metal(rng), width, depth, height - 0.03)
@@ -250,7 +250,7 @@ class Front:
 
     Attributes:
         across: left and right edge [m].
-        y: depth of the body, where they begin [m].
+        y: depth of the body, on which they are mounted [m].
         upwards: lower and upper edge [m].
         columns, rows: how many.
     """

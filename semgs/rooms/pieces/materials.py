@@ -1,6 +1,6 @@
-"""Materials: rows of numbers for the texture kernels, drawn at random by what a thing is made of.
+"""Random materials: wood, cloth, metal and so on, as numbers for the texture kernels.
 
-Colours are drawn as hue, saturation and value of sRGB and kept as linear RGB, because light is added up in linear.
+Colours are sampled as hue, saturation and value in sRGB and stored as linear RGB, because light adds up in linear RGB.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from semgs.rooms.pieces import texture_kernels as t
 
 Material = Float64[np.ndarray, " 24"]
-"""One material."""
+"""A material; `texture_kernels` says what each number means."""
 Range = tuple[float | int, float | int]
 """Lowest and highest value."""
 
@@ -25,7 +25,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Pattern:
-    """What the texture kernels paint on a surface; `texture_kernels` says what each number means. Colours b and c are a if None."""
+    """A procedural pattern; see `texture_kernels` for the numbers. Colours b and c default to a."""
 
     kind: int
     a: Colour = (0.5, 0.5, 0.5)
@@ -41,7 +41,7 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Noise:
-    """Irregularities of a surface: relative strength and size [m] of the fine grain and of large blotches."""
+    """Irregularities of a surface: relative strength and size [m] of fine grain, and of large blotches."""
 
     fine: float = 0.03
     fine_scale: float = 0.01
@@ -67,7 +67,7 @@ def colour(
     saturation: Range = (0.0, 0.7),
     value: Range = (0.15, 0.9),
 ) -> Colour:
-    """A random linear RGB colour; hue wraps around at 1, pale tones are more frequent than strong ones."""
+    """A random linear RGB colour. Hue wraps around at 1; pale tones are more frequent than strong ones."""
     strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 2.2
     return linear(colorsys.hsv_to_rgb(rng.uniform(*hue) % 1, strength, rng.uniform(*value)))
 
@@ -97,7 +97,7 @@ def plain(
 
 
 def wall_paint(rng: np.random.Generator) -> Material:
-    """What walls are covered with: plain paint mostly, pale more often than not; else wallpaper, brick or boards."""
+    """Wall covering: usually plain, pale paint; otherwise wallpaper, brick or boards."""
     look = rng.random()
     if look < 0.66:
         base = colour(rng, (0.02, 0.2), (0.0, 0.16), (0.72, 0.97))
@@ -125,7 +125,7 @@ def wall_paint(rng: np.random.Generator) -> Material:
 
 
 def shade(rng: np.random.Generator, base: Colour, low: float, high: float) -> Colour:
-    """A colour, lighter or darker by a random factor and a little off in hue."""
+    """A colour made lighter or darker by a random factor, with a slightly different hue."""
     factor = rng.uniform(low, high)
     red, green, blue = (min(0.95, c * factor * rng.uniform(0.93, 1.07)) for c in base)
     return red, green, blue
@@ -139,12 +139,12 @@ def boards(rng: np.random.Generator, base: Colour) -> Material:
 
 
 def wood_colour(rng: np.random.Generator) -> Colour:
-    """From pale birch over oak and teak to wenge."""
+    """A random wood colour, from birch to wenge."""
     return colour(rng, (0.04, 0.11), (0.2, 0.7), (0.2, 0.9))
 
 
 def wood(rng: np.random.Generator, axis: int = 0, base: Colour | None = None) -> Material:
-    """Solid wood whose grain runs along an axis of the part."""
+    """Solid wood with its grain along an axis of the part."""
     base = wood_colour(rng) if base is None else base
     dark, scale, gloss = shade(rng, base, 0.35, 0.75), rng.uniform(0.5, 2.0), rng.uniform(0, 0.3)
     pattern = Pattern(t.WOOD, base, None, dark, scale=scale, axis=axis, tint=rng.uniform(0.3, 0.9))
@@ -159,7 +159,7 @@ def along(material: Material, axis: int) -> Material:
 
 
 def lacquer(rng: np.random.Generator) -> Material:
-    """Painted furniture: white more often than not."""
+    """Furniture paint, usually white."""
     pale = rng.random() < 0.55
     base = colour(rng, saturation=(0, 0.08), value=(0.75, 0.97)) if pale else colour(rng, value=(0.08, 0.8))
     noise = Noise(rng.uniform(0.005, 0.04), 0.01, rng.uniform(0.01, 0.05), rng.uniform(0.1, 0.6))
@@ -167,7 +167,7 @@ def lacquer(rng: np.random.Generator) -> Material:
 
 
 def carpentry(rng: np.random.Generator) -> Material:
-    """What wooden furniture is made of: wood or lacquer."""
+    """Wood or paint, for wooden furniture."""
     return wood(rng) if rng.random() < 0.62 else lacquer(rng)
 
 
@@ -195,7 +195,7 @@ def fabric(rng: np.random.Generator, base: Colour | None = None) -> Material:
 
 
 def bedding(rng: np.random.Generator) -> Material:
-    """Cloth of beds: white in half of the cases."""
+    """Bed linen, white in half of the cases."""
     return fabric(rng, colour(rng, saturation=(0, 0.1), value=(0.75, 0.97)) if rng.random() < 0.5 else None)
 
 
@@ -206,7 +206,7 @@ def metal(rng: np.random.Generator) -> Material:
 
 
 def ceramic(rng: np.random.Generator) -> Material:
-    """White glazed ware, seldom coloured."""
+    """Glazed ceramic: white, rarely coloured."""
     if rng.random() < 0.12:
         base = colour(rng, saturation=(0.1, 0.4), value=(0.5, 0.9))
     else:
@@ -223,7 +223,7 @@ def stone(rng: np.random.Generator) -> Material:
 
 
 def tiles(rng: np.random.Generator, small: bool = False) -> Material:
-    """Tiles with joints, of one colour, of speckled colours, or as a chess board."""
+    """Tiles with joints, in one colour or varied, or as a chess board."""
     base = colour(rng, saturation=(0.0, 0.3), value=(0.45, 0.95)) if rng.random() < 0.7 else colour(rng)
     scale = rng.uniform(0.05, 0.2) if small else rng.uniform(0.2, 0.6)
     if rng.random() < 0.15:
@@ -236,7 +236,7 @@ def tiles(rng: np.random.Generator, small: bool = False) -> Material:
 
 
 def flooring(rng: np.random.Generator, wet: bool) -> Material:
-    """Planks, carpet, tiles or stone; tiles mostly where it gets wet."""
+    """Planks, carpet, tiles or stone; usually tiles in wet rooms."""
     look = rng.random()
     if wet and look < 0.75:
         return tiles(rng)
@@ -255,7 +255,7 @@ def flooring(rng: np.random.Generator, wet: bool) -> Material:
 
 
 def rug(rng: np.random.Generator) -> Material:
-    """Cloth on the floor, often patterned."""
+    """A rug, often patterned."""
     if rng.random() < 0.4:
         patches = Pattern(t.ABSTRACT, colour(rng), colour(rng), colour(rng), scale=rng.uniform(0.1, 0.4))
         return patterned(rng, patches, Noise(fine=0.15))
@@ -270,7 +270,7 @@ def books(rng: np.random.Generator) -> Material:
 
 
 def artwork(rng: np.random.Generator) -> Material:
-    """What hangs in a frame: a landscape, or patches of colour."""
+    """A painting: a landscape or patches of colour."""
     if rng.random() < 0.65:
         sky, ground = (
             colour(rng, (0.5, 0.65), (0.05, 0.5), (0.5, 0.95)),
@@ -284,7 +284,7 @@ def artwork(rng: np.random.Generator) -> Material:
 
 
 def outdoors(rng: np.random.Generator, light: float) -> Material:
-    """The view through a window, lit by itself: sky over trees or houses; `light` is its radiance."""
+    """The view through a window, which emits light of radiance `light`: sky over trees or houses."""
     sky = colour(rng, BLUE_HUES, (0.0, 0.4), (0.75, 1.0))
     ground = colour(rng, (0.08, 0.4), (0.1, 0.6), (0.15, 0.6))
     scale, aspect, duty = rng.uniform(0.2, 0.8), rng.uniform(0.3, 1.0), rng.uniform(-1.2, 0.6)
@@ -293,11 +293,11 @@ def outdoors(rng: np.random.Generator, light: float) -> Material:
 
 
 def drapery(rng: np.random.Generator) -> Material:
-    """Cloth of curtains."""
+    """Curtain cloth."""
     return fabric(rng, colour(rng, saturation=(0.0, 0.2), value=(0.6, 0.95)) if rng.random() < 0.45 else None)
 
 
 def thing(rng: np.random.Generator) -> Material:
-    """The stuff clutter is made of: anything."""
+    """A random material for clutter."""
     maker = (lacquer, fabric, wood, metal, books, artwork)[int(rng.integers(6))]
     return maker(rng)

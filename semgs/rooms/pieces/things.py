@@ -1,4 +1,4 @@
-"""Things that stand and lie about: lamps, screens, plants, books, bottles, boxes. None of them has a class."""
+"""Small things: lamps, screens, plants, books, bottles, boxes. None of them has a class."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, bloc
 
 
 def television(rng: np.random.Generator, width: float) -> Piece:
-    """A dark screen on a foot; without a class."""
+    """A dark screen on a foot."""
     dark = m.plain(rng, m.colour(rng, saturation=(0, 0.2), value=(0.02, 0.1)), m.Noise(fine=0.0), gloss=0.6)
     height = width * 0.58
     parts = [
@@ -22,19 +22,19 @@ def television(rng: np.random.Generator, width: float) -> Piece:
 
 
 def floor_lamp(rng: np.random.Generator, lit: bool) -> Piece:
-    """A foot, a pole and a shade that shines if it is on; without a class."""
+    """A foot, a pole and a shade, which shines if the lamp is on."""
     tall, reach, steel = rng.uniform(1.35, 1.7), rng.uniform(0.13, 0.2), m.metal(rng)
     shade = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=1.5 if lit else 0.0)
     parts = [
-        post(IGNORE, steel, (reach, reach), 0.12, 0, 0.03),
-        post(IGNORE, steel, (reach, reach), 0.012, 0, tall),
+        post(IGNORE, steel, (reach, reach), 0.12, 0.0, 0.03),
+        post(IGNORE, steel, (reach, reach), 0.012, 0.0, tall),
         block(IGNORE, shade, (0, 0, tall - 0.28), (2 * reach, 2 * reach, tall), CYLINDER),
     ]
     return Piece("floor lamp", (2 * reach, 2 * reach, tall), tuple(parts))
 
 
 def clutter(rng: np.random.Generator, size: float) -> Piece:
-    """Some small thing of about that size [m], for a floor or a table."""
+    """A random small thing of about this size [m], for a floor or a table."""
     makers = (_box, _books, _books, _pot, _plant, _plant, _bottle, _bag, _papers, _table_lamp, _ball)
     return makers[int(rng.integers(len(makers)))](rng, size)
 
@@ -49,7 +49,7 @@ def _box(rng: np.random.Generator, size: float) -> Piece:
 
 
 def _books(rng: np.random.Generator, size: float) -> Piece:
-    """A pile of one to five, each a little turned."""
+    """A pile of one to five, each slightly turned."""
     width, depth, height = min(size, 0.3) * rng.uniform(0.6, 1.0), min(size, 0.3) * rng.uniform(0.5, 0.8), 0.0
     parts = []
     for _ in range(int(rng.integers(1, 6))):
@@ -61,7 +61,7 @@ def _books(rng: np.random.Generator, size: float) -> Piece:
 
 
 def _pot(rng: np.random.Generator, size: float) -> Piece:
-    """A cup, a vase, a bin."""
+    """A cup, a vase or a bin."""
     width, height = size * rng.uniform(0.35, 0.8), size * rng.uniform(0.5, 1.0)
     return _piece(width, width, height, block(IGNORE, m.thing(rng), (0, 0, 0), (width, width, height), CYLINDER))
 
@@ -71,11 +71,11 @@ def _plant(rng: np.random.Generator, size: float) -> Piece:
     pot, high, tall = size * rng.uniform(0.3, 0.5), size * rng.uniform(0.25, 0.5), size * rng.uniform(0.9, 2.0)
     leaf = m.colour(rng, m.GREEN_HUES, (0.3, 0.8), (0.12, 0.55))
     green = m.plain(rng, leaf, m.Noise(0.3, size * 0.05, 0.4, size * 0.15))
-    parts = [post(IGNORE, m.ceramic(rng) if rng.random() < 0.6 else m.thing(rng), (0.0, 0.0), pot / 2, 0, high)]
+    parts = [post(IGNORE, m.ceramic(rng) if rng.random() < 0.6 else m.thing(rng), (0.0, 0.0), pot / 2, 0.0, high)]
     for _ in range(int(rng.integers(10, 22))):
         yaw, lean = rng.uniform(-np.pi, np.pi), rng.uniform(0.1, 1.0)
         long, wide = tall * rng.uniform(0.4, 0.8), size * rng.uniform(0.04, 0.12)
-        # The blade's foot is in the pot: its middle is half its length away, along its lean.
+        # The blade starts in the pot, so its middle is half its length away in the direction it leans.
         out, up = long / 2 * np.sin(lean), long / 2 * np.cos(lean)
         centre = (float(np.sin(yaw) * out), float(-np.cos(yaw) * out), float(0.9 * high + up))
         parts.append(Part(IGNORE, green, centre, (wide, 0.006, long), CUSHION, yaw=yaw, tilt=lean))
@@ -93,14 +93,14 @@ def _bottle(rng: np.random.Generator, size: float) -> Piece:
 
 
 def _bag(rng: np.random.Generator, size: float) -> Piece:
-    """A bag, a cushion, a heap of cloth."""
+    """A bag, a cushion or a heap of cloth."""
     width, depth, height, cloth = size, size * rng.uniform(0.4, 0.7), size * rng.uniform(0.3, 0.9), m.fabric(rng)
     heap = block(IGNORE, cloth, (0, 0, 0), (width, depth, height), CUSHION, tilt=rng.uniform(-0.1, 0.1))
     return _piece(width, depth, height, heap)
 
 
 def _papers(rng: np.random.Generator, size: float) -> Piece:
-    """Sheets that lie side by side or over each other."""
+    """One to three sheets on top of each other."""
     white = m.plain(rng, m.colour(rng, saturation=(0, 0.1), value=(0.8, 0.97)), m.Noise(fine=0.05))
     width, depth = 0.21, 0.297
     parts = [

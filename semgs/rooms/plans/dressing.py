@@ -1,4 +1,4 @@
-"""What makes a furnished room lived in: curtains, pictures, rugs, lamps, and clutter."""
+"""What makes a room look lived in: curtains, pictures, rugs, lamps and clutter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from semgs.rooms.plans.outlines import Zone
 
 
 def curtains(builder: Builder, wall: Wall, window: Span) -> bool:
-    """Drapes beside a window, or drawn over it; returns whether it is closed."""
+    """Hang drapes beside a window or across it; returns whether they cover it."""
     rng, height = builder.rng, builder.size[2]
     left, right, low, high = window
     cloth_seed = int(rng.integers(1 << 30))
@@ -38,7 +38,7 @@ def curtains(builder: Builder, wall: Wall, window: Span) -> bool:
 
 
 def pictures(builder: Builder, zone: Zone) -> None:
-    """Pictures at eye height where a wall is free, some in rows."""
+    """Hang pictures at eye height on free walls, some in rows."""
     rng = builder.rng
     for _ in range(int(rng.integers(1, 8))):
         piece = openings.picture(rng)
@@ -59,7 +59,7 @@ def pictures(builder: Builder, zone: Zone) -> None:
 def rug(
     builder: Builder, zone: Zone, middle: Float64[np.ndarray, " 2"], yaw: float, width: float | None = None
 ) -> None:
-    """A flat rug (ignored) about a place, under whatever stands there, as large as the room allows."""
+    """Lay a flat rug (ignored) around a place, under any furniture there, as large as the room allows."""
     rng = builder.rng
     width = rng.uniform(1.2, 2.4) if width is None else width
     depth = width * rng.uniform(0.6, 0.8)
@@ -74,7 +74,7 @@ def rug(
 
 
 def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
-    """A ceiling lamp or spots, at times a floor lamp; `lit` says whether they are on."""
+    """Add a ceiling lamp or spots, sometimes a floor lamp; `lit`: they are on."""
     rng, height = builder.rng, builder.size[2]
     middle = (np.array(zone.low) + zone.high) / 2 + rng.uniform(-0.3, 0.3, 2)
     x, y = float(middle[0]), float(middle[1])
@@ -105,7 +105,7 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
 
 
 def clutter(builder: Builder, zone: Zone) -> None:
-    """Small things on tables and cabinets, and some on the floor."""
+    """Put small things on tables and cabinets, and some on the floor."""
     rng = builder.rng
     while builder.surfaces:
         top = builder.surfaces.pop()

@@ -1,7 +1,7 @@
-"""The world that is held out: long rooms furnished in zones, in few colours that go together; see `docs/rooms.md`.
+"""The style `other`, held out for testing: long rooms furnished in zones, in a few matching colours. See `docs/rooms.md`.
 
-It shares the parametric pieces with `home` and nothing else: other proportions, walls, windows and lamps, other rules for
-what stands where, other choices of colour. Choices are made by it, so that no training may see it.
+It shares only the parametric pieces with `home`. Proportions, walls, windows, lamps, placement and colours differ. Models are
+selected on it, so nothing may be trained on it.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from semgs.rooms.plans.outlines import rectangular
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
 ZONE_LENGTH = 2.3
-"""About what a zone takes of the length of a room [m]."""
+"""Approximate length of a zone [m]."""
 ALONG, OPPOSITE = 0, 2
 """The long walls."""
 
 
 @dataclass(frozen=True)
 class Palette:
-    """The few materials of a room.
+    """The few colours of a room.
 
     Attributes:
-        wood, dark: the colours of its wood.
-        paint: of its painted furniture.
-        walls: of its walls, and of the wall at its end.
+        wood, dark: colours of the wood.
+        paint: colour of painted furniture.
+        walls: colours of the long walls and of the end walls.
     """
 
     wood: tuple[float, float, float]
@@ -61,7 +61,7 @@ def draw_palette(rng: np.random.Generator) -> Palette:
 
 
 def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
-    """A random long room; `swap` may exchange each piece for another of the same footprint."""
+    """A random long room; `swap` may replace each piece with another of the same footprint."""
     length, width = rng.uniform(4.6, 8.2), rng.uniform(2.7, 4.0)
     loft = _Loft(rng, (length, width, rng.uniform(2.5, 3.7)), swap)
     loft.openings()
@@ -78,7 +78,7 @@ def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
 
 
 class _Loft:
-    """A long room that is being furnished; the middle of its floor is the origin."""
+    """A long room in progress. The origin is the middle of its floor."""
 
     def __init__(self, rng: np.random.Generator, size: tuple[float, float, float], swap: Swap | None) -> None:
         self.rng, self.size, self.swap = rng, size, swap
@@ -93,7 +93,7 @@ class _Loft:
         self.walls = rectangular("", size).zones[0].walls
 
     def shell(self) -> None:
-        """Floor, ceiling with beams, walls of two colours, panelled to the waist or tiled to the shoulder at times."""
+        """Build floor, ceiling (with beams) and walls in two colours, sometimes panelled or tiled on their lower part."""
         rng, (x, y, z) = self.rng, self.size
         a, b = x / 2 + WALL, y / 2 + WALL
         self.parts.append(block(LABEL["floor"], self._floor(), (-a, -b, -WALL), (a, b, 0)))
@@ -145,7 +145,7 @@ class _Loft:
         return m.plain(rng, self.palette.walls[1], m.Noise(0.2, 0.015, 0.1, 0.2))
 
     def openings(self) -> None:
-        """A door in an end wall, and a band of equal windows in a long wall or one large one in the other end."""
+        """Add a door in one end wall, and equal windows in a long wall or one large window in the other end wall."""
         rng, (_, width, height) = self.rng, self.size
         door = openings.door(rng, height)
         end = self.walls[1]
@@ -182,12 +182,12 @@ class _Loft:
                     self.hang(wall, drape, start, 0.0)
 
     def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
-        """Fix a piece to a wall with its lower left corner there."""
+        """Hang a piece on a wall with its lower left corner at (left, low) [m]."""
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
         self.parts += moved(self.toned(piece).parts, (*wall.at(left), low), wall.yaw)
 
     def stand(self, piece: Piece, x: float, y: float, yaw: float) -> bool:
-        """Put a piece on the floor with its own (0, 0) at (x, y), if there is room for it."""
+        """Put a piece on the floor with its origin at (x, y). False if there is no room."""
         width, depth, _ = piece.size
         shape = rectangle(x, y, width, depth, yaw)
         if (np.abs(shape) > (self.size[0] / 2 - 0.03, self.size[1] / 2 - 0.03)).any():
@@ -202,7 +202,7 @@ class _Loft:
         return True
 
     def toned(self, piece: Piece) -> Piece:
-        """The piece, or what is exchanged for it, its wood and its paint in the room's colours."""
+        """The piece, or its replacement, with wood and paint in the room's colours."""
         piece = piece if self.swap is None else self.swap(piece)
         return replace(piece, parts=tuple(replace(part, material=self._toned(part.material)) for part in piece.parts))
 
@@ -220,13 +220,13 @@ class _Loft:
         return material
 
     def zone(self, zone: str, start: float, length: float) -> None:
-        """Furnish a stretch of the room, `start` being the smallest x of it [m]."""
+        """Furnish the stretch of the room from x = `start` [m]."""
         middle = start + length / 2
         side = ALONG if self.rng.random() < 0.65 else OPPOSITE
         getattr(self, f"_{zone}")(middle, length, side)
 
     def at_wall(self, maker: Maker | Piece, middle: float, side: int, off: float = 0.04) -> Piece | None:
-        """A piece with its back to a long wall, its middle at an x; None if there was no room."""
+        """Put a piece with its back to a long wall, centred at x = `middle`; None if there is no room."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
         off += 0.1 if piece.name in ("bed", "sofa") else 0.0
         wall = self.walls[side]
@@ -239,14 +239,14 @@ class _Loft:
         return piece
 
     def facing(self, maker: Maker | Piece, middle: float, side: int, off: float) -> None:
-        """A piece that looks at a long wall from a distance [m] of its front."""
+        """Put a piece with its front towards a long wall, `off` away from it [m]."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
         wall = self.walls[side]
         along = (middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle) + piece.size[0] / 2
         self.stand(piece, *wall.at(along, off + piece.size[1]), wall.yaw + np.pi)
 
     def in_line(self, makers: Sequence[Maker], start: float, end: float, side: int) -> None:
-        """Pieces side by side along a long wall, as many as fit."""
+        """Put pieces side by side along a long wall, as many as fit."""
         x = start
         for maker in makers:
             piece = maker(self.rng)
@@ -313,7 +313,7 @@ class _Loft:
         self.at_wall(furniture.armchair, middle, OPPOSITE - side)
 
     def row_of_pictures(self) -> None:
-        """Pictures of one size in a row, on each wall that has room at eye height."""
+        """Hang pictures of one size in a row at eye height, on each wall that has room."""
         rng = self.rng
         for wall in self.walls:
             piece = openings.picture(rng)
@@ -329,12 +329,12 @@ class _Loft:
                 left = right + gap
 
     def _other_art(self, part: Part) -> Part:
-        """The part, with another picture if it is one."""
+        """The part; if it is a picture, with other art."""
         art = part.material[t.KIND] in (t.LANDSCAPE, t.ABSTRACT)
         return replace(part, material=m.artwork(self.rng)) if art else part
 
     def lamps(self) -> None:
-        """Globes in a row along the middle of the ceiling."""
+        """Hang globes in a row along the middle of the ceiling."""
         rng, (x, _, z) = self.rng, self.size
         lit = rng.random() < 0.5
         shade = m.plain(rng, (0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
@@ -346,7 +346,7 @@ class _Loft:
             self.parts.append(block(IGNORE, m.metal(rng), (along - 0.006, -0.006, z - drop), (along + 0.006, 0.006, z)))
 
     def things(self) -> None:
-        """Small things in rows on flat tops, a few on the floor along the walls."""
+        """Put small things in rows on furniture, and a few on the floor along the walls."""
         rng = self.rng
         for x, y, yaw, width, depth, height in self.tops:
             left = 0.05

@@ -1,4 +1,4 @@
-"""Plans of every style, and how much of them is from assets."""
+"""Floor plans of every style, and how many of them use assets."""
 
 from __future__ import annotations
 
@@ -15,19 +15,18 @@ from semgs.rooms.plans.home import draw_home
 from semgs.rooms.plans.other import draw_other
 from semgs.rooms.plans.style import STYLES, Style
 
-DRAWN = {"home": draw_home, "other": draw_other}
-"""What makes the plans of each style."""
+PLANNERS = {"home": draw_home, "other": draw_other}
 MESHES = {"home": 0.5, "other": 0.9}
-"""Share of the rooms with meshes, where there is a library."""
-PICTURES = {"home": 0.75, "other": 1.0}
-"""Share of the rooms with pictures on their surfaces, where there is a library."""
+"""If there is a library: share of rooms that use its meshes."""
+IMAGES = {"home": 0.75, "other": 1.0}
+"""If there is a library: share of rooms that use its images on all surfaces."""
 
 
 def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, UsedAssets]:
-    """A plan of a style and the pictures that its materials are of.
+    """A floor plan of a style, and the assets that it uses.
 
-    What comes from the library is drawn by numbers of its own: furniture stands where it would without. Only the small
-    things on it, and what is drawn after them, follow the tops of the meshes.
+    Assets are chosen with a random generator of their own, so furniture is where it would be without a library. Only small things
+    on furniture, and whatever is placed after them, depend on the tops of the meshes.
 
     Raises:
         ValueError: there is no such style.
@@ -37,10 +36,10 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
         raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
     used = UsedAssets()
     if library is None:
-        return DRAWN[style](rng), used
+        return PLANNERS[style](rng), used
     own = rng.spawn(1)[0]
     has_meshes = own.random() < MESHES[style]
-    coverings = Coverings(own, library, used, ALL if own.random() < PICTURES[style] else HUNG)
+    coverings = Coverings(own, library, used, ALL if own.random() < IMAGES[style] else HUNG)
     swap = Swaps(own, library, coverings) if has_meshes else None
-    plan = DRAWN[style](rng, swap)
+    plan = PLANNERS[style](rng, swap)
     return replace(plan, parts=tuple(coverings.cover(plan.parts))), used

@@ -110,4 +110,4 @@ def test_every_row_of_the_packages_lock_says_where_from_and_under_which_licence(
 def test_the_collected_assets_satisfy_the_packages_lock():
     verify(REAL)
     catalogue = read_catalogue(REAL)
-    assert len(read_lock()) == 2 + len(catalogue.meshes) + len(catalogue.pictures)
+    assert len(read_lock()) == 2 + len(catalogue.meshes) + len(catalogue.images)

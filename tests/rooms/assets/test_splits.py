@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semgs.rooms.assets.catalogue import EXCLUDED, read_catalogue, usable
-from semgs.rooms.assets.splits import family, split_meshes, split_pictures
+from semgs.rooms.assets.splits import family, split_images, split_meshes
 
 REAL = Path(__file__).parents[3].parent / "shared" / "assets"
 
@@ -30,11 +30,11 @@ def test_every_mesh_is_in_one_list_and_the_lists_are_about_60_20_and_20_per_cent
 def test_lists_do_not_depend_on_the_order_of_the_rows(asset_folder):
     catalogue = read_catalogue(asset_folder)
     rng = np.random.default_rng(0)
-    meshes, pictures = list(catalogue.meshes), list(catalogue.pictures)
-    expected = split_meshes(meshes), split_pictures(pictures)
+    meshes, pictures = list(catalogue.meshes), list(catalogue.images)
+    expected = split_meshes(meshes), split_images(pictures)
     rng.shuffle(meshes)
     rng.shuffle(pictures)
-    assert (split_meshes(meshes), split_pictures(pictures)) == expected
+    assert (split_meshes(meshes), split_images(pictures)) == expected
 
 
 def test_no_family_is_both_in_training_and_in_other(asset_folder):
@@ -76,8 +76,8 @@ def test_baked_pieces_are_one_family_a_class_and_never_held_out():
 
 
 def test_pictures_of_each_kind_are_held_out(asset_folder):
-    rows = read_catalogue(asset_folder).pictures
-    split = split_pictures(rows)
+    rows = read_catalogue(asset_folder).images
+    split = split_images(rows)
     counts = Counter((row.kind, split[row.name]) for row in rows)
     for kind in {row.kind for row in rows}:
         assert [counts[kind, name] for name in ("training", "validation", "other")] == [3, 1, 1]

@@ -156,7 +156,7 @@ def test_about_half_of_the_homes_have_meshes_and_all_name_the_files_they_use(lib
     rooms = [build_room(generator(12, index), library) for index in range(30)]
     share = np.mean([len(room.shells.corners) > 0 for room in rooms])
     assert 0.25 < share < 0.75
-    names = {row.file for row in (*library.meshes, *library.pictures)}
+    names = {row.file for row in (*library.meshes, *library.images)}
     assert all(set(room.files) <= names for room in rooms)
     for room in rooms:
         assert bool(len(room.shells.corners)) == any(file.startswith("models/") for file in room.files)
@@ -179,7 +179,7 @@ def test_only_what_is_an_own_part_of_a_mesh_is_a_shell(library):
 
 def test_splits_have_no_mesh_and_no_picture_in_common(asset_folder):
     libraries = [Library(asset_folder, split, check=False) for split in ("training", "validation", "other")]
-    for kind in ("meshes", "pictures"):
+    for kind in ("meshes", "images"):
         names = [{row.name for row in getattr(library, kind)} for library in libraries]
         assert all(names)
         assert not names[0] & names[1]

@@ -129,7 +129,7 @@ def test_folders_go_together_unless_they_have_files_of_one_name(stand_in, tmp_pa
     both = Library([asset_folder, folder], check=False)
     alone = Library(asset_folder, check=False), Library(folder, check=False)
     assert both.meshes == alone[0].meshes + alone[1].meshes
-    assert both.pictures == alone[0].pictures
+    assert both.images == alone[0].images
     for row in both.meshes:
         assert both.panels(row)
     assert both.lock_digests == (lock_digest(asset_folder), lock_digest(folder))
