@@ -1,4 +1,4 @@
-"""Rooms from a seed, in the form that rays need."""
+"""Random rooms as triangles, materials and lights, ready for ray casting."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ from semgs.rooms.plans.worlds import furnish
 FIELD_STEP = 0.1
 """Spacing of the distance field's nodes [m]."""
 FLAT = 0.02
-"""What ends below this height is ground to stand on [m]."""
+"""Parts whose top is below this height count as floor [m]."""
 FIELD_REACH = 0.7
-"""Distances are exact up to here and cut off there [m]."""
+"""Distances in the field are clipped to this [m]."""
 SENT_BACK = 0.6
-"""Light on surfaces that are near others, as a share of the room's ambient light."""
+"""Light on surfaces close to others, as a share of the room's ambient light."""
 SCATTER = 0.05
-"""Spacing of the points of shells from which distances are taken [m]."""
+"""Spacing of the points on shells that represent them in the distance field [m]."""
 
 
 @dataclass(frozen=True)
 class Room:
-    """A room that can be looked at.
+    """A room ready to be rendered.
 
     Attributes:
-        plan: what stands where.
+        plan: its floor plan.
         solids: its parts as arrays.
         owners: the part of each triangle.
         planes: unit normal and offset of each triangle's plane (n . x = offset).
         caster: its triangles.
-        space: distance of grid nodes to the nearest solid but the floor and what lies flat on it, at most `FIELD_REACH` [m].
-        corner: where the grid starts [m].
-        shifts: moves the texture of each part.
-        lights: rows for the shading kernels.
-        ambient: light from everywhere, linear RGB.
-        glow: what each part sends back to what is near it, linear RGB.
-        shells: the triangles that are not of solids, the last ones of all.
-        pictures: what materials of kind PICTURE show.
-        files: of the assets that are in it.
+        space: distance from grid nodes to the nearest solid, at most `FIELD_REACH`, without the floor and flat things on it [m].
+        corner: position of the grid's first node [m].
+        shifts: texture offset of each part.
+        lights: as the shading kernels take them.
+        ambient: ambient light, linear RGB.
+        glow: light that each part returns to nearby surfaces, linear RGB.
+        shells: the triangles of meshes; they follow those of solids.
+        pictures: the images of materials of kind PICTURE.
+        files: of the assets in it.
     """
 
     plan: FloorPlan
@@ -69,7 +69,7 @@ class Room:
     files: tuple[str, ...] = ()
 
     def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
-        """Distance of places in the room to the nearest solid but the floor, at most `FIELD_REACH` [m]."""
+        """Distance from places in the room to the nearest solid except the floor, at most `FIELD_REACH` [m]."""
         result = np.empty(len(places))
         kernels.clearances(self.space, self.corner, FIELD_STEP, places, result)
         return result
@@ -81,17 +81,17 @@ class Room:
 
 
 def build_room(rng: np.random.Generator, library: Library | None = None, style: Style = "home") -> Room:
-    """A random furnished room with its light.
+    """A random furnished room with its lights.
 
     Args:
-        rng: draws it. Furniture stands where it does without a library.
-        library: meshes and pictures, of the split that suits the purpose; None is none.
-        style: the world that the room is of.
+        rng: source of all random choices.
+        library: meshes and images to use, None for none. Furniture has the same places with and without.
+        style: of the room.
 
     Raises:
         ValueError: there is no such style.
         InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
     plan, used = furnish(rng, library, style)
     solids = gather(plan.parts)
@@ -122,7 +122,7 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
 
 
 def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) -> Float64[np.ndarray, "p 3"]:
-    """What parts send back: their mean colour in the light that a near, half hidden surface gets, or what they emit."""
+    """Light that parts return to nearby surfaces: their mean colour under reduced ambient light, or their emission."""
     rows = solids.materials
     first, second, third = (rows[:, start : start + 3] for start in (t.COLOUR_A, t.COLOUR_B, t.COLOUR_C))
     kinds = rows[:, t.KIND]
@@ -134,14 +134,14 @@ def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) ->
 
 
 def _tops(solids: Solids) -> Float64[np.ndarray, " p"]:
-    """Height of the upper end of the boxes around the parts [m]."""
+    """Top of the bounding box of each part [m]."""
     return solids.centres[:, 2] + (np.abs(solids.rotations[:, 2]) * solids.sizes / 2).sum(-1)
 
 
 def _distance_field(
     plan: FloorPlan, solids: Solids, which: Bool[np.ndarray, " p"]
 ) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
-    """Distance to the nearest of some solids on a grid that reaches half way into walls, floor and ceiling."""
+    """Distance to the nearest of some solids, on a grid that extends half way into walls, floor and ceiling."""
     size = np.array(plan.size)
     corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
     nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
