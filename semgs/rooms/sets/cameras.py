@@ -1,4 +1,4 @@
-"""Cameras that people and robots carry through a room: where they are, where they look, what lens they have."""
+"""Cameras carried through a room by people and robots: intrinsics, and paths with position and orientation."""
 
 from __future__ import annotations
 
@@ -12,39 +12,39 @@ from semgs.rooms.drawing.room import Room
 from semgs.rooms.drawing.shading import centres, look, pixel_directions
 
 PROBE = (12, 16)
-"""Rays (down, across) with which a view is judged."""
+"""Probe rays (rows, columns) from which a view is scored."""
 CANDIDATES = 10
-"""How many free ways are judged."""
+"""Number of collision-free paths that are scored."""
 CLEARANCE = 0.5
-"""Least distance to solids in the distance field [m]; the field errs by less than 0.1 m."""
+"""Minimum distance to solids in the distance field, whose error is below 0.1 m [m]."""
 NEAREST = 0.5
-"""Least z-depth of a probe ray [m]."""
+"""Minimum z-depth of a probe ray [m]."""
 LOWEST = 0.3
-"""Least height above the floor [m]."""
+"""Minimum height above the floor [m]."""
 ROBOT, HAND = (0.32, 0.6), (1.0, 1.8)
-"""Heights at which robots and people carry cameras [m]."""
+"""Camera heights on robots and in people's hands [m]."""
 ROBOTS = 0.2
-"""Share of the ways that are a robot's."""
+"""Share of robot paths."""
 SMALL = (12, 16, 17, 18)
-"""Classes of small things in few rooms (desk, toilet, sink, bathtub); a view is liked better the more it shows of them."""
+"""Classes of small things in few rooms (desk, toilet, sink, bathtub); the more of them a view shows, the higher its score."""
 RARE = (5, 9, 10, 12, 14, 16, 17, 19)
-"""Classes that fill few pixels (sofa, bookshelf, picture, desk, refrigerator, toilet, sink, otherfurniture); a view that
-shows one is liked better."""
+"""Classes that fill few pixels (sofa, bookshelf, picture, desk, refrigerator, toilet, sink, otherfurniture); showing one raises
+a view's score."""
 WALL_LABEL, FLOOR_LABEL = 0, 1
 
 
 @dataclass(frozen=True)
 class CameraPath:
-    """A smooth way of a camera, as a function of s.
+    """A smooth camera path, as a function of s.
 
     Attributes:
-        middle: place at s = 0 [m].
+        middle: position at s = 0 [m].
         travel: displacement per unit of s [m].
         bend: displacement per s squared [m].
         yaw, pitch, roll: at s = 0 [rad]; yaw from x towards y, pitch positive upwards.
         yaw_rate, pitch_rate, roll_rate: change per unit of s [rad].
-        tremor: amplitude of the hand's shaking [rad].
-        phase: where the shaking starts.
+        tremor: amplitude of camera shake [rad].
+        phase: of the shake [rad].
     """
 
     middle: Float64[np.ndarray, 3]
@@ -60,7 +60,7 @@ class CameraPath:
     phase: float
 
     def place(self, s: float) -> Float64[np.ndarray, 3]:
-        """Where the camera is [m]."""
+        """Camera position [m]."""
         return self.middle + s * self.travel + s * s * self.bend
 
     def pose(self, s: float) -> Float64[np.ndarray, "4 4"]:
@@ -80,7 +80,7 @@ class CameraPath:
         return result
 
     def paced(self, factor: float) -> CameraPath:
-        """The same way about the same middle, with everything changing `factor` times as fast."""
+        """The same path around the same middle, `factor` times as fast."""
         return replace(
             self, travel=factor * self.travel, bend=factor * factor * self.bend, yaw_rate=factor * self.yaw_rate,
             pitch_rate=factor * self.pitch_rate, roll_rate=factor * self.roll_rate,
@@ -88,7 +88,8 @@ class CameraPath:
 
 
 def draw_intrinsics(rng: np.random.Generator, size: tuple[int, int]) -> Float64[np.ndarray, "3 3"]:
-    """A pinhole of focal length 0.7 to 1.3 of the longer side, principal point off the centre, at times fx and fy up to a third apart [px]."""
+    """Random pinhole intrinsics [px]: focal length 0.7 to 1.3 of the longer side, principal point off the centre, sometimes fx and
+    fy up to a third apart."""
     height, width = size
     focal = rng.uniform(0.7, 1.3) * max(height, width)
     if rng.random() < 0.5:
@@ -106,14 +107,14 @@ def draw_path(
     size: tuple[int, int],
     reach: float,
 ) -> CameraPath:
-    """A way through free space that shows much of what is in the room.
+    """A random collision-free path that shows much of the room.
 
     Args:
-        rng: draws the way.
+        rng: source of all random choices.
         room: the room.
         intrinsics: of the camera [px].
         size: image (height, width) [px].
-        reach: the way must be free from s = -reach to s = reach.
+        reach: the path must be free from s = -reach to s = reach.
     """
     paths: list[CameraPath] = []
     heights = ROBOT if rng.random() < ROBOTS else HAND
@@ -130,7 +131,7 @@ def draw_path(
 
 
 def free(room: Room, path: CameraPath, reach: float) -> bool:
-    """Whether the way keeps its distance from everything between s = -reach and s = reach."""
+    """Whether the path keeps its clearance between s = -reach and s = reach."""
     length = 2 * reach * float(np.linalg.norm(path.travel))
     steps = np.linspace(-reach, reach, max(9, int(np.ceil(length / 0.15)) + 1))
     places = np.array([path.place(float(s)) for s in steps])
@@ -145,7 +146,7 @@ def overlap(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
 ) -> float:
-    """The share of what the first camera sees that the second sees as well, 0..1."""
+    """Share of what the first camera sees that the second sees too, 0..1."""
     directions = pixel_directions(first, intrinsics, _probe_pixels(size))
     _, depths = look(room, first, directions)
     points = first[:3, 3] + directions * depths[:, None]
@@ -166,7 +167,7 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
 def _free_places(
     rng: np.random.Generator, room: Room, heights: tuple[float, float], count: int
 ) -> Float64[np.ndarray, "n 3"]:
-    """Those of `count` random places between two heights that keep their distance."""
+    """`count` random places between two heights, without those too close to something."""
     x, y, z = room.plan.size
     height = rng.uniform(heights[0], min(heights[1], z - 0.6), count)
     across = rng.uniform(-0.5, 0.5, (count, 2)) * (x - 1.0, y - 1.0)
@@ -175,8 +176,10 @@ def _free_places(
 
 
 def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float) -> CameraPath:
-    """Any way: sideways round something, forwards or backwards; s = 1 is a step of 5-40 cm (less where the room would not
-    hold twice the reach) and 1-15 degrees."""
+    """A random path through a place, not yet checked: usually sideways, else forwards or backwards.
+
+    A unit of s is 5-40 cm (less if the room is too short for twice the reach) and 1-15 degrees.
+    """
     x, y, _ = room.plan.size
     aim = np.array([rng.uniform(-0.5, 0.5) * x, rng.uniform(-0.5, 0.5) * y, rng.uniform(0.2, 1.3)])
     if room.plan.footprints and rng.random() < 0.8:
@@ -221,7 +224,7 @@ def _score(
     size: tuple[int, int],
     reach: float,
 ) -> float:
-    """How much a way shows: classes, rare ones more, walls and ceilings less; far less where something is too near."""
+    """Score of a path: higher for more classes, above all rare ones; lower for walls and ceilings, or if something is too close."""
     directions = pixel_directions(np.eye(4), intrinsics, _probe_pixels(size))
     score = float(rng.uniform(0, 1.5))
     for s in (-reach, 0.0, reach):
@@ -241,7 +244,7 @@ def _score(
 
 
 def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> CameraPath:
-    """The way through the freest place of the room, as slow as it must be to stay free."""
+    """A path through the place with the most clearance, slowed down until it is free."""
     x, y, z = room.plan.size
     places = rng.uniform((-x / 2 + 0.3, -y / 2 + 0.3, 0.5), (x / 2 - 0.3, y / 2 - 0.3, z - 0.5), (4000, 3))
     path = _draw(rng, room, places[int(room.clearance(places).argmax())], reach)

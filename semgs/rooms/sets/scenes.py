@@ -1,4 +1,4 @@
-"""Rooms as folders that any reader of `transforms.json` opens."""
+"""Write rooms as scene folders in the `transforms.json` layout."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from semgs.rooms.sets.stream import fitted, generator, shoot
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
 SHADED = "shaded"
-"""How rooms are lit. Data sets of releases that could also trace rooms differ by this entry, so files still have it."""
+"""Lighting method. Earlier releases also had another one and wrote this entry, so files still contain it."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """What a camera saw on its way through a room.
+    """The views of a camera on its path through a room.
 
     Attributes:
         views: with labels and depths.
         plan: of the room.
-        files: of the assets that are in the room.
+        files: of the assets in the room.
     """
 
     views: Views
@@ -46,17 +46,17 @@ class Walk:
 
 @dataclass(frozen=True)
 class Recipe:
-    """All that decides the bytes of scene k; how many scenes there are, where and by whom they are drawn does not.
+    """Everything that determines the bytes of scene k. The number of scenes, their folder and the workers have no influence.
 
     Attributes:
-        seed: the stream of rooms.
+        seed: of the rooms.
         size: image (height, width) [px].
         frames: of each scene.
-        style: the world that the rooms are of.
-        library: meshes and pictures to draw from, None for none. Wherever its folders are, their locks name it.
+        style: of the rooms.
+        library: meshes and images to use, None for none. It is identified by the locks of its folders, not by their paths.
 
     Raises:
-        ValueError: a field is out of its range.
+        ValueError: a field is out of range.
     """
 
     seed: int
@@ -77,7 +77,7 @@ class Recipe:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
 
     def as_json(self) -> dict:
-        """As `settings.json` keeps it, with the version that drew it: another one may draw other rooms."""
+        """The content of `settings.json`. It includes the version of SemGS, as another version may make other rooms."""
         return {
             "semgs": __version__,
             "seed": self.seed,
@@ -90,12 +90,12 @@ class Recipe:
 
 
 def draw_scene(recipe: Recipe, index: int) -> Walk:
-    """A walk through room `index` of a recipe; the same arguments give the same bits.
+    """Generate room `index` of a recipe and render a walk through it. The same arguments give the same bits.
 
     Raises:
         ValueError: the index is negative.
         InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
     rng = generator(recipe.seed, index)
     room = build_room(rng, recipe.library, recipe.style)
@@ -107,15 +107,16 @@ def draw_scene(recipe: Recipe, index: int) -> Walk:
 
 
 def write_scene(folder: str | Path, recipe: Recipe, index: int = 0) -> None:
-    """Write room `index` of a recipe as a `transforms.json` folder, complete or not at all.
+    """Write room `index` of a recipe as a `transforms.json` folder. The folder appears only once it is complete.
 
-    Pictures are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20
-    classes in `labels/`, 255 = ignore. `room.json` says which room it is and how many pixels each class has, and
-    with a library which of its files are in it.
+    Images are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20 classes in
+    `labels/`, 255 = ignore. `room.json` says which room it is, how many pixels each class has and, with a library, which of its
+    files are in the room.
 
     Raises:
-        ValueError, ImportError: as `draw_scene`.
-        InputError: the folder is there already, or a file of the library cannot be read.
+        ValueError: the index is negative.
+        InputError: the folder already exists, or a file of the library cannot be read.
+        ImportError: embreex is not installed; the message names the extra to install.
         OSError: the disk is full.
     """
     walk = draw_scene(recipe, index)
@@ -131,13 +132,13 @@ def write_scene(folder: str | Path, recipe: Recipe, index: int = 0) -> None:
 
 
 def class_pixels(views: Views) -> dict[str, int]:
-    """Number of pixels of each class, and of those without one as "ignored".
+    """Number of pixels of each class, and of pixels without a class as "ignored".
 
     Raises:
         ValueError: the views have no labels.
     """
     if views.labels is None:
-        raise ValueError("the views have no labels; expected some to count")
+        raise ValueError("the views have no labels")
     counts = torch.bincount(views.labels.flatten().long(), minlength=IGNORE + 1)
     named = {name: int(counts[label]) for label, name in enumerate(views.classes.names)}
     return {**named, "ignored": int(counts[IGNORE])}
@@ -150,7 +151,7 @@ def write_views(folder: Path, views: Views, quality: int = 92) -> None:
         ValueError: labels or depths are missing.
     """
     if views.labels is None or views.depths is None:
-        raise ValueError("the views have no labels or no depths; expected both")
+        raise ValueError("the views have no labels or no depths; both are needed")
     for name in ("images", "depth", "labels"):
         (folder / name).mkdir()
     listed = []

@@ -1,7 +1,7 @@
-"""An endless stream of labelled views of rooms, each a pure function of (seed, index).
+"""Endless labelled samples of rooms, each a pure function of (seed, index).
 
-Streams of different seeds have nothing in common: rooms, ways and cameras are drawn from a hash of (seed, index). So
-training and validation differ by their seeds alone; neither may use the other's.
+Different seeds have nothing in common: rooms, paths and cameras depend on a hash of (seed, index). So training and validation need
+only different seeds.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from semgs.rooms.plans.style import Style
 from semgs.rooms.sets.cameras import CameraPath, draw_intrinsics, draw_path, overlap
 
 OVERLAP = (0.6, 0.9)
-"""What neighbouring context views share of what they see, where the way allows it."""
+"""Target range for the overlap of neighbouring input views."""
 
 Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
@@ -40,29 +40,28 @@ def sample(
     library: Library | None = None,
     style: Style = "home",
 ) -> tuple[Views, Views]:
-    """Context and target views of one room, with labels and depths.
+    """Input and target views of one room, with labels and depths.
 
-    Contexts are one to four steps of a hand-held camera apart, fewer where neighbours would share less than 60 to 90 % of
-    what they see; targets lie between them and a little beyond. The same arguments give the same bits.
+    Input views are one to four steps of a hand-held camera apart, or closer if neighbours would overlap by less than 60 to 90 %.
+    Target views are between them and slightly beyond. The same arguments give the same bits.
 
     Args:
-        seed: the stream.
-        index: which sample of it.
+        seed: of the samples.
+        index: of the sample.
         size: image (height, width) [px].
-        contexts: number of context views, at least 1.
+        contexts: number of input views, at least 1.
         targets: number of target views, may be 0.
-        library: meshes and pictures to draw from, None for none.
-        style: the world that the room is of.
+        library: meshes and images to use, None for none.
+        style: of the room.
 
     Raises:
         ValueError: a count or a side is too small, seed or index is negative, or there is no such style.
         InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
     if contexts < 1 or targets < 0 or min(size) < 1:
         raise ValueError(
-            f"contexts = {contexts}, targets = {targets}, size = {size}; expected at least one context, no negative number "
-            "of targets and positive sides"
+            f"contexts is {contexts}, targets {targets} and size {size}; expected contexts >= 1, targets >= 0 and positive sides"
         )
     rng = generator(seed, index)
     room = build_room(rng, library, style)
@@ -87,7 +86,7 @@ def generator(seed: int, index: int) -> np.random.Generator:
         ValueError: seed or index is negative.
     """
     if seed < 0 or index < 0:
-        raise ValueError(f"seed is {seed} and index {index}; expected numbers from 0")
+        raise ValueError(f"seed is {seed} and index {index}; expected 0 or more")
     return np.random.default_rng((seed, index))
 
 
@@ -98,7 +97,7 @@ def fitted(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
 ) -> CameraPath:
-    """The way, slowed down until views one unit of s apart share enough of what they see."""
+    """The path, slowed down until views one unit of s apart overlap enough."""
     wanted = rng.uniform(*OVERLAP)
     for _ in range(6):
         if overlap(room, path.pose(-0.5), path.pose(0.5), intrinsics, size) >= wanted:
@@ -114,7 +113,7 @@ def shoot(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
 ) -> Views:
-    """Views from poses, all with one camera whose exposure suits the first."""
+    """Views from poses, with one camera whose exposure suits the first."""
     frames = [photograph(room, pose, intrinsics, size) for pose in poses]
     film = draw_film(rng, frames[0].radiance)
     pictures = np.stack([develop(rng, film, frame.radiance) for frame in frames])
@@ -130,10 +129,10 @@ def shoot(
 
 @dataclass(frozen=True, eq=False)
 class RoomSamples(Dataset):
-    """The first `length` samples of a stream as a data set for loaders; item k is (context, target), a pure function of k.
+    """The first `length` samples of a seed as a data set for loaders. Item k is (input views, target views), a pure function of k.
 
     Attributes:
-        seed: the stream.
+        seed: of the samples.
         size: image (height, width) [px].
         contexts: number of input views, or a (lowest, highest) range.
         targets: number of target views, or a range.
@@ -157,9 +156,8 @@ class RoomSamples(Dataset):
     def __post_init__(self) -> None:
         if self.length < 1 or self.group < 1:
             raise ValueError(f"length is {self.length} and group {self.group}; expected positive numbers")
-        for low, high in self.ranges:
-            if low > high:
-                raise ValueError(f"views from {low} to {high}; expected (lowest, highest)")
+        if any(low > high for low, high in self.ranges):
+            raise ValueError(f"contexts are {self.contexts} and targets {self.targets}; expected (lowest, highest)")
 
     @property
     def ranges(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -173,7 +171,7 @@ class RoomSamples(Dataset):
         return self.length
 
     def __getitem__(self, k: int) -> tuple[Views, Views]:
-        """Context and target views of sample k.
+        """Input and target views of sample k.
 
         Raises:
             IndexError: k is not in 0 .. length - 1.
@@ -182,7 +180,7 @@ class RoomSamples(Dataset):
         return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library)
 
     def counts(self, k: int) -> tuple[int, int]:
-        """How many context and target views sample k has.
+        """Number of input and target views of sample k.
 
         Raises:
             IndexError: k is not in 0 .. length - 1.
