@@ -1,4 +1,4 @@
-"""The catalogue of a folder of assets: what each mesh and each picture is, and which of them rooms may use."""
+"""The catalogue of a folder of assets: what each mesh and image is, and which meshes rooms may use."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ EXCLUDED = {
     "bp_cb_clapboard_baked": "a television is part of the mesh",
     "bp_cb_moore_baked": "a television is part of the mesh",
     "bp_open_door": "a frame without a leaf",
-    "bp_whitewindow": "its panes cannot be told from its frame",
+    "bp_whitewindow": "its panes cannot be separated from its frame",
     "kenney_wallwindow": "edges of a wall are part of the mesh",
     "kenney_wallwindowslide": "edges of a wall are part of the mesh",
-    "kenney_kitchencabinetcornerinner": "a corner, which the plans have not",
-    "kenney_kitchencabinetcornerround": "a corner, which the plans have not",
+    "kenney_kitchencabinetcornerinner": "a corner, which plans do not use",
+    "kenney_kitchencabinetcornerround": "a corner, which plans do not use",
     "qt_window_round1": "the wall would be missing beside its arch",
     "qt_window_round2": "the wall would be missing beside its arch",
     "qt_window_round3": "the wall would be missing beside its arch",
     "khronos_avocado": "30 cm long",
 }
-"""Meshes that are not what their class says or that rooms cannot hold, and why."""
+"""Meshes that do not fit their class or cannot be placed in rooms, and why."""
 
 TOYS = ("kkf_", "kkr_")
-"""Makers whose furniture has a toy's proportions; their clutter stays."""
+"""Makers whose furniture has the proportions of toys; only their clutter is used."""
 
 STOOL = "stool"
-"""A subtype under chair that ScanNet's annotators do not call a chair; left out."""
+"""A subtype of chair that ScanNet's annotators do not label as chair; excluded."""
 
 FOOTREST_DEPTH = 1.2
-"""Generated sofas and armchairs deeper than this have their footrest out; left out [m]."""
+"""Generated sofas and armchairs deeper than this have their footrest extended and are excluded [m]."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a file of the collection is from.
+    """Where a file comes from.
 
     Attributes:
         source: the repository.
-        commit: of that repository.
-        path: in it.
+        commit: of the repository.
+        path: in the repository.
         licence: of the file.
         author: empty if the source names none.
     """
@@ -66,7 +66,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class MeshEntry:
-    """One piece of the catalogue, in a file of its own: metres, z up, base on z = 0, centred in x and y, front = -y.
+    """One mesh of the catalogue. Its file is in metres, z up, base at z = 0, centred in x and y, front = -y.
 
     Attributes:
         name: unique.
@@ -76,7 +76,7 @@ class MeshEntry:
         extents: width (x), depth (y), height (z) [m].
         mount: "floor", "wall", "surface" or "ceiling".
         parts: the nodes whose class is not that of the piece, and their classes.
-        origin: where it is from.
+        origin: where it comes from.
     """
 
     name: str
@@ -100,7 +100,7 @@ class ImageEntry:
         size: width, height [px].
         tileable: whether it repeats without a seam.
         tile: width of one tile [m], None if unknown.
-        origin: where it is from.
+        origin: where it comes from.
     """
 
     name: str
@@ -117,17 +117,17 @@ Entry = TypeVar("Entry", MeshEntry, ImageEntry)
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All rows of a folder, in its order."""
+    """All entries of a folder, in its order."""
 
     meshes: tuple[MeshEntry, ...]
     images: tuple[ImageEntry, ...]
 
 
 def read_catalogue(folder: str | Path) -> Catalogue:
-    """Read `catalog.json` and `textures.json` of a folder; the files that they name are not opened.
+    """Read `catalog.json` and `textures.json` of a folder, without opening the files that they list.
 
     Raises:
-        InputError: the folder or one of the two is missing or not of that form, or a name occurs twice.
+        InputError: one of the two is missing or malformed, or a name occurs twice.
     """
     meshes = tuple(_read(Path(folder) / "catalog.json", _mesh))
     images = tuple(_read(Path(folder) / "textures.json", _image))
@@ -135,7 +135,7 @@ def read_catalogue(folder: str | Path) -> Catalogue:
 
 
 def usable(row: MeshEntry) -> bool:
-    """Whether a mesh is what its class says: the known faults of the collection are left out."""
+    """Whether a mesh is what its class says, by the known faults of the collection."""
     footrest = row.name.startswith(("ig_sofa", "ig_armchair")) and row.extents[1] > FOOTREST_DEPTH
     toy = row.name.startswith(TOYS) and row.label != "clutter"
     return row.name not in EXCLUDED and row.subtype != STOOL and not footrest and not toy
@@ -191,11 +191,7 @@ def _origin(row: dict) -> Origin:
 
 
 def inside(file: str) -> str:
-    """The name of a file in a folder of assets.
-
-    Raises:
-        ValueError: it leads out of the folder.
-    """
+    """The path of a file inside a folder of assets; a ValueError if it leads out of the folder."""
     if Path(file).is_absolute() or ".." in Path(file).parts:
         raise ValueError(f"file {file!r} leads out of the folder")
     return file

@@ -1,4 +1,4 @@
-"""What surfaces are covered with where there are pictures: materials of the texture kernels, exchanged for pictures of their kind."""
+"""Cover surfaces with images: replaces procedural materials with images of the same kind."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ TILE = {
     "wood_floor": 1.5, "wood": 1.0, "carpet": 0.8, "tile": 0.8, "stone": 1.2, "concrete": 2.0, "plaster": 1.5, "wallpaper": 0.7,
     "brick": 1.2, "fabric": 0.35, "leather": 0.5, "metal": 0.6,
 }  # fmt: skip
-"""Usual width of a picture's tile where the catalogue does not say [m]."""
+"""Default width of an image's tile, if the catalogue has none [m]."""
 FINE = 256
-"""Pictures of fewer pixels show their repetition on walls and floors [px]."""
+"""Smaller images are visibly repetitive on walls and floors [px]."""
 COARSE_SHARE = 0.4
-"""Tiles of such a picture, as a share of the usual width."""
+"""Tile width of such an image, as a share of the default."""
 FLOORS = {
     t.PLANKS: ("wood_floor",),
     t.TILES: ("tile", "stone"),
@@ -38,18 +38,18 @@ FLOORS = {
 WALLS = {t.STRIPES: ("wallpaper",), t.DOTS: ("wallpaper",), t.PLANKS: ("brick", "wood"), t.TILES: ("tile",)}
 CLOTH = tuple(LABEL[name] for name in ("bed", "chair", "sofa", "curtain", "shower curtain", "otherfurniture"))
 VIEW_LIGHT = (0.5, 2.2)
-"""Mean radiance of a view through a window, as a share of what its pane was to send: many are washed out by day."""
+"""Mean radiance of a view through a window, as a share of the pane's emission. It varies because real windows are often overexposed."""
 SEATS = (LABEL["chair"], LABEL["sofa"])
 CLOTH_GRAIN = 0.04
-"""Plain materials of these classes with at least that much grain are cloth."""
+"""Plain materials of cloth classes count as cloth if they have at least this much grain."""
 
 
 @dataclass(frozen=True)
 class Shares:
-    """How often a kind of surface of a room is covered with pictures.
+    """How often each kind of surface is covered with an image.
 
     Attributes:
-        floor, wall, plaster, wood, cloth, stone, art, view, rug: shares of 0..1; `plaster` is of plainly painted walls.
+        floor, wall, plaster, wood, cloth, stone, art, view, rug: shares in 0..1; `plaster` is for plain painted walls.
     """
 
     floor: float = 0.7
@@ -69,13 +69,13 @@ HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, 
 
 
 class Coverings:
-    """Pictures for the surfaces of one room; equal materials are exchanged for equal ones.
+    """Images for the surfaces of one room. Equal materials get equal images.
 
     Args:
-        rng: draws them.
-        library: where they are from.
-        used: collects what is used.
-        shares: how often.
+        rng: source of all random choices.
+        library: of the images.
+        used: records which assets are used.
+        shares: how often surfaces are covered.
     """
 
     def __init__(self, rng: np.random.Generator, library: Library, used: UsedAssets, shares: Shares = ALL) -> None:
@@ -84,11 +84,11 @@ class Coverings:
         self._woods: list[ImageEntry] = []
 
     def cover(self, parts: Sequence[Part]) -> list[Part]:
-        """The same parts, some with pictures on them."""
+        """The same parts, some of them covered with images."""
         return [self._covered(part) for part in parts]
 
     def material(self, part: Part) -> Material | None:
-        """A picture for a part, None where it keeps its material."""
+        """An image material for a part, None to keep its own material."""
         label, material, share = part.label, part.material, self.shares
         kind = int(material[t.KIND])
         if kind == t.OUTDOOR:
@@ -114,7 +114,7 @@ class Coverings:
         return None
 
     def wood(self, material: Material) -> Material:
-        """Wood; of one room few kinds, at times in the colour of a material."""
+        """Wood, sometimes in the colour of a material; at most three kinds per room."""
         if len(self._woods) < 3 and (found := self._pick(("wood",))):
             self._woods.append(found)
         if not self._woods:
@@ -124,12 +124,12 @@ class Coverings:
         return self._picture(entry, like, gloss=self.rng.uniform(0, 0.25), axis=int(material[t.AXIS]), lying=True)
 
     def cloth(self, material: Material, leather: bool = False) -> Material:
-        """Cloth or leather, at times in the colour of a material."""
+        """Cloth or leather, sometimes in the colour of a material."""
         found = self._pick(("leather",) if leather and self._chance(0.2) else ("fabric",))
         return self._picture(found, material if self._chance(0.6) else None) if found else material
 
     def view(self, material: Material) -> Material:
-        """What is outside a window, as bright as the material says."""
+        """The view through a window, as bright as the material says."""
         entry = self._pick(("outdoor",))
         if entry is None:
             return material
@@ -147,7 +147,7 @@ class Coverings:
         return result
 
     def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Material:
-        """A picture that lies on a shell by its own coordinates."""
+        """An image mapped by a shell's texture coordinates."""
         result = np.zeros(t.WIDTH)
         result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.used.number(pyramid)
         result[t.MAPPING], result[t.AXIS], result[t.SCALE], result[t.ASPECT] = UNWRAPPED, -1, 1.0, 1.0
@@ -176,7 +176,7 @@ class Coverings:
         return self._picture(found, like, gloss=self.rng.uniform(0, 0.3) if like is None else 0.0) if found else None
 
     def _stretched(self, kind: str) -> Material | None:
-        """A picture of a kind, once over the whole part."""
+        """An image of a kind, stretched over the face of a part."""
         found = self._pick((kind,), tileable=False)
         if found is None:
             return None
@@ -187,7 +187,7 @@ class Coverings:
     def _picture(
         self, entry: ImageEntry, like: Material | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
     ) -> Material:
-        """A picture side by side, multiplied so that its mean is the material's colour if one is given."""
+        """A tiled image. If a material is given, the image is multiplied to have its mean colour."""
         pyramid = self._open(entry, not lying)
         colour = self.rng.uniform(0.9, 1.05) * self.rng.uniform(0.97, 1.03, 3)
         if like is not None:
@@ -201,7 +201,7 @@ class Coverings:
         return result
 
     def _pick(self, kinds: Sequence[str], fine: bool = False, tileable: bool | None = None) -> ImageEntry | None:
-        """One picture of some kinds at random, None if there is none."""
+        """A random image of some kinds, None if there is none."""
         wanted = "outdoor" not in kinds if tileable is None else tileable
         rows = [entry for entry in self.library.of_kind(*kinds) if entry.tileable == wanted]
         large = [entry for entry in rows if min(entry.size) >= FINE]
@@ -218,7 +218,7 @@ class Coverings:
 
 
 def _in_place_of(material: Material, chosen: Material) -> Material:
-    """The chosen picture, its grain along the axis of the material that it stands for; what was a mirror stays one."""
+    """The chosen image with the grain axis and the mirror flag of the material it replaces."""
     chosen = chosen.copy()
     chosen[t.MIRROR] = material[t.MIRROR]
     if material[t.KIND] != t.WOOD or chosen[t.KIND] != t.PICTURE:
@@ -227,5 +227,5 @@ def _in_place_of(material: Material, chosen: Material) -> Material:
 
 
 def _mean(pyramid: Pyramid) -> np.ndarray:
-    """Mean of a picture, linear RGB: its last level."""
+    """Mean of an image, linear RGB: its last level."""
     return LINEAR[pyramid.pixels[-1]]

@@ -1,4 +1,4 @@
-"""A folder of assets at hand: the rows of one split by what they are good for, and their contents, read once and kept."""
+"""The assets of one split: catalogue entries and their contents, which are read once and cached."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from semgs.rooms.pieces.shells import Shell, corner_normals
 T = TypeVar("T")
 
 MEMORY = 256 << 20
-"""How much of what was read is kept [bytes]."""
+"""Size limit of the cache [bytes]."""
 
 PANE_WIDTH = 0.12
 """Flat triangles of windows that are wider than this are panes [m]."""
 WORKTOP = 0.06
-"""How far below its highest point the top of a kitchen's cabinets begins [m]."""
+"""Thickness of the worktop of kitchen cabinets [m]."""
 DRAPES = ("cloth", "curtain", "couch")
-"""Words in the names of materials of drapes; the rest are rods."""
+"""Words in the material names of drapes; other materials of curtains are rods."""
 
 SPLIT_OF_STYLE: dict[str, Split] = {"home": "training", "other": "other"}
 
 
 @dataclass(frozen=True)
 class Panel:
-    """What a mesh has of one material, turned into the frame of our own furniture: front = +y.
+    """The triangles of one material of a mesh, rotated to the frame of our furniture: front = +y.
 
     Attributes:
-        label: class of this part, None for that of the whole.
+        label: class of this part, None if it is that of the piece.
         material: the material's name.
-        colour: linear RGB that the picture is multiplied with.
-        picture: None if there is none.
+        colour: linear RGB, multiplied with the texture.
+        picture: the texture, None if there is none.
         clear: whether it is glass.
-        shell: its triangles.
+        shell: the triangles.
     """
 
     label: str | None
@@ -57,19 +57,19 @@ class Panel:
 
 
 class Library:
-    """The meshes and pictures of one split of a folder, or of several folders together.
+    """The meshes and images of one split of one or several folders.
 
-    What is read stays in memory up to a bound, the least recently used leaves first; a copy sent to another process starts
-    empty.
+    Contents are cached in memory up to a limit, with the least recently used evicted first. A copy sent to another process starts
+    with an empty cache.
 
     Args:
-        folders: each with `catalog.json` and `textures.json`. The lists of one do not depend on the others.
+        folders: each with `catalog.json` and `textures.json`. Each folder is split independently of the others.
         split: "training", "validation" or "other".
-        check: verify every file against the folder's lock; leave it out only where that was done before.
-        memory: what may be kept [bytes].
+        check: verify every file against the folder's lock. Set it to False only if that was done before.
+        memory: size limit of the cache [bytes].
 
     Raises:
-        InputError: a folder is none, a file is missing or altered, or two folders have a file of one name.
+        InputError: a folder is missing, a file is missing or altered, or two folders have a file of the same name.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Library:
             self._add(folder)
 
     def _add(self, folder: Path) -> None:
-        """What a folder has for the split."""
+        """Add the split's entries of a folder."""
         catalogue = read_catalogue(folder)
         meshes = [entry for entry in catalogue.meshes if usable(entry)]
         mesh_lists, image_lists = split_meshes(meshes), split_images(catalogue.images)
@@ -103,9 +103,7 @@ class Library:
         for entry in everything:
             if self._folder_of.setdefault(entry.file, folder) != folder:
                 other = self._folder_of[entry.file]
-                raise InputError(
-                    folder, "files of other names than those of other folders", f"{entry.file}, as in {other}"
-                )
+                raise InputError(folder, "file names that other folders do not use", f"{entry.file}, as in {other}")
 
     @property
     def lock(self) -> tuple[LockEntry, ...]:
@@ -114,14 +112,14 @@ class Library:
 
     @property
     def lock_digests(self) -> tuple[str, ...]:
-        """What names the locks of the folders, and so their contents."""
+        """Digests of the locks of the folders, which identify their contents."""
         return tuple(lock_digest(folder) for folder in self.folders)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": OrderedDict(), "_size": 0}
 
     def of_kind(self, *kinds: str) -> list[ImageEntry]:
-        """The pictures of some kinds."""
+        """The images of some kinds."""
         return [entry for entry in self.images if entry.kind in kinds]
 
     def panels(self, entry: MeshEntry) -> tuple[Panel, ...]:
@@ -133,7 +131,7 @@ class Library:
         return self._remembered(entry.name, lambda: _panels(self._path(entry), entry), _weight)
 
     def pyramid(self, entry: ImageEntry, upright: bool = True) -> Pyramid:
-        """The contents of a picture; if not upright, with columns and rows exchanged where its grain runs along columns.
+        """The contents of an image. If not `upright`, it is transposed if its grain runs along columns.
 
         Raises:
             InputError: the file cannot be read.
@@ -161,18 +159,18 @@ class Library:
 
 
 def open_library(folders: str | Path | Sequence[str | Path], style: str = "home", *, check: bool = True) -> Library:
-    """The assets that rooms of a style may use: the training third of `home`, the held-out third of `other`.
+    """The assets that rooms of a style may use: the split `training` for `home`, the held-out split for `other`.
 
     Raises:
         ValueError: there is no such style.
-        InputError: as `Library`, or the folders have nothing for such rooms.
+        InputError: the folders cannot be used (see `Library`) or have nothing for such rooms.
     """
     if style not in SPLIT_OF_STYLE:
         raise ValueError(f"style {style!r}; expected one of {', '.join(SPLIT_OF_STYLE)}")
     library = Library(folders, SPLIT_OF_STYLE[style], check=check)
     if not library.meshes and not library.images:
         raise InputError(
-            ", ".join(map(str, library.folders)), f"meshes or pictures of the list {library.split}", "none",
+            ", ".join(map(str, library.folders)), f"meshes or images of the split {library.split}", "none",
             advice="what tools.furniture makes is for training and validation rooms" if style == "other" else None,
         )  # fmt: skip
     return library
@@ -202,8 +200,8 @@ def _panels(path: Path, entry: MeshEntry) -> tuple[Panel, ...]:
 def _labelled(
     entry: MeshEntry, corners: Float32[np.ndarray, "t 3 3"], label: str | None
 ) -> list[tuple[str | None, Bool[np.ndarray, " t"]]]:
-    """The classes of a primitive's triangles: the catalogue's, but that kitchen cabinets which it calls a counter as a whole are
-    cabinets below their top, as the parametric ones are."""
+    """The classes of a primitive's triangles, from the catalogue. Kitchen cabinets that it labels entirely as counter are split:
+    below the worktop they are cabinets, as in the parametric ones."""
     if entry.label != "counter" or entry.subtype != "kitchen_base_cabinet" or entry.parts:
         return [(label, np.ones(len(corners), bool))]
     top = corners[..., 2].min(axis=1) > entry.extents[2] - WORKTOP
@@ -211,7 +209,7 @@ def _labelled(
 
 
 def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "_ 3 3"]]) -> int:
-    """Where a pair of drapes has more cloth: 1 at positive x, else -1."""
+    """The side on which a pair of drapes has more cloth: 1 for positive x, else -1."""
     cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, turned, strict=True) if _is_cloth(p)]
     return 1 if cloth and (np.concatenate(cloth) > 0).mean() >= 0.5 else -1
 
@@ -223,7 +221,7 @@ def _is_cloth(primitive: Primitive) -> bool:
 def _wanted(
     entry: MeshEntry, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
 ) -> Bool[np.ndarray, " t"]:
-    """Which triangles rooms take: of curtains one drape without its rod, of windows all but the panes."""
+    """Which triangles rooms use: one drape of a curtain without its rod, a window without its panes."""
     name = primitive.material.lower()
     if entry.label == "curtain" and entry.subtype == "curtain":
         return (side * corners[..., 0].mean(axis=1) > 0) & _is_cloth(primitive)
@@ -243,7 +241,7 @@ def _weight(panels: tuple[Panel, ...]) -> int:
 
 
 def _lying(upright: Pyramid, keep: bool) -> Pyramid:
-    """A picture whose grain runs along its rows."""
+    """The image, unless `keep` transposed if its grain runs along columns."""
     if keep:
         return upright
     width, height = upright.size

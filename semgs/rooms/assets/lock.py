@@ -1,4 +1,4 @@
-"""The lock: which file of a folder of assets is from where, under which licence, and what its bytes are."""
+"""The lock of a folder of assets: origin, licence and SHA-256 of each file."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class LockEntry:
     """One file of the folder.
 
     Attributes:
-        file: in the folder.
-        origin: where it is from.
+        file: path in the folder.
+        origin: where it comes from.
         sha256: of its bytes.
     """
 
@@ -36,10 +36,10 @@ class LockEntry:
 
 
 def make_lock(folder: str | Path) -> tuple[LockEntry, ...]:
-    """The lock of a folder as it is: both lists, then every mesh and picture that they name.
+    """The lock of a folder in its current state: both lists, then every mesh and image in them.
 
     Raises:
-        InputError: a list cannot be read or a file that it names is missing.
+        InputError: a list cannot be read, or a listed file is missing.
     """
     folder = Path(folder)
     catalogue = read_catalogue(folder)
@@ -49,7 +49,7 @@ def make_lock(folder: str | Path) -> tuple[LockEntry, ...]:
 
 
 def write_lock(path: str | Path, rows: Sequence[LockEntry]) -> None:
-    """Write a lock; origins that several files share are written once."""
+    """Write a lock; origins shared by several files are written once."""
     origins: dict[tuple[str, str, str, str], int] = {}
     lines = []
     for row in rows:
@@ -62,10 +62,10 @@ def write_lock(path: str | Path, rows: Sequence[LockEntry]) -> None:
 
 
 def read_lock(path: str | Path | None = None) -> tuple[LockEntry, ...]:
-    """Read a lock, that of the package by default. A file that it names must not lead out of the folder.
+    """Read a lock, by default that of the package.
 
     Raises:
-        InputError: it is missing or not of that form.
+        InputError: it is missing or malformed, or has a path that leads out of the folder.
     """
     path = Path(str(files("semgs.rooms.assets"))) / NAME if path is None else Path(path)
     try:
@@ -80,30 +80,30 @@ def read_lock(path: str | Path | None = None) -> tuple[LockEntry, ...]:
             path,
             "a lock of assets",
             f"{type(error).__name__}: {error}",
-            advice="install semgs, or bake the folder, again",
+            advice="install semgs, or generate the folder, again",
         ) from None
 
 
 def lock_of(folder: str | Path) -> Path:
-    """The lock that a folder is held to: its own where it has one, as a baked library has, else that of the package."""
+    """The lock that applies to a folder: its own if it has one, as generated furniture does, else that of the package."""
     own = Path(folder) / NAME
     return own if own.is_file() else Path(str(files("semgs.rooms.assets"))) / NAME
 
 
 def lock_digest(folder: str | Path) -> str:
-    """What names the lock of a folder, and so the assets that satisfy it: the beginning of its SHA-256."""
+    """The first digits of the SHA-256 of a folder's lock, which identify its assets."""
     return hashlib.sha256(lock_of(folder).read_bytes()).hexdigest()[:16]
 
 
 def verify(folder: str | Path, lock: Sequence[LockEntry] | None = None) -> None:
-    """Compare every file that the lock names with it.
+    """Check that every file in the lock exists and is unaltered.
 
     Args:
         folder: of the assets.
-        lock: None is the folder's own where it has one, else the package's.
+        lock: None for `lock_of` the folder.
 
     Raises:
-        InputError: the folder is missing, or files are missing or altered; names the first ones and counts the others.
+        InputError: the folder is missing, or files are missing or altered; the message names the first ones and counts the others.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -125,16 +125,16 @@ def verify(folder: str | Path, lock: Sequence[LockEntry] | None = None) -> None:
             folder,
             "the files of the lock, byte for byte",
             found,
-            advice="fetch or bake the assets again, in a folder of their own",
+            advice="fetch or generate the assets again, in a folder of their own",
         )
 
 
 def attribution(used: Iterable[str], lock: Sequence[LockEntry] | None = None) -> str:
-    """The text of `ATTRIBUTION.md` for a data set: what was used of the assets, by licence and author.
+    """The text of `ATTRIBUTION.md` for a data set: the assets that it uses, by licence and author.
 
     Args:
-        used: files, as the lock names them.
-        lock: of all folders that they are from; None is the package's.
+        used: files, as in the lock.
+        lock: of all folders with these files; None for the package's lock.
 
     Raises:
         ValueError: a file is not in the lock.

@@ -1,4 +1,4 @@
-"""Pieces of furniture exchanged for meshes of their kind, fitted to the place that the plan gives them."""
+"""Replace pieces of furniture with meshes of their kind, scaled to the same footprint."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from semgs.rooms.pieces.solids import SHELL, Part, Piece, Triple
 
 @dataclass(frozen=True)
 class Rule:
-    """Which meshes may stand for a piece, and how far they may be scaled.
+    """Which meshes may replace a piece, and how much they may be scaled.
 
     Attributes:
-        label: their class.
-        subtypes: their kinds; empty is any.
-        low, high: bounds of the scale as a whole.
-        stretch: how much more one axis may be scaled than another.
-        fill: least share of the piece's width that they must fill.
-        centred: whether they stand in the middle of the depth; others stand with their back to the wall.
-        hung: whether they fill the width and height that are there; `stretch` is then that of one against the other.
-        share: of the pieces that are exchanged at all, how many.
-        whole: whether all of the mesh has its class, whatever the classes of its parts.
+        label: class of the meshes.
+        subtypes: their subtypes; empty for any.
+        low, high: bounds of the overall scale.
+        stretch: maximum ratio between the scales of two axes.
+        fill: minimum share of the piece's width that the mesh must fill.
+        centred: the mesh is centred in depth; others have their back to the wall.
+        hung: the mesh fills the piece's width and height; `stretch` is then the ratio of these two scales.
+        share: how many of these pieces are replaced, relative to other pieces.
+        whole: the entire mesh has its class, regardless of the classes of its parts.
     """
 
     label: str
@@ -81,20 +81,20 @@ RULES = {
     "picture": Rule("picture", low=0.5, high=2.0, stretch=1.3, hung=True, share=0.4),
     "clutter": Rule("clutter", low=0.8, high=1.3, stretch=1.0, fill=0.45, centred=True),
 }
-"""By the name of the piece. Cloth may be gathered: curtains fit wherever they hang."""
+"""By name of the piece. Curtains always fit, as cloth may be gathered."""
 
 SUNK = 0.03
-"""How deep door frames stand in the wall [m]."""
+"""Depth of door frames inside the wall [m]."""
 SURFACED = ("table", "coffee table", "side table", "desk", "cabinet", "nightstand", "island", "counter", "bookshelf")
-"""Pieces on whose flat top things may stand."""
+"""Pieces with a flat top for small things."""
 TOP_BAND = 0.03
-"""A top is what looks up within this of the highest point [m]."""
+"""Triangles that face up belong to the top if they are within this of the highest point [m]."""
 TOP_SHARE = 0.6
-"""Least share of the footprint that a top covers."""
+"""Minimum share of the footprint that a top covers."""
 DEPTHS = {"window": 0.065, "curtain": 0.11, "shower curtain": 0.1, "picture": 0.03}
-"""How far window frames stand out of the wall, what drapes take in front of them, and shower curtains and pictures anywhere [m]."""
+"""Depth of meshes on walls [m]; curtains hang in front of window frames."""
 HIGHEST = 1.12
-"""How much higher than the piece a mesh may be."""
+"""Maximum height of a mesh, relative to the piece."""
 FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
 GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
 WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
@@ -108,13 +108,13 @@ WARES = ("basin", "ceramic", "porcelain", "sink", "bowl", "vessel", "tub")
 
 
 class Swaps:
-    """Meshes for the pieces of one room; pieces of one make are exchanged for one mesh.
+    """Meshes for the pieces of one room. Equal pieces get the same mesh.
 
     Args:
-        rng: draws them.
-        library: where they are from.
-        coverings: pictures for what is flat-coloured.
-        share: of the pieces for which there is a mesh.
+        rng: source of all random choices.
+        library: of the meshes.
+        coverings: images for surfaces without texture.
+        share: how many pieces are replaced, of those for which there is a mesh.
     """
 
     def __init__(self, rng: np.random.Generator, library: Library, coverings: Coverings, share: float = 0.75) -> None:
@@ -122,8 +122,10 @@ class Swaps:
         self._made: dict[tuple[str, Triple, bytes], Piece] = {}
 
     def __call__(self, piece: Piece) -> Piece:
-        """The piece that stands in its place: of the same name and footprint, made of triangles, or the piece itself, as for
-        one that was exchanged before. What a picture shows is its own."""
+        """The mesh that replaces a piece, with the same name and footprint, or the piece itself, for example if it is a mesh already.
+
+        A picture keeps its own art in the new frame.
+        """
         if piece.parts[0].shape == SHELL:
             return piece
         key = piece.name, piece.size, piece.parts[0].material.tobytes()
@@ -204,7 +206,7 @@ class Swaps:
         return self.flat(panel.material.lower(), panel.colour, label)
 
     def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Material:
-        """A material for what a mesh gives in one colour: by the material's name, else by the class and its colour."""
+        """A material for an untextured surface of a mesh: by the material's name, else by class and colour."""
         rng = self.rng
         ware = label in (LABEL["toilet"], LABEL["bathtub"], LABEL["sink"])
         if _is(name, METALS):
@@ -220,7 +222,7 @@ class Swaps:
         return self._paint()
 
     def _paint(self) -> Material:
-        """White and grey more often than not, seldom a strong colour."""
+        """Paint, usually white or grey, rarely a strong colour."""
         rng, look = self.rng, self.rng.random()
         if look < 0.6:
             base = m.colour(rng, saturation=(0, 0.08), value=(0.75, 0.97))
@@ -231,7 +233,7 @@ class Swaps:
         return m.plain(rng, base, m.Noise(fine=0.02, blotch_scale=0.3), gloss=rng.uniform(0, 0.3))
 
     def _thing(self, name: str, colour: tuple[float, float, float]) -> Material:
-        """Clutter, in about its own colour; the dark greens of plants are made what they are in daylight."""
+        """A material for clutter, close to its own colour; the greens of plants, too dark in the files, are replaced."""
         rng = self.rng
         if _is(name, GREENS) or (colour[1] > 1.2 * colour[0] and colour[1] > 1.2 * colour[2]):
             leaf = m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6))
@@ -243,9 +245,9 @@ class Swaps:
 
 
 def fit(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
-    """How a mesh is scaled along x, y and z to stand in a box, None if it cannot without looking wrong.
+    """Scales along x, y and z that fit a mesh into a box, None if it would look wrong.
 
-    Its width and depth stay within the box; its height may leave it by an eighth.
+    Width and depth stay within the box; the height may exceed it by an eighth.
     """
     ratio = box / np.array(entry.extents)
     if rule.label == "curtain":
@@ -267,7 +269,7 @@ def fit(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64
 def _draped(
     panels: tuple[Panel, ...], box: Float64[np.ndarray, " 3"], foot: Float64[np.ndarray, " 3"]
 ) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
-    """Scale and foot of one drape that fills a box in width and height, gathered as much as that needs."""
+    """Scale and origin of one drape that fills the width and height of a box."""
     flat = np.concatenate([panel.shell.corners.reshape(-1, 3) for panel in panels])
     lowest, highest = flat.min(axis=0).astype(np.float64), flat.max(axis=0).astype(np.float64)
     scale = box / np.maximum(highest - lowest, 1e-3)
@@ -278,7 +280,7 @@ def _draped(
 
 
 def _kept(piece: Piece) -> list[Part]:
-    """What stays behind a mesh, because it closes a hole in the wall: the leaf of a door; of a window its pane, as wide as the
+    """Parts of the piece that stay, because they close a hole in the wall: the leaf of a door; the pane of a window, enlarged to the
     hole, and its blind."""
     if piece.name == "door":
         return [piece.parts[0]]
@@ -294,7 +296,7 @@ def _kept(piece: Piece) -> list[Part]:
 
 
 def _framed(parts: list[Part], piece: Piece) -> list[Part]:
-    """A frame with what the piece shows on its canvas, which is the part of fewest triangles."""
+    """A frame with the piece's art on its canvas, the part with the fewest triangles."""
     canvas = min(parts, key=lambda part: 0 if part.shell is None else len(part.shell.corners))
     art = replace(piece.parts[-1], centre=canvas.centre, size=canvas.size)
     return [*(part for part in parts if part is not canvas), art]
@@ -305,7 +307,7 @@ def _is(name: str, words: tuple[str, ...]) -> bool:
 
 
 def _bounds(piece: Piece) -> tuple[float, float]:
-    """Lowest and highest point of a piece's own parts, ignored ones left out unless all are."""
+    """Lowest and highest point of a piece, without ignored parts unless all are ignored."""
     own = [part for part in piece.parts if part.label != IGNORE] or list(piece.parts)
     return (
         max(0.0, min(part.centre[2] - part.size[2] / 2 for part in own)),

@@ -38,7 +38,7 @@ def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
         assert all(library.panels(row) for row in library.meshes)
         found += library.meshes
     assert sorted(row.name for row in found) == sorted(row.name for row in catalogue.meshes)
-    with pytest.raises(InputError, match=r"list other, found none; what tools\.furniture makes is for training"):
+    with pytest.raises(InputError, match=r"split other, found none; what tools\.furniture makes is for training"):
         open_library(tmp_path / "lib", "other")
 
 
@@ -133,7 +133,7 @@ def test_folders_go_together_unless_they_have_files_of_one_name(stand_in, tmp_pa
     for row in both.meshes:
         assert both.panels(row)
     assert both.lock_digests == (lock_digest(asset_folder), lock_digest(folder))
-    with pytest.raises(InputError, match="files of other names"):
+    with pytest.raises(InputError, match="file names that other folders do not use"):
         Library([folder, tmp_path / "lib" / ".." / "lib"], check=False)
 
 
