@@ -1,4 +1,4 @@
-"""Baking a library of furniture: pieces of a seed, one after the other, into a folder of assets with a lock of its own."""
+"""Generate the pieces of a seed into a folder of assets with its own lock."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from tools.furniture.runner import OutOfTime, run_job
 SETTINGS, RECORDS, MODELS, WORK = "bake.json", "pieces", "models", "work"
 
 RECIPE = "e68229d504d60207"
-"""What decides, beside the version, which pieces a seed has. Change it whenever a piece of a seed would come out otherwise: folders of
-another recipe are refused. It does not follow from the source, whose comments would then count."""
+"""Identifies, with the version, which pieces a seed gives. Change it whenever a piece of a seed would differ: folders with another
+recipe are refused. It is no hash of the source, which comments would change."""
 
 
 @dataclass(frozen=True)
 class Generated:
-    """What a folder holds.
+    """Contents of a folder.
 
     Attributes:
         rows: of `catalog.json`.
-        left_out: why a piece is not among them, by its name.
-        late: pieces that were not done in time, by name; the next call tries them again.
+        left_out: why a piece was excluded, by name.
+        late: pieces that took too long, by name; the next call tries them again.
     """
 
     rows: tuple[dict, ...]
@@ -54,24 +54,24 @@ def generate(
     workers: int = 1,
     done: Callable[[int], None] = lambda count: None,
 ) -> Generated:
-    """Make pieces 0 .. pieces - 1 of a seed that a folder does not hold yet, then write its lists and its lock.
+    """Generate those of pieces 0 .. pieces - 1 of a seed that are missing in a folder, then write its lists and its lock.
 
-    Piece i depends on the seed, on i and on the versions alone. Every piece appears whole or not at all, so the same call goes
-    on where an earlier one was cut short, and a larger number adds. What came out torn is remembered and left out.
+    Piece i depends only on the seed, on i and on the versions. To resume, repeat the call; a larger number adds pieces. Incomplete
+    pieces are recorded and excluded.
 
     Args:
-        folder: a new or empty one, or one that holds pieces of the same seed.
-        seed: the stream of pieces.
-        pieces: how many to try; some are left out, and a kitchen makes two.
+        folder: a new or empty one, or one with pieces of the same seed.
+        seed: of the pieces.
+        pieces: how many to try; some are excluded, and a kitchen may give two.
         environment: folder that `tools.furniture.environment.prepare` made ready.
-        limit: longest that one piece may take [s].
-        workers: pieces that are made at once, each in a process of its own.
-        done: told how many pieces were tried, at the start and after each.
+        limit: maximum time for one piece [s].
+        workers: pieces generated in parallel, each in a process of its own.
+        done: called with the number of pieces tried so far.
 
     Raises:
-        ValueError: a number is too small, or the folder holds pieces of another seed or version, or more of them.
-        InputError: the folder is not ours, or the environment does not work or hands over something else than pieces.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ValueError: a number is too small, or the folder has pieces of another seed or version, or more of them.
+        InputError: the folder is not ours, or the environment does not work or returns something other than pieces.
+        ImportError: embreex is not installed; the message names the extra to install.
         OSError: the disk is full.
     """
     target = Path(folder)
@@ -99,7 +99,7 @@ def generate(
             count += 1
             done(count)
     finally:
-        stop.set()  # ends the pieces that are still being made
+        stop.set()  # ends pieces in progress
         crew.shutdown(cancel_futures=True)
         shutil.rmtree(work, ignore_errors=True)
     return _listed(target, jobs, late)
@@ -109,17 +109,17 @@ def claim(folder: Path, seed: int, pieces: int) -> None:
     """Make the folder a library of this seed.
 
     Raises:
-        ValueError: the seed or the number cannot be, or it holds pieces of another seed or version, or more of them.
-        InputError: it holds something else.
+        ValueError: the seed or the number is too small, or it has pieces of another seed or version, or more of them.
+        InputError: it contains something else.
     """
     if seed < 0 or pieces < 1:
-        raise ValueError(f"seed is {seed} and pieces {pieces}; expected 0 or more and at least one piece")
+        raise ValueError(f"seed is {seed} and pieces {pieces}; expected 0 or more, and 1 or more")
     settings = {"semgs": __version__, "recipe": RECIPE, "seed": seed}
     if is_begun(folder / SETTINGS, settings, "a library of furniture"):
         most = max((int(path.stem.rsplit("_", 1)[1]) for path in (folder / RECORDS).glob("bake_*.json")), default=-1)
         if most >= pieces:
             raise ValueError(
-                f"{folder} holds pieces up to number {most}, so more than the {pieces} asked for; ask for as many"
+                f"{folder} contains pieces up to number {most}, more than the {pieces} requested; request at least {most + 1}"
             )
     else:
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,12 +129,12 @@ def claim(folder: Path, seed: int, pieces: int) -> None:
 
 
 def record_of(folder: Path, job: Job) -> Path:
-    """What is known of a piece that was tried: its rows, or why it is left out."""
+    """The record of a piece that was tried: its catalogue rows, or why it was excluded."""
     return folder / RECORDS / f"{job.name}.json"
 
 
 def _record(folder: Path, job: Job, meshes: list[RawMesh]) -> None:
-    """Finish and record one piece."""
+    """Finish one piece, write its files and record it."""
     rows = []
     for piece in finish(job, meshes):
         file = f"{MODELS}/{piece.name}.glb"
@@ -144,7 +144,7 @@ def _record(folder: Path, job: Job, meshes: list[RawMesh]) -> None:
 
 
 def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Generated:
-    """Write both lists and the lock."""
+    """Write both lists and the lock; returns what the folder contains."""
     rows: list[dict] = []
     left_out = {}
     for job in jobs:
@@ -156,7 +156,7 @@ def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Generated:
             rows += record.get("rows", [])
         except (ValueError, AttributeError, TypeError) as error:
             raise InputError(
-                path, "the record of a piece", str(error), advice="remove it to make the piece anew"
+                path, "the record of a piece", str(error), advice="remove it to generate the piece again"
             ) from error
         if "left_out" in record:
             left_out[job.name] = str(record["left_out"])

@@ -1,4 +1,4 @@
-"""Baking with a stand-in for Infinigen: what is resumed, left out, refused, and what the folder is worth."""
+"""Generating with a stand-in for Infinigen: what is resumed, left out, refused, and what the folder is worth."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
-    baked = run(tmp_path / "lib", stand_in, 3)
-    assert (baked.left_out, baked.late) == ({}, {})
+    made = run(tmp_path / "lib", stand_in, 3)
+    assert (made.left_out, made.late) == ({}, {})
     catalogue = read_catalogue(tmp_path / "lib")
-    assert [row.name for row in catalogue.meshes] == [row["name"] for row in baked.rows]
+    assert [row.name for row in catalogue.meshes] == [row["name"] for row in made.rows]
     found = []
     for split in ("training", "validation"):
         library = Library(tmp_path / "lib", split)
@@ -60,7 +60,7 @@ def test_pieces_do_not_depend_on_their_number_nor_on_interruptions_nor_on_worker
     run(tmp_path / "grown", stand_in, 2)
     run(tmp_path / "grown", stand_in, 4, workers=2)
     assert tree(tmp_path / "whole") == tree(tmp_path / "cut") == tree(tmp_path / "grown")
-    with pytest.raises(ValueError, match="up to number 3, so more than the 2 asked for"):
+    with pytest.raises(ValueError, match="up to number 3, more than the 2 requested"):
         run(tmp_path / "grown", stand_in, 2)
 
 
@@ -68,18 +68,18 @@ def test_pieces_do_not_depend_on_their_number_nor_on_interruptions_nor_on_worker
     ("way", "reason"),
     [
         ("stray", "stray triangles"),
-        ("hanging", "hangs in the air"),
+        ("hanging", "is detached"),
         ("error", "Infinigen: ValueError: cannot be made"),
         ("crash", "ended with -11"),
     ],
 )
-def test_what_is_torn_is_left_out_and_not_tried_again(stand_in, tmp_path, way, reason):
+def test_an_incomplete_piece_is_left_out_and_not_tried_again(stand_in, tmp_path, way, reason):
     name = make_job(SEED, 0).name
     stand_in.goes_wrong(**{name: way})
-    baked = run(tmp_path / "lib", stand_in, 1)
-    assert reason in baked.left_out[name]
-    assert baked.rows == ()
-    assert run(tmp_path / "lib", stand_in, 1).left_out == baked.left_out
+    made = run(tmp_path / "lib", stand_in, 1)
+    assert reason in made.left_out[name]
+    assert made.rows == ()
+    assert run(tmp_path / "lib", stand_in, 1).left_out == made.left_out
     assert stand_in.calls == [name]
     assert not list((tmp_path / "lib" / "models").iterdir())
 
@@ -87,18 +87,18 @@ def test_what_is_torn_is_left_out_and_not_tried_again(stand_in, tmp_path, way, r
 def test_what_takes_too_long_is_ended_and_tried_again_by_the_next_call(stand_in, tmp_path):
     name = make_job(SEED, 1).name
     stand_in.goes_wrong(**{name: "slow"})
-    baked = run(tmp_path / "lib", stand_in, 2, limit=2.0)
-    assert "not done after 2 s" in baked.late[name]
-    assert {row["name"] for row in baked.rows} == {make_job(SEED, 0).name}
+    made = run(tmp_path / "lib", stand_in, 2, limit=2.0)
+    assert "not finished after 2 s" in made.late[name]
+    assert {row["name"] for row in made.rows} == {make_job(SEED, 0).name}
     stand_in.goes_wrong()
     assert run(tmp_path / "lib", stand_in, 2).late == {}
     assert stand_in.calls.count(name) == 2
 
 
-@pytest.mark.parametrize(("way", "found"), [("wrong", "faces name 1..1000000"), ("pickle", "allow_pickle=False")])
+@pytest.mark.parametrize(("way", "found"), [("wrong", "faces refer to 1..1000000"), ("pickle", "allow_pickle=False")])
 def test_wrong_output_is_refused(stand_in, tmp_path, way, found):
     stand_in.goes_wrong(**{make_job(SEED, 0).name: way})
-    with pytest.raises(InputError, match=f"expected arrays of a baked piece, found .*{found}"):
+    with pytest.raises(InputError, match=f"expected arrays of a generated piece, found .*{found}"):
         run(tmp_path / "lib", stand_in, 1)
 
 
@@ -109,7 +109,7 @@ def test_an_environment_that_does_not_start_is_told_at_once(stand_in, tmp_path):
     assert len(stand_in.calls) == 1
 
 
-def test_a_baked_folder_is_held_to_its_own_lock(stand_in, tmp_path):
+def test_a_generated_folder_is_checked_against_its_own_lock(stand_in, tmp_path):
     folder = tmp_path / "lib"
     run(folder, stand_in, 2)
     assert lock_of(folder) == folder / "lock.json"

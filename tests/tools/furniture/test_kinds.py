@@ -39,7 +39,7 @@ def test_sizes_are_possible():
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the folder of assets is not here")
-def test_nothing_is_baked_that_the_lists_hold_out():
+def test_nothing_is_generated_that_the_lists_hold_out():
     rows = [row for row in read_catalogue(REAL).meshes if usable(row)]
     lists = split_meshes(rows)
     held_out = {
