@@ -178,14 +178,14 @@ def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[Mistak
 def caption(target: Judged, most: int = 3) -> str:
     """The caption of a target: its scores and its largest confusions."""
     values = summary([target.scores])
-    told = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
+    scores = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
     if "depth_abs_rel" in values:
-        told.append(f"depth error {values['depth_abs_rel']:.2f}")
+        scores.append(f"depth error {values['depth_abs_rel']:.2f}")
     taken = [
         f"{one.true} → {one.given} {100 * one.share:.0f} %"
         for one in mistakes([target.scores], target.shown.classes)[:most]
     ]
-    return "; ".join([", ".join(told), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
+    return "; ".join([", ".join(scores), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
 
 
 def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
