@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Fine-tuning on one's own classes, shown on five classes of rooms: four minutes on two CPU cores.
+# Example of fine-tuning on your own classes: five classes of rooms, four minutes on two CPU cores.
 #
 #   scripts/five_classes.sh FOLDER [OPTIONS of semgs train]
 #
-# FOLDER gets the table of classes, 48 rooms to train on, 12 to score on, and the run; the same command goes on. At the end it prints mIoU on
-# samples of the 12 rooms, before and after. SEMGS is the command (semgs); what stands behind FOLDER goes to semgs train.
+# Writes the class table, 48 rooms for training, 12 rooms for validation and the run to FOLDER. To resume, repeat the command. At the end it
+# prints mIoU on the 12 rooms, before and after. SEMGS is the command (semgs); arguments after FOLDER go to semgs train.
 set -euo pipefail
 folder=${1:?a folder to work in}
 semgs=${SEMGS:-semgs}

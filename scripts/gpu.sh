@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# What only a machine with a CUDA GPU can check: tests, times, training. Nothing is downloaded.
+# Tests, benchmarks and training on a machine with a CUDA GPU. Downloads nothing.
 #
 #   scripts/gpu.sh test                          the tests marked gpu (under 5 minutes, after gsplat has been compiled once)
-#   scripts/gpu.sh time                          milliseconds to encode, render and train with 2, 3 and 4 views
-#   scripts/gpu.sh train small runs/night 8      train for 8 minutes; the same command goes on from there
+#   scripts/gpu.sh time                          semgs bench, whose rows that end in _cuda run on the GPU
+#   scripts/gpu.sh train small runs/night 8      train for 8 minutes; to resume, repeat the command
 #   scripts/gpu.sh all                           tests, then times
 #
-# PYTHON is an interpreter with torch for CUDA, 2.11 or newer (python3). What it lacks (gsplat, tyro, lightning-fabric, beartype, ...) may lie
-# as wheels in the folder WHEELS; they are installed to a folder of their own, build/gpu, and the interpreter stays as it was.
+# PYTHON is an interpreter with torch 2.11 or newer for CUDA (python3). Missing packages (gsplat, tyro, lightning-fabric, beartype, ...) can be
+# provided as wheels in the folder WHEELS. They are installed to build/gpu, without changing the interpreter.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 python=${PYTHON:-python3}
@@ -29,14 +29,14 @@ print(f"torch {torch.__version__} on {torch.cuda.get_device_name()}")
 CHECK
 TORCH_CUDA_ARCH_LIST=${TORCH_CUDA_ARCH_LIST:-$("$python" -c 'import torch; print("%d.%d" % torch.cuda.get_device_capability())')}
 export TORCH_CUDA_ARCH_LIST
-# Compiles the extension of gsplat, once a machine.
+# Compiles the extension of gsplat, once per machine.
 "$python" -c 'from semgs.rendering.gsplat_backend import rasterizer; rasterizer()' \
-    || echo 'gsplat cannot draw here; what needs it is skipped or drawn on the CPU' >&2
+    || echo 'gsplat does not work here; tests that need it are skipped, rendering uses the CPU' >&2
 
 case $task in
     test) "$python" -m pytest -m gpu -rs ;;
-    time) "$python" scripts/time_gpu.py ;;
-    train) "$python" -c 'import sys; from semgs.cli.main import main; sys.exit(main())' train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
-    all) "$python" -m pytest -m gpu -rs && "$python" scripts/time_gpu.py ;;
+    time) "$python" -m semgs bench ;;
+    train) "$python" -m semgs train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
+    all) "$python" -m pytest -m gpu -rs && "$python" -m semgs bench ;;
     *) echo "unknown task $task: test, time, train or all" >&2; exit 2 ;;
 esac

@@ -1,10 +1,10 @@
-"""Where depth goes wrong: its error at each step of the network, apart for flat and textured places, borders, and what two views see or one.
+"""Locate depth errors: the error after each step of the network, by texture, depth borders, and visibility in one or both views.
 
     python scripts/locate_depth_errors.py WEIGHTS SCENES [SCENES ...]
 
-Each scene's two middle frames at 240x320 are the input views; their true depth is needed. Prints a table in Markdown: the mean relative error of the
-candidate with the best raw cost, of the expectation after the regressor, and of the final depth, and in how many places the best raw candidate is the right
-one or its neighbour. Places are texels at 1/4 of the image.
+The input views are each scene's two middle frames at 240x320, which need true depth. Prints a Markdown table with the mean relative error of the
+candidate with the best raw cost, of the expectation after the regressor, and of the final depth, and how often the best raw candidate is the right
+one or its neighbour. Places are texels at 1/4 of the image's resolution.
 
 A place is a border where depths within two pixels differ by over 5 %. Of the others, one is textured where grey values within four pixels vary by
 over 0.02 (standard deviation, 0..1). It is seen by both if the other view's true depth there agrees within 3 %.
@@ -47,7 +47,7 @@ class Found:
 
 @torch.no_grad()
 def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
-    """What the network finds on its way."""
+    """The depths after each step of the network."""
     scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
     features = model.colour.transformer(model.cnn(scene.images), scene)
     cost = model.colour.depth.cost(features, scene, None)
@@ -69,7 +69,7 @@ def at_centres(maps: Float[Tensor, "*n h w"]) -> Float[Tensor, "*n h4 w4"]:
 
 
 def places(views: Views) -> dict[str, Bool[Tensor, "2 h4 w4"]]:
-    """Which texels are of which of `PLACES`; those without true depth are of none."""
+    """The texels that belong to each of `PLACES`; those without true depth belong to none."""
     depths = views.depths
     known = at_centres(depths) > 0
     logs = depths.clamp(min=1e-3).log()
@@ -86,7 +86,7 @@ def places(views: Views) -> dict[str, Bool[Tensor, "2 h4 w4"]]:
 
 
 def _agrees(views: Views, here: int, there: int) -> Bool[Tensor, "h4 w4"]:
-    """Whether another view's true depth is that of this view's points, where it sees them."""
+    """Whether another view's true depth agrees with this view's points where it sees them."""
     points = at_centres(back_project(views.depths[here].double(), views.cameras[here]).movedim(-1, 0)).movedim(0, -1)
     u, v, z = project(points.flatten(end_dim=-2), views.cameras[there]).unbind(-1)
     height, width = views.size

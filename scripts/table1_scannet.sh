@@ -3,7 +3,7 @@
 #
 #     scripts/table1_scannet.sh SCANNET WORK
 #
-# SCANNET holds scans/ and scannetv2-labels.combined.tsv; WORK is filled. The same command goes on where it was cut short.
+# SCANNET holds scans/ and scannetv2-labels.combined.tsv; WORK is filled. To resume, repeat the command.
 # PEER=gsnerf tests on GSNeRF's ten scenes instead of S-Ray's, and trains without their rooms.
 set -eu
 [ $# -eq 2 ] || { echo "usage: $0 SCANNET WORK" >&2; exit 2; }

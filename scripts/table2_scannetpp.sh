@@ -3,7 +3,7 @@
 #
 #     scripts/table2_scannetpp.sh SCANNETPP WORK
 #
-# SCANNETPP holds data/ and splits/; WORK is filled. The same command goes on where it was cut short. All scenes whose labels are public
+# SCANNETPP holds data/ and splits/; WORK is filled. To resume, repeat the command. All scenes whose labels are public
 # are trained on, but for the ten that are held out by a rule.
 set -eu
 [ $# -eq 2 ] || { echo "usage: $0 SCANNETPP WORK" >&2; exit 2; }

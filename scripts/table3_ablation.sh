@@ -3,7 +3,7 @@
 #
 #     scripts/table3_ablation.sh SCANNET WORK
 #
-# after scripts/table1_scannet.sh SCANNET WORK, whose prepared scenes it trains on, and whose run is the full method's row. The same command goes on where it was cut short.
+# after scripts/table1_scannet.sh SCANNET WORK, whose prepared scenes it trains on, and whose run is the full method's row. To resume, repeat the command.
 set -eu
 [ $# -eq 2 ] || { echo "usage: $0 SCANNET WORK" >&2; exit 2; }
 scannet=$1 work=$2

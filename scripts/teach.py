@@ -1,11 +1,11 @@
-"""What a published segmentation network says of every picture of some scenes, for `semgs train --teacher OUT`.
+"""Predict classes with a published segmentation network for all images of some scenes, for `semgs train --teacher OUT`.
 
     python scripts/teach.py NETWORK.tflite OUT SCENES [SCENES ...]
 
-NETWORK is a segmentation network for LiteRT with uint8 pictures in and class numbers out, such as MOSAIC of MLPerf Mobile; LiteRT is no
-dependency of semgs: pip install ai-edge-litert. SCENES are what `semgs train --data` takes. Each picture is stretched to the size that the
-network takes; the softmax of its logits, averaged down to an eighth of the picture, goes to OUT/SOURCE/SCENE.npy as float16
-[frame rows columns class]. Scenes that are there already are left out, so the same command goes on after new scenes were added.
+NETWORK is a segmentation network for LiteRT that maps uint8 images to class indices, such as MOSAIC of MLPerf Mobile. LiteRT is no
+dependency of semgs; install it with pip install ai-edge-litert. SCENES are what `semgs train --data` takes. Each image is resized to the
+network's input size. The softmax of the logits, averaged to an eighth of the image's size, is saved to OUT/SOURCE/SCENE.npy as float16
+[frame rows columns class]. Existing files are skipped, so you can repeat the command after adding scenes.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from semgs.files.atomic import write_bytes
 from semgs.training.teacher import STRIDE, Teacher
 
 AFTER_LOGITS = ("ARG_MAX", "RESIZE_BILINEAR", "RESIZE_NEAREST_NEIGHBOR", "CAST", "SQUEEZE")
-"""Operators that make class numbers of logits."""
+"""Operators after the logits, which turn them into class indices."""
 
 
 class Segmenter:
-    """A network for LiteRT that gives class numbers; here it gives probabilities.
+    """Gives the class probabilities of a LiteRT network whose output is class indices.
 
     Args:
         path: the .tflite file.
-        threads: that it computes with.
+        threads: number of threads.
     """
 
     def __init__(self, path: Path, threads: int = 1) -> None:
@@ -55,7 +55,7 @@ class Segmenter:
         self._scale, self._zero = details[self._logits]["quantization"]
 
     def probabilities(self, image: np.ndarray) -> np.ndarray:
-        """Of each class [rows columns class] in an image [h w 3], uint8; at the resolution of the logits."""
+        """Class probabilities [rows columns class] of an image [h w 3], uint8, at the resolution of the logits."""
         small = cv2.resize(image, self._size[::-1], interpolation=cv2.INTER_AREA)
         self._network.set_tensor(self._input, small[None])
         self._network.invoke()
@@ -64,8 +64,8 @@ class Segmenter:
         return found / found.sum(-1, keepdims=True)
 
 
-def said_of(views: Views, segmenter: Segmenter) -> np.ndarray:
-    """Probabilities of a view at an eighth of its size, float16 [1 rows columns class]."""
+def predicted(views: Views, segmenter: Segmenter) -> np.ndarray:
+    """Class probabilities of a view at an eighth of its size, float16 [1 rows columns class]."""
     image = np.rint(255 * views.images[0].permute(1, 2, 0).numpy()).astype(np.uint8)
     found = segmenter.probabilities(np.ascontiguousarray(image))
     size = [side // STRIDE for side in views.size]
@@ -87,10 +87,10 @@ if __name__ == "__main__":
         file = Teacher(given.out, 0).path(scene)
         if file.exists():
             continue
-        said = np.concatenate([said_of(frame.view((1, 2)), segmenter) for frame in scene.frames])
+        found = np.concatenate([predicted(frame.view((1, 2)), segmenter) for frame in scene.frames])
         file.parent.mkdir(parents=True, exist_ok=True)
         data = io.BytesIO()
-        np.save(data, said)
+        np.save(data, found)
         write_bytes(file, data.getbuffer())
-        count += len(said)
-    print(f"{count} pictures, {time.process_time() - began:.0f} core-seconds")
+        count += len(found)
+    print(f"{count} images, {time.process_time() - began:.0f} core-seconds")

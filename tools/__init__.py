@@ -1,1 +1,1 @@
-"""Programs for those who work on SemGS or make data for it. They are in the repository, not in the package."""
+"""Programs for developers of SemGS and for making data. They are in the repository, not in the package."""

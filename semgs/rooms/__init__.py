@@ -1,1 +1,1 @@
-"""Rooms: labelled scenes from a seed. Folders from the ground up: pieces, assets, plans, drawing, sets."""
+"""Random labelled rooms from a seed. Folders, lowest layer first: pieces, assets, plans, drawing, sets."""

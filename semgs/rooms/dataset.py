@@ -1,4 +1,4 @@
-"""The old name of `semgs.rooms.sets.dataset`; it goes with the next release."""
+"""Old name of `semgs.rooms.sets.dataset`; removed in the next release."""
 
 from semgs.rooms.sets.dataset import Recipe, write_dataset
 

@@ -1,4 +1,4 @@
-"""The old name of `semgs.rooms.sets.demo`; it goes with the next release."""
+"""Old name of `semgs.rooms.sets.demo`; removed in the next release."""
 
 from semgs.rooms.sets.demo import demo_scene
 

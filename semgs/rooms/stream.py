@@ -1,4 +1,4 @@
-"""The old name of `semgs.rooms.sets.stream`; it goes with the next release."""
+"""Old name of `semgs.rooms.sets.stream`; removed in the next release."""
 
 from semgs.rooms.sets.stream import RoomSamples, sample
 

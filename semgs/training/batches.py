@@ -94,18 +94,13 @@ def training_batches(
     if live:
         weights.insert(0, float(sum(source.weight for source in live)))
         library = _library(settings, "training")
+        rooms = RoomSamples(
+            settings.seed, settings.size, settings.contexts, settings.targets, length, settings.batch, library
+        )
         if settings.scene_reuse > 1:
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
-            rooms = PooledSamples(
-                pool, settings.seed, settings.size, settings.contexts, settings.targets, length,
-                served=served, group=settings.batch, library=library,
-            )  # fmt: skip
-        else:
-            rooms = RoomSamples(
-                settings.seed, settings.size, settings.contexts, settings.targets, length,
-                group=settings.batch, library=library,
-            )  # fmt: skip
+            rooms = PooledSamples(pool, rooms, served)
     mixture = Mixture(rooms, data.folders, tuple(weights))
     form = Form(
         settings.size, settings.contexts, settings.targets, data.classes, settings.frames, settings.augmentation,

@@ -22,7 +22,7 @@ pytest.importorskip("embreex")
 
 from semgs.files.pictures import read_uint8
 from semgs.rooms.plans.style import STYLES
-from semgs.rooms.sets.scenes import Walk, draw_scene, write_views
+from semgs.rooms.sets.scenes import Recipe, Walk, draw_scene, write_views
 
 SEED, SCENES, FRAMES, SIZE = 3, 3, 2, (48, 64)
 DECIMALS = 9
@@ -37,8 +37,7 @@ LABELS = Path(__file__).with_name("pinned_labels.png")
 @pytest.fixture(scope="module")
 def walks() -> dict[str, list[Walk]]:
     return {
-        style: [draw_scene(SEED, index, size=SIZE, frames=FRAMES, style=style) for index in range(SCENES)]
-        for style in STYLES
+        style: [draw_scene(Recipe(SEED, SIZE, FRAMES, style), index) for index in range(SCENES)] for style in STYLES
     }
 
 
@@ -68,7 +67,7 @@ def test_cameras_are_written_as_on_every_other_machine(walks, style, tmp_path):
     for number, walk in enumerate(walks[style]):
         folder = tmp_path / str(number)
         folder.mkdir()
-        write_views(folder, walk.views, 92)
+        write_views(folder, walk.views)
         texts.append((folder / "transforms.json").read_text())
     assert digest(texts) == DIGESTS[style]["cameras"]
 

@@ -11,6 +11,7 @@ import torch
 from scenes_on_disk import write_labelled
 
 from semgs.rooms.sets.pool import WINDOW, PooledSamples
+from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.turns import Turn, Turns, frame_of
@@ -132,7 +133,7 @@ def test_live_rooms_come_one_picture_each(tmp_path: Path):
 
 
 def test_a_pooled_scene_serves_no_two_single_pictures_of_a_batch(tmp_path: Path):
-    pool = PooledSamples(tmp_path, 3, (16, 24), 1, 0, length=320, served=8, group=16)
+    pool = PooledSamples(tmp_path, RoomSamples(3, (16, 24), 1, 0, length=320, group=16))
     scenes = [pool.choice(k)[0] for k in range(320)]
     assert all(len(set(scenes[start : start + 16])) == 16 for start in range(0, 320, 16))
     assert all(0 <= scene - k // 16 * 2 < WINDOW for k, scene in enumerate(scenes))

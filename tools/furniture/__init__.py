@@ -1,1 +1,1 @@
-"""A library of furniture made with Infinigen, in the form of a folder of assets."""
+"""Generate a library of furniture with Infinigen, as a folder of assets."""

@@ -1,4 +1,4 @@
-"""Rows of books for the boards of a shelf: boxes with spines of our own."""
+"""Books for the boards of a shelf: boxes with generated spines."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int, UInt8
 
+from tools.furniture.kinds import Random
 from tools.furniture.surfaces import Surface, box
-from tools.furniture.tints import Random
 
 SPINES, ROWS = 32, 2
-"""Kinds of spine in one picture, in so many rows."""
+"""Number of spines in the texture, and of rows of spines."""
 SIDE, SPINE_HEIGHT = 256, 96
-"""Of the picture, and of a spine in it [px]."""
+"""Side of the texture, and height of a spine in it [px]."""
 PAPER = (228, 220, 200)
 STEP = 0.01
-"""Between the places along a shelf where its boards are looked for [m]."""
+"""Step along a shelf at which its boards are searched for [m]."""
 LOWEST = 0.16
-"""Height that a row of books needs [m]."""
+"""Minimum height of a compartment for books [m]."""
 NARROWEST = 0.15
-"""Width that a row of books needs [m]."""
+"""Minimum width of a compartment for books [m]."""
 FULL = 0.9
-"""Share of the boards that hold books."""
+"""Share of compartments that contain books."""
 
 
 def books_on(shelf: Surface, rng: Random) -> Surface | None:
-    """Books on the boards of a shelf that stands with its front to -y; None if there is no board for them."""
+    """Books on the boards of a shelf with front = -y; None if none of its boards has books."""
     lowest, highest = box([shelf])
     vertices: list[np.ndarray] = []
     faces: list[np.ndarray] = []
@@ -56,8 +56,8 @@ def books_on(shelf: Surface, rng: Random) -> Surface | None:
 def compartments(shelf: Surface) -> list[tuple[float, float, float, float]]:
     """Free rectangles between boards and uprights, seen from the front: left, right, board, roof [m].
 
-    A vertical line through the shelf is free between two surfaces that are farther apart than a book is high; neighbouring lines with
-    the same gap make a rectangle, and uprights that cross it cut it.
+    A vertical line through the shelf is free between two surfaces that are farther apart than the height of a book. Adjacent lines
+    with the same gap form a rectangle, which uprights divide.
     """
     lowest, highest = box([shelf])
     corners = shelf.vertices[shelf.faces]
@@ -86,7 +86,7 @@ def compartments(shelf: Surface) -> list[tuple[float, float, float, float]]:
 def _crossings(
     corners: Float64[np.ndarray, "t 3 3"], line: tuple[float | None, float | None, float | None]
 ) -> list[float]:
-    """Where a line along one axis, the one that is None, meets triangles, ascending and rounded to millimetres [m]."""
+    """Where a line along the axis that is None crosses triangles, ascending and rounded to millimetres [m]."""
     along = line.index(None)
     u, v = (axis for axis in range(3) if axis != along)
     flat = corners[..., (u, v)] - np.array((line[u], line[v]), dtype=np.float64)
@@ -99,7 +99,7 @@ def _crossings(
 
 
 def _book() -> tuple[Float64[np.ndarray, "16 3"], Int[np.ndarray, "8 3"]]:
-    """Spine, two covers and the top of a unit book whose spine looks to -y."""
+    """Spine, covers and top of a unit book whose spine faces -y."""
     spine = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]
     left = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)]
     right = [(1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)]
@@ -112,7 +112,7 @@ BOOK, BOOK_FACES = _book()
 
 
 def _spine_uv(number: int) -> Float64[np.ndarray, "16 2"]:
-    """Where the corners of a book lie in the picture: its spine, one colour of it on the covers, paper on top."""
+    """Texture coordinates of a book: its spine, one of the spine's colours for the covers, paper for the top."""
     per_row = SPINES // ROWS
     left, right = (np.array([number % per_row, number % per_row + 1]) / per_row) + [0.004, -0.004]
     top = (number // per_row) * SPINE_HEIGHT / SIDE + 0.01
@@ -124,7 +124,7 @@ def _spine_uv(number: int) -> Float64[np.ndarray, "16 2"]:
 
 
 def spines(rng: Random) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture of spines, with paper below them."""
+    """A texture of spines, with paper below them."""
     picture = np.full((SIDE, SIDE, 3), PAPER, np.uint8)
     picture[ROWS * SPINE_HEIGHT + 2 :: 3] = [round(0.9 * c) for c in PAPER]
     width = SIDE * ROWS // SPINES

@@ -1,4 +1,4 @@
-"""Pictures of cloth for curtains, drawn by us: plain, striped, dotted, checked, leafed."""
+"""Generate textures of cloth for curtains: plain, striped, dotted, checked or with leaves."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from tools.furniture.tints import FABRICS, Colour, Random, pick
+from tools.furniture.kinds import Random
+from tools.furniture.tints import FABRICS, Colour, pick
 
 SIDE = 512
-"""Of the picture [px]."""
+"""Side of the texture [px]."""
 PALE: tuple[Colour, ...] = ((240, 238, 234), (230, 224, 214))
 
 
 def cloth_picture(rng: Random, width: float, height: float) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture for a cloth of a size [m]."""
+    """A texture for cloth of a size [m]."""
     base, other = pick(rng, FABRICS + PALE), pick(rng, FABRICS)
     picture = np.full((SIDE, SIDE, 3), base, np.uint8)
     scale = SIDE / width, SIDE / height
@@ -34,7 +35,7 @@ Pair = tuple[float, float]
 
 
 def _box(picture: Picture, colour: Colour, scale: Pair, x: Sequence[float], y: Sequence[float]) -> None:
-    """Fill a rectangle that is given in metres."""
+    """Fill a rectangle, given in metres."""
     (left, right), (low, high) = (np.round(np.array(x) * scale[0]), np.round(np.array(y) * scale[1]))
     picture[int(low) : int(high), int(left) : int(right)] = colour
 
@@ -91,4 +92,4 @@ def _leaf(turn: float, length: float) -> Float64[np.ndarray, "4 2"]:
 PATTERNS: tuple[Callable[[Random, Picture, Colour, Pair, Pair], None] | None, ...] = (
     *(None,) * 6, _bars, _bands, _leaves, _dots, _checks, _stripes,
 )  # fmt: skip
-"""Half of all cloths are plain."""
+"""Half of them are plain."""

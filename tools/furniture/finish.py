@@ -1,4 +1,4 @@
-"""From what Infinigen made to pieces as rooms take them: coloured, cut, turned, of real sizes, checked."""
+"""Turn Infinigen's meshes into pieces for rooms: check, colour, split, rotate and scale them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tools.furniture import surfaces as s
 from tools.furniture.books import books_on
 from tools.furniture.cloth import cloth_picture
 from tools.furniture.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
-from tools.furniture.raw import RawMesh, Torn, check_whole
+from tools.furniture.raw import Incomplete, RawMesh, check_complete
 from tools.furniture.surfaces import Surface
 from tools.furniture.tints import (
     CERAMICS,
@@ -35,7 +35,7 @@ from tools.furniture.tints import (
 )  # fmt: skip
 
 MOST_TRIANGLES = 12_000
-"""Of a finished piece."""
+"""Maximum for a finished piece."""
 ORIGIN = {
     "licence": "BSD-3-Clause (Infinigen; generated output)",
     "source_repo": "princeton-vl/infinigen",
@@ -45,14 +45,14 @@ NOTE = "generated with Infinigen, base colour baked and retinted"
 
 
 @dataclass(frozen=True)
-class Piece:
+class FinishedPiece:
     """A finished piece: metres, z up, base on z = 0, centred in x and y, front = -y.
 
     Attributes:
         name: of its files.
-        kind: what it is.
+        kind: its kind.
         surfaces: its triangles.
-        source: the factory's module, in Infinigen's repository.
+        source: path of the factory's module in Infinigen's repository.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Piece:
     source: str
 
     def row(self, file: str, size: int, version: str) -> dict:
-        """Its row of `catalog.json`."""
+        """The piece's row of `catalog.json`."""
         parts = {
             s.node_name(number, one): one.label for number, one in enumerate(self.surfaces) if one.label is not None
         }
@@ -77,27 +77,22 @@ class Piece:
         return row | ({"part_classes": parts} if parts else {})
 
     def write(self, path: Path) -> None:
-        """Write its .glb file, and see that it reads back.
-
-        Raises:
-            OSError: the disk is full.
-            InputError: it does not read back.
-        """
+        """Write the .glb file and check that it can be read."""
         written = s.primitives(self.surfaces)
         write_glb(path, written)
         assert len(read_glb(path)) == len(written)
 
 
-def finish(job: Job, meshes: Sequence[RawMesh]) -> list[Piece]:
-    """The pieces that a job makes, one for most kinds.
+def finish(job: Job, meshes: Sequence[RawMesh]) -> list[FinishedPiece]:
+    """The pieces of a job, one for most kinds.
 
     Raises:
-        Torn: it came apart, or is of no real size.
+        Incomplete: a piece is broken or has an unrealistic size.
         ImportError: embreex is not installed.
     """
     kind = KINDS[job.kind]
     for number, mesh in enumerate(meshes):
-        check_whole(mesh, kind if number == 0 else DRAWERS)
+        check_complete(mesh, kind if number == 0 else DRAWERS)
     rng = job.random()
     source = f"{OBJECTS}/{job.makes[0].factory.rsplit('.', 1)[0].replace('.', '/')}.py"
     pieces = []
@@ -105,8 +100,8 @@ def finish(job: Job, meshes: Sequence[RawMesh]) -> list[Piece]:
         sized = _sized(surfaces, made, rng)
         count = sum(len(one.faces) for one in sized)
         if count > MOST_TRIANGLES:
-            raise Torn(f"{count} triangles are left")
-        pieces.append(Piece(job.name + suffix, made, tuple(sized), source))
+            raise Incomplete(f"{count} triangles remain, more than {MOST_TRIANGLES}")
+        pieces.append(FinishedPiece(job.name + suffix, made, tuple(sized), source))
     return pieces
 
 
@@ -114,21 +109,17 @@ DRAWERS = replace(KINDS["cabinet"], low=(0.3, 0.3, 0.4), high=(0.6, 0.7, 0.8))
 """The chest below a desk."""
 
 Made = list[tuple[str, Kind, list[Surface]]]
-"""What is to be put after the name, the kind, and the surfaces, with the front to -y."""
+"""Of each piece of a job: suffix of its name, kind, and surfaces with front = -y."""
 
 
 def _sized(surfaces: Sequence[Surface], kind: Kind, rng: Random) -> list[Surface]:
-    """Scaled to the kind's sizes.
-
-    Raises:
-        Torn: one axis would be scaled much more than another.
-    """
+    """Scale to the kind's sizes; Incomplete if one axis would be scaled much more than another."""
     sides = s.sides(surfaces)
     low, high = np.array(kind.low), np.array(kind.high)
     factors = (rng.uniform(low, high) if kind.drawn else np.clip(sides, low, high)) / sides
     if factors.max() > kind.stretch * factors.min():
         wide, deep, tall = sides
-        raise Torn(f"{wide:.2f} x {deep:.2f} x {tall:.2f} m is no {kind.subtype.replace('_', ' ')}")
+        raise Incomplete(f"{wide:.2f} x {deep:.2f} x {tall:.2f} m is no size for a {kind.subtype.replace('_', ' ')}")
     return s.scaled(surfaces, factors)
 
 
@@ -137,7 +128,7 @@ def _fronted(surfaces: list[Surface], kind: Kind) -> list[Surface]:
 
 
 def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Callable[..., Made]:
-    """A maker of pieces in one picture; of hollow ones what is inside is left out."""
+    """A maker of textured pieces; `hollow` removes what is not visible from outside."""
 
     def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
         one = s.surface(meshes[0], "body", picture=tinted(meshes[0], tints(rng)))
@@ -147,7 +138,7 @@ def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Ca
 
 
 def _plain(names: Sequence[tuple[str, tuple[str, ...], Sequence[Colour]]]) -> Callable[..., Made]:
-    """A maker of pieces in flat colours: name, words in the materials' names and colours of each surface."""
+    """A maker of untextured pieces. For each surface: name, words in the names of its materials, and colours to choose from."""
 
     def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
         mesh, left = meshes[0], np.ones(len(meshes[0].faces), bool)
@@ -163,7 +154,7 @@ def _plain(names: Sequence[tuple[str, tuple[str, ...], Sequence[Colour]]]) -> Ca
 
 
 def _of(mesh: RawMesh, words: Sequence[str]) -> np.ndarray:
-    """Which triangles have a material with one of some words in its name."""
+    """Triangles whose material has one of some words in its name."""
     numbers = [number for number, name in enumerate(mesh.materials) if any(word in name.lower() for word in words)]
     return np.isin(mesh.material, numbers)
 
@@ -182,14 +173,14 @@ def _boards(rng: Random) -> list[Tint]:
 
 def _bed(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     mesh, wood = meshes[0], pick(rng, (*NATURAL, PAINTED[0], PAINTED[3]))
-    as_baked = rng.random() < 0.25
+    keeps_prints = rng.random() < 0.25
     tints = []
     for name in sorted(mesh.materials):
         if any(word in name.lower() for word in CLOTH):
             colour = pick(rng, FABRICS[:4] + FABRICS)
             printed = "art" in name.lower()
-            own = printed and (as_baked or rng.random() < 0.45)
-            tints.append(Tint((name.lower(),), None if own else colour, 0.8 if own and as_baked else 0.5))
+            own = printed and (keeps_prints or rng.random() < 0.45)
+            tints.append(Tint((name.lower(),), None if own else colour, 0.8 if own and keeps_prints else 0.5))
     tints.sort(key=lambda tint: -len(tint.words[0]))
     tints += [_metal(rng), Tint(("",), wood, grain(wood, 0.5))]
     return [("", kind, _fronted([s.surface(mesh, "bed", picture=tinted(mesh, tints))], kind))]
@@ -225,14 +216,14 @@ def _table_tints(rng: Random) -> list[Tint]:
 
 
 def _table(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """Its longer side to the front."""
+    """A table with its longer side at the front."""
     one = [s.surface(meshes[0], "table", picture=tinted(meshes[0], _table_tints(rng)))]
     wide, deep, _ = s.sides(one)
     return [("", kind, one if wide >= deep else s.turned(one))]
 
 
 def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """At times with a chest of drawers below, or two."""
+    """A desk, sometimes with one or two chests of drawers below."""
     wood = pick(rng, WOODS)
     leg = pick(rng, (*METALS, (60, 60, 62), (235, 235, 235), wood, wood))
     tints = [Tint(METAL, leg, 0.2), Tint(("",), wood, grain(wood))]
@@ -251,7 +242,7 @@ def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
 
 
 def _bookshelf(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """Four of five hold books."""
+    """A shelf; four of five contain books."""
     picture = tinted(meshes[0], _boards(rng))
     shelf = _sized(s.turned([s.surface(meshes[0], "shelf", picture=picture)]), kind, rng)
     books = books_on(shelf[0], rng) if rng.random() < 0.8 else None
@@ -267,7 +258,7 @@ FRIDGES: tuple[Colour, ...] = (
 
 
 def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """One door, a freezer above, two doors side by side, or a low one."""
+    """A refrigerator with one door, with a freezer above, with two doors side by side, or a low one."""
     picture = tinted(meshes[0], [Tint(("",), pick(rng, FRIDGES), 0.35)])
     body = s.turned([s.seen_from_outside(s.surface(meshes[0], "refrigerator", picture=picture))])
     width, depth, height = rng.uniform(kind.low, kind.high)
@@ -298,11 +289,11 @@ def _door_tints(rng: Random) -> list[Tint]:
 
 
 def _curtain(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """Drapes with a picture of our own, and their rod; Infinigen hangs them upside down."""
+    """Drapes with a texture of ours, and their rod. Infinigen's are upside down."""
     mesh = meshes[0]
     cloth, rod = _of(mesh, ("cloth",)), _of(mesh, ("rod",))
     if not cloth.any():
-        raise Torn("no cloth hangs before the window")
+        raise Incomplete("there is no curtain at the window")
     found = s.surface(mesh, "cloth", cloth)
     upright = found.vertices * [-1, 1, -1]
     lowest, extent = upright.min(axis=0), np.ptp(upright, axis=0)
@@ -325,7 +316,7 @@ WALL_CABINET = Kind(
 
 
 def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    """A row of base cabinets, which are cabinets below a counter, and the row that hangs above it, if there is one; or an island."""
+    """Base cabinets under a counter, and the wall cabinets above if there are any; or an island."""
     mesh = meshes[0]
     paint = pick(rng, CUPBOARDS)
     stone = Tint(("marble",), pick(rng, STONES), 0.8)
@@ -337,7 +328,7 @@ def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     above = heights > (levels[gap] + levels[gap + 1]) / 2 if hung else np.zeros(len(heights), bool)
     top = _of(mesh, ("marble",)) & ~above
     found: Made = []
-    label = "cabinet" if kind is KINDS["kitchen"] else None  # an island is a counter as a whole
+    label = "cabinet" if kind is KINDS["kitchen"] else None  # all of an island is a counter
     body = s.surface(mesh, "body", ~above & ~top, picture=picture, label=label)
     surfaces = [s.seen_from_outside(body)]
     if top.any():
@@ -350,7 +341,7 @@ def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
 
 
 HANGS = 0.25
-"""Height without a triangle between what stands and what hangs in a kitchen [m]."""
+"""Minimum vertical gap between base cabinets and wall cabinets [m]."""
 
 WARE = (("metal", METAL, METALS), ("ceramic", ("",), CERAMICS))
 MAKERS: dict[str, Callable[[Kind, Sequence[RawMesh], Random], Made]] = {
@@ -380,4 +371,4 @@ MAKERS: dict[str, Callable[[Kind, Sequence[RawMesh], Random], Made]] = {
     "kitchen": _kitchen,
     "island": _kitchen,
 }
-"""How each kind becomes pieces."""
+"""By kind: the function that makes its pieces."""

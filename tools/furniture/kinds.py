@@ -1,4 +1,4 @@
-"""What can be baked: the kinds of furniture, how Infinigen makes one of each, and what a piece must measure."""
+"""The kinds of furniture, how Infinigen generates each, and which sizes are realistic."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ OBJECTS = "src/infinigen/assets/objects"
 
 @dataclass(frozen=True)
 class Make:
-    """One object that a factory makes, as `program.py` understands it.
+    """One object of an Infinigen factory, as `program.py` takes it.
 
     Attributes:
         factory: its path below `infinigen.assets.objects`.
         seed: of the factory.
-        setting: how the factory is set, empty for as it is.
-        size: the setting's numbers [m].
-        triangles: about how many to leave.
-        flatten: which objects lose the edges inside flat faces.
-        weld: whether corners that nearly meet become one.
-        picture: side of the picture of base colours [px], 0 for none.
-        simplify: triangles to leave of each material, 0 for as many as there are.
+        setting: name of a function of `program.py` that configures the factory, empty for none.
+        size: arguments of that function [m].
+        triangles: approximate number to keep.
+        flatten: objects whose flat faces are merged.
+        weld: whether to merge corners that nearly coincide.
+        picture: side of the image of base colours [px], 0 for none.
+        simplify: number of triangles to keep per material, 0 for all.
     """
 
     factory: str
@@ -52,16 +52,16 @@ class Kind:
         subtype: finer kind, as in a catalogue.
         strict: the class in ScanNet's own table.
         mount: "floor" or "wall".
-        share: pieces of this kind in a round.
-        makes: what to ask Infinigen for.
-        low, high: least and largest width, depth and height [m]. A piece that is smaller or larger is scaled to them.
-        drawn: whether a size between them is drawn instead, because Infinigen's is nobody's.
-        turned: whether Infinigen's front is +x, to be turned to -y.
-        stretch: how much more one axis may be scaled than another; more is no such piece.
-        largest: longest side before scaling [m]; what is larger has come apart.
-        hull: least share of its box that its convex hull fills.
-        gap: parts farther than this from all others hang in the air [m].
-        core: least share of each side that nearly all of the surface must reach over: a stray triangle makes no side.
+        share: number of pieces of this kind in a round.
+        makes: random choice of the objects to generate.
+        low, high: minimum and maximum width, depth and height [m]. Other pieces are scaled to be within them.
+        drawn: scale to a random size between them, because Infinigen's own sizes are unrealistic.
+        turned: Infinigen's front is +x and is rotated to -y.
+        stretch: maximum ratio between the scales of two axes; beyond that, the piece is excluded.
+        largest: maximum side before scaling [m]; larger pieces are broken.
+        hull: minimum share of the bounding box that the convex hull fills.
+        gap: parts farther than this from all others are detached [m].
+        core: minimum share of each side that most of the surface must span, to detect stray triangles.
     """
 
     label: str
@@ -83,14 +83,14 @@ class Kind:
 
 @dataclass(frozen=True)
 class Job:
-    """One piece to make: which kind, by which makes.
+    """One piece to generate.
 
     Attributes:
-        name: of the piece, and so of its files.
-        kind: in KINDS.
-        number: of the piece in the stream of its seed.
-        seed: of the stream.
-        makes: what to ask Infinigen for.
+        name: of the piece and of its files.
+        kind: key of KINDS.
+        number: of the piece.
+        seed: of the pieces.
+        makes: the objects to generate.
     """
 
     name: str
@@ -100,18 +100,18 @@ class Job:
     makes: tuple[Make, ...]
 
     def as_json(self) -> dict:
-        """As `program.py` reads it."""
+        """The job as `program.py` reads it."""
         return {"name": self.name, "makes": [asdict(make) for make in self.makes]}
 
     def random(self) -> Random:
-        """What finishes the piece: colours, sizes, books."""
+        """Random generator for finishing the piece: colours, sizes, books."""
         return np.random.default_rng((self.seed, self.number, 1))
 
 
 def make_job(seed: int, number: int) -> Job:
-    """Piece `number` of a seed, which no other number and no count of pieces has a say in.
+    """Piece `number` of a seed, independent of all other pieces.
 
-    Kinds come in rounds in which each has its share, as evenly spread as they can be.
+    Kinds come in rounds: each occurs as often as its share, evenly spread.
     """
     length = sum(kind.share for kind in KINDS.values())
     kind = _round(seed, number // length)[number % length]
@@ -121,7 +121,7 @@ def make_job(seed: int, number: int) -> Job:
 
 @lru_cache
 def _round(seed: int, number: int) -> tuple[str, ...]:
-    """The kinds of one round in their order."""
+    """The kinds of one round, in order."""
     rng = np.random.default_rng((seed, number, 2))
     places = [
         ((k + rng.random()) / kind.share, name) for name, kind in KINDS.items() for k in range(kind.share)
@@ -134,12 +134,12 @@ def _seed(rng: Random) -> int:
 
 
 def _centimetres(rng: Random, *ranges: tuple[float, float]) -> tuple[float, ...]:
-    """A number of each range, in whole centimetres."""
+    """A random number from each range, in whole centimetres [m]."""
     return tuple(round(float(rng.uniform(low, high)), 2) for low, high in ranges)
 
 
 def _plain(*factories: str, **settings: object) -> Callable[[Random], tuple[Make, ...]]:
-    """One object of one of some factories, as it comes."""
+    """One object of one of some factories, not configured."""
 
     def makes(rng: Random) -> tuple[Make, ...]:
         factory = factories[int(rng.integers(len(factories)))]
@@ -149,7 +149,7 @@ def _plain(*factories: str, **settings: object) -> Callable[[Random], tuple[Make
 
 
 def _set(factory: str, setting: str, ranges: Sequence[tuple[float, float]], **settings: object) -> Callable:
-    """One object of a factory, of a size that is drawn from ranges [m]."""
+    """One object of a factory, of a random size within ranges [m]."""
 
     def makes(rng: Random) -> tuple[Make, ...]:
         return (Make(factory, _seed(rng), setting, _centimetres(rng, *ranges), **settings),)  # type: ignore[arg-type]
@@ -289,5 +289,5 @@ KINDS: dict[str, Kind] = {
         (1.0, 0.6, 0.88), (2.2, 1.1, 0.95),
     ),
 }  # fmt: skip
-"""By the word in the names of their pieces. Left out are chests of drawers, vanities and shower curtains: of these the lists
-hold back what Infinigen made of them (`semgs.rooms.assets.splits`), so that no training may see more."""
+"""By the word in the names of their pieces. Chests of drawers, vanities and shower curtains are not generated: those that Infinigen
+made for the collection are held out for testing (`semgs.rooms.assets.splits`), so nothing may be trained on similar ones."""

@@ -1,21 +1,21 @@
-"""Makes furniture with Infinigen and Blender, in their environment: a program of its own, which knows nothing of semgs.
+"""Generates furniture with Infinigen and Blender, in their environment: a separate program that does not import semgs.
 
     python program.py JOBS.json OUT
 
-A job is `{"name": ..., "makes": [...]}`; for each, OUT gets NAME.npz, or NAME.txt with the reason why there is none. Both appear
-whole. A make is what one of Infinigen's factories does with one seed:
+A job is `{"name": ..., "makes": [...]}`. For each, OUT gets NAME.npz, or NAME.txt with the reason for failure; both appear only once
+they are complete. A make is one object of one of Infinigen's factories:
 
     factory     its path below infinigen.assets.objects
     seed        of the factory
     setting     one of SETTINGS, with `size` its argument [m]; "" leaves the factory as it is
-    triangles   about how many to leave
-    flatten     which objects lose the edges inside flat faces: "all", "first" or "none"
-    weld        whether corners within 0.2 mm become one
-    picture     side of the picture of base colours [px]; 0 is none
-    simplify    triangles to leave of each material, by quadrics over the joined surface; 0 is none
+    triangles   approximate number to keep
+    flatten     objects whose flat faces are merged: "all", "first" or "none"
+    weld        whether to merge corners within 0.2 mm
+    picture     side of the image of base colours [px], 0 for none
+    simplify    triangles to keep per material, by quadric simplification of the joined surface; 0 keeps all
 
-NAME.npz holds for make k the arrays k/vertices [n 3] [m], k/faces [t 3], k/uv [t 3 2] ((0, 0) at the picture's lower left),
-k/object [t] and k/material [t] (numbers), k/materials (names) and k/picture [h w 3] (sRGB, rows from above).
+NAME.npz contains for make k the arrays k/vertices [n 3] [m], k/faces [t 3], k/uv [t 3 2] ((0, 0) at the image's lower left),
+k/object [t] and k/material [t] (indices), k/materials (names) and k/picture [h w 3] (sRGB, top row first).
 """
 
 # ruff: noqa: NPY002  Infinigen draws from the one generator that is numpy's own
@@ -31,16 +31,16 @@ from pathlib import Path
 from typing import Any
 
 CLEAR = (0.6, 0.65, 0.68, 1.0)
-"""Colour that what is transparent gets."""
+"""Colour for transparent materials."""
 EMITTERS = (
     "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC", "BSDF_GLASS", "BSDF_TRANSLUCENT",
     "BSDF_REFRACTION", "BSDF_VELVET", "BSDF_SHEEN", "BSDF_TOON", "BSDF_TRANSPARENT",
 )  # fmt: skip
 """Shaders whose colour is shown as it is."""
 ROOM = 0.015
-"""Left between the cloths of a bed, which are about to be coarser [m]."""
+"""Distance between the cloths of a bed, for when they are coarser [m]."""
 FEWEST = 40
-"""Triangles that each object of a piece keeps at least."""
+"""Minimum number of triangles of each object of a piece."""
 
 
 def main(jobs, out):
@@ -60,7 +60,7 @@ def main(jobs, out):
 
 
 def start():
-    """Import Infinigen without its looking for add-ons on the network, which furniture does not need."""
+    """Import Infinigen without its search for add-ons on the network, which furniture does not need."""
     logging.disable(logging.WARNING)
     import infinigen.core.init as infinigen
 
@@ -93,7 +93,7 @@ def make(factory, seed, setting="", size=(), triangles=7000, flatten="none", wel
         try:
             maker.finalize_assets(root)
         except Exception:
-            traceback.print_exc()  # wear and tear, without which the piece is whole
+            traceback.print_exc()  # only wear and tear fails here; the piece is complete without it
     bpy.context.view_layer.update()
     joined = join([root, *root.children_recursive], triangles, flatten, weld)
     arrays = {"picture": bake(joined, picture)} if picture else {"picture": np.zeros((0, 0, 3), np.uint8)}
@@ -101,7 +101,7 @@ def make(factory, seed, setting="", size=(), triangles=7000, flatten="none", wel
     return simplified(arrays, simplify) if simplify else arrays
 
 
-# Settings: what the factories are told beyond their seed.
+# Settings: configure factories beyond their seed.
 
 
 def set_bed(maker, width):
@@ -139,19 +139,19 @@ def set_island(maker, depth, width):
 
 
 def set_window(maker, width, height):
-    """A window without anything before it."""
+    """A window without curtains."""
     before_window(maker, width, height, None)
 
 
 def set_curtain(maker, width, height, left, right, folds):
-    """A window behind a pair of drapes that reach from the sides to shares of the width left and right of the middle, with
-    `folds` metres between their folds."""
+    """A window with a pair of drapes. They end at shares `left` and `right` of the width from the middle; `folds` is the distance
+    between folds [m]."""
     drapes = {"CurtainMidL": -left * width, "CurtainMidR": right * width, "CurtainIntervalNumber": int(width / folds)}
     before_window(maker, width, height, drapes)
 
 
 def before_window(maker, width, height, drapes):
-    """What the windows of a factory are like; their materials get names by which they are known later."""
+    """Set the parameters of a factory's windows, and name their materials so that they can be identified later."""
     sample = maker.sample_asset_params
 
     def parameters(*_, **__):
@@ -182,7 +182,7 @@ SETTINGS = {
 
 
 def coarse_bed() -> Any:
-    """A factory of made beds whose cloth falls in seconds: coarse grids, few frames, pillows laid rather than dropped."""
+    """A factory of beds with a fast cloth simulation: coarse grids, few frames, and pillows placed instead of dropped."""
     import numpy as np
     from infinigen.assets.objects.clothes import blanket
     from infinigen.assets.objects.seating import bed, bedframe, pillow
@@ -203,7 +203,7 @@ def coarse_bed() -> Any:
         return np.max(read_co(thing)[:, 2]) + thing.location[2]
 
     def lay(cloth, x, height):
-        """Over the bed, across it."""
+        """Place a cloth above the bed, across it."""
         cloth.location = x, 0, height + 0.03
         cloth.rotation_euler[-1] = np.pi / 2
         butil.apply_transform(cloth, True)
@@ -212,7 +212,7 @@ def coarse_bed() -> Any:
         """As Infinigen's, with the head at x = 0."""
 
         def create_asset(self, i, **params):
-            """Frame, mattress, sheet, at times a cover, pillows."""
+            """Frame, mattress, sheet, sometimes a cover, pillows."""
             frame = bedframe.BedFrameFactory.create_asset(self, i=i, **params)
             mattress = self.make_mattress(i)
             if len(mattress.data.vertices) > 15000:
@@ -264,7 +264,7 @@ def coarse_bed() -> Any:
             return cover
 
         def pillows(self, i, height):
-            """A row of pillows at the head, at times a row of cushions before them."""
+            """A row of pillows at the head, sometimes with a row of cushions in front."""
             maker = self.pillow_factory
             maker.shape, maker.width = "rectangle", uniform(0.6, 0.72)
             maker.size = maker.width * uniform(0.58, 0.7)
@@ -308,7 +308,7 @@ def coarse_bed() -> Any:
 
 
 def clear():
-    """Remove what an earlier make left."""
+    """Remove what an earlier object left."""
     import bpy
 
     for thing in list(bpy.data.objects):
@@ -320,12 +320,12 @@ def clear():
 
 
 def triangles_of(thing):
-    """How many triangles an object's faces make."""
+    """Number of triangles of an object's faces."""
     return sum(len(face.vertices) - 2 for face in thing.data.polygons)
 
 
 def level(counts, target):
-    """The most that each of some counts may keep so that they come to a target together: small ones keep all."""
+    """The cap on each of some counts so that their sum meets a target; counts below the cap stay."""
     left = target
     for k, count in enumerate(sorted(counts)):
         share = left // (len(counts) - k)
@@ -347,7 +347,7 @@ def apply(thing, kind, **settings):
 
 
 def join(things, target, flatten, weld):
-    """All objects as one mesh of about `target` triangles in world coordinates; faces remember their object."""
+    """Join all objects into one mesh of about `target` triangles in world coordinates; an attribute of each face names its object."""
     import bpy
     import numpy as np
 
@@ -395,7 +395,7 @@ def join(things, target, flatten, weld):
 
 
 def bake(thing, side):
-    """Unwrap an object and return a picture of its base colours on that atlas."""
+    """Unwrap an object, bake its base colours and return the image."""
     import bpy
     import numpy as np
 
@@ -408,7 +408,7 @@ def bake(thing, side):
         layers.remove(layers[-1])
     layers.new(name="atlas_")
     layers.active = layers["atlas_"]
-    if shown and shown in layers:  # what the materials go by
+    if shown and shown in layers:  # the materials use this layer
         layers[shown].active_render = True
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
@@ -437,7 +437,7 @@ def bake(thing, side):
 
 
 def emit_colour(tree, seen):
-    """Make a material send out its base colour, flat and without light."""
+    """Make a material emit its base colour, without lighting."""
     if tree is None or tree in seen:
         return
     seen.add(tree)
@@ -463,7 +463,7 @@ def emit_colour(tree, seen):
 
 
 def copy_colour(tree, source, target):
-    """Let an input have what another one has."""
+    """Copy an input, with its link or value, to another."""
     for link in list(target.links):
         tree.links.remove(link)
     if source.is_linked:
@@ -473,7 +473,7 @@ def copy_colour(tree, source, target):
 
 
 def fix(tree, target, value):
-    """Let an input have a value."""
+    """Set an input to a constant."""
     for link in list(target.links):
         tree.links.remove(link)
     target.default_value = value
@@ -506,7 +506,7 @@ def read(thing, unwrapped):
 
 
 def simplified(arrays, target):
-    """The arrays with about `target` triangles of each material; objects and atlas are lost."""
+    """The arrays simplified to about `target` triangles per material; object indices and texture coordinates are lost."""
     import fast_simplification
     import numpy as np
 
@@ -538,7 +538,7 @@ def simplified(arrays, target):
 
 
 def write(target, makes):
-    """Write the arrays of all makes, whole or not at all."""
+    """Write the arrays of all objects; the file appears only once it is complete."""
     import numpy as np
 
     part = target.with_name(f".{target.name}.part")
@@ -550,4 +550,4 @@ def write(target, makes):
 if __name__ == "__main__":
     main(*sys.argv[1:])
     sys.stdout.flush()
-    os._exit(0)  # Blender takes its time to leave, and at times falls over
+    os._exit(0)  # Blender exits slowly and sometimes crashes

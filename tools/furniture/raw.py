@@ -1,4 +1,4 @@
-"""What the program in the other environment hands over: read with suspicion, and looked at for what has come apart."""
+"""Read and check the meshes from Infinigen's environment, and detect broken ones."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from semgs.files.errors import InputError
 from tools.furniture.kinds import Kind
 
 FEWEST, MOST = 60, 130_000
-"""Triangles that a make may have."""
+"""Minimum and maximum number of triangles of an object."""
 SAMPLES = 20_000
-"""Points on the surface by which a piece is judged."""
+"""Number of points sampled on the surface."""
 WELD = 1e-4
-"""Corners nearer than this are one [m]."""
+"""Corners closer than this are merged [m]."""
 FEW = 0.02
 """Share of the surface at either end of a side that may be stray triangles."""
 LOOSE = 0.01
-"""Share of the surface that may hang in the air: a screw, a pull."""
+"""Share of the surface that may be detached, such as a screw or a handle."""
 
 
 @dataclass(frozen=True)
 class RawMesh:
-    """One make, as `program.py` wrote it.
+    """One object, as `program.py` wrote it.
 
     Attributes:
-        vertices: Infinigen's frame [m].
-        faces: three vertex numbers a triangle.
-        uv: of the corners, (0, 0) at the picture's lower left; zeros without a picture.
-        material: number of each triangle's material.
+        vertices: in Infinigen's frame [m].
+        faces: three vertex indices per triangle.
+        uv: texture coordinates of the corners, (0, 0) at the image's lower left; zeros without an image.
+        material: index of each triangle's material.
         materials: their names.
-        picture: of base colours, sRGB; no pixels where none was asked for.
+        picture: image of base colours, sRGB; no pixels if none was requested.
     """
 
     vertices: Float32[np.ndarray, "n 3"]
@@ -49,16 +49,16 @@ class RawMesh:
 
     @property
     def sides(self) -> np.ndarray:
-        """Of the box around it [3], [m]."""
+        """Sides of the bounding box [3] [m]."""
         return np.ptp(self.vertices[self.faces.ravel()].astype(np.float64), axis=0)
 
 
-class Torn(Exception):
-    """A piece that is not one; the text says in what way, on one line."""
+class Incomplete(Exception):
+    """A piece is broken or has an unrealistic size; the message says why, on one line."""
 
 
 def read_raw(path: Path, count: int) -> list[RawMesh]:
-    """The makes of a file; nothing in it is executed.
+    """The objects in a file. Nothing in it is executed.
 
     Raises:
         InputError: it is not what `program.py` writes.
@@ -67,18 +67,14 @@ def read_raw(path: Path, count: int) -> list[RawMesh]:
         with np.load(path, allow_pickle=False) as file:
             return [_mesh({key: file[f"{number}/{key}"] for key in KEYS}) for number in range(count)]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(path, "arrays of a baked piece", f"{type(error).__name__}: {error}") from error
+        raise InputError(path, "arrays of a generated piece", f"{type(error).__name__}: {error}") from error
 
 
 KEYS = ("vertices", "faces", "uv", "material", "materials", "picture")
 
 
 def _mesh(arrays: dict[str, np.ndarray]) -> RawMesh:
-    """The make that arrays hold.
-
-    Raises:
-        ValueError: they do not fit together; says which.
-    """
+    """The object in some arrays; a ValueError if they are inconsistent."""
     vertices, faces, uv, material = (arrays[key] for key in KEYS[:4])
     count = len(faces)
     wanted = {
@@ -97,38 +93,38 @@ def _mesh(arrays: dict[str, np.ndarray]) -> RawMesh:
         raise ValueError("a number that is not finite")
     for key, numbers, limit in (("faces", faces, len(vertices)), ("material", material, len(arrays["materials"]))):
         if count and (numbers.min() < 0 or numbers.max() >= limit):
-            raise ValueError(f"{key} name {numbers.min()}..{numbers.max()} of {limit}")
+            raise ValueError(f"{key} refer to {numbers.min()}..{numbers.max()} of {limit}")
     names = tuple(str(name) for name in arrays["materials"])
     return RawMesh(vertices, faces, uv, material, names, arrays["picture"])
 
 
-def check_whole(mesh: RawMesh, kind: Kind) -> None:
-    """Look for what has come apart.
+def check_complete(mesh: RawMesh, kind: Kind) -> None:
+    """Refuse broken pieces.
 
     Raises:
-        Torn: it has too few or too many triangles, is far too large, has stray triangles, fills too little of its box, or a
-            part of it hangs in the air.
+        Incomplete: the piece has too few or too many triangles, is far too large, has stray triangles, fills too little of its
+            bounding box, or has detached parts.
     """
     count, sides = len(mesh.faces), mesh.sides if len(mesh.faces) else np.zeros(3)
     if not FEWEST <= count <= MOST:
-        raise Torn(f"{count} triangles")
+        raise Incomplete(f"{count} triangles")
     if sides.max() > kind.largest or sides.min() < 0.01:
-        raise Torn(f"{_metres(sides)} large")
+        raise Incomplete(f"{_metres(sides)} large")
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     points = _on_surface(corners)
     core = (np.ptp(np.quantile(points, (FEW, 1 - FEW), axis=0), axis=0) / sides).min()
     if core < kind.core:
-        raise Torn(f"stray triangles: nearly all of it is within {core:.2f} of a side")
+        raise Incomplete(f"stray triangles: most of the surface spans only {core:.2f} of a side")
     hull = _hull(points) / sides.prod()
     if hull < kind.hull:
-        raise Torn(f"its hull fills {hull:.2f} of its box")
+        raise Incomplete(f"its convex hull fills only {hull:.2f} of its bounding box")
     loose = _loose(mesh, corners, kind.gap)
     if loose > LOOSE:
-        raise Torn(f"{loose:.2f} of its surface hangs in the air")
+        raise Incomplete(f"{loose:.2f} of its surface is detached")
 
 
 def _on_surface(corners: np.ndarray) -> np.ndarray:
-    """Points that lie evenly on triangles [s 3]."""
+    """Points distributed evenly over triangles [s 3]."""
     rng = np.random.default_rng(0)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
     chosen = corners[rng.choice(len(corners), SAMPLES, p=area / area.sum())] if area.sum() > 0 else corners
@@ -145,7 +141,7 @@ def _hull(points: np.ndarray) -> float:
 
 
 def _loose(mesh: RawMesh, corners: np.ndarray, gap: float) -> float:
-    """Share of the surface in parts whose boxes are farther than a gap from the cluster of parts with most of it."""
+    """Share of the surface outside the largest cluster of parts; parts belong together if their boxes are closer than `gap`."""
     parts = connected_parts(mesh.vertices, mesh.faces)
     count = int(parts.max()) + 1
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
@@ -164,7 +160,7 @@ def _loose(mesh: RawMesh, corners: np.ndarray, gap: float) -> float:
 
 
 def connected_parts(vertices: Float32[np.ndarray, "n 3"], faces: Int32[np.ndarray, "t 3"]) -> Int64[np.ndarray, " t"]:
-    """Number of the connected part of each triangle, corners at one place being one."""
+    """Index of the connected part of each triangle; corners at the same position are connected."""
     places = np.unique(np.round(vertices / WELD).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)[faces]
     count = int(places.max()) + 1
     row, column = places[:, (0, 1)].ravel(), places[:, (1, 2)].ravel()

@@ -1,4 +1,4 @@
-"""Runs the program in the other environment: a process for each piece, so that none can spoil another."""
+"""Run `program.py` in Infinigen's environment, one process per piece so that they are independent."""
 
 from __future__ import annotations
 
@@ -13,75 +13,57 @@ from threading import Event
 from time import monotonic
 
 from semgs.files.errors import InputError
-from tools.furniture.environment import surroundings
+from tools.furniture.environment import python_of, surroundings
 from tools.furniture.kinds import Job
-from tools.furniture.raw import RawMesh, Torn, read_raw
+from tools.furniture.raw import Incomplete, RawMesh, read_raw
 
 FAILED_TO_START = 1
-"""How Python ends when the program itself falls over, whatever the job."""
-
+"""Exit code of Python if the program itself fails, whatever the job."""
 
 PATIENCE = 0.5
-"""Between looks at whether all is to stop [s]."""
+"""Interval at which a running program checks whether it should stop [s]."""
 
 
-class OutOfTime(Torn):
-    """A piece that was not made within its time; another machine, or another hour, may have it."""
+class OutOfTime(Incomplete):
+    """A piece was not finished within its time limit; it may succeed on another try."""
 
 
-def run_job(
-    python: Path, environment: Path, job: Job, folder: Path, limit: float, stop: Event | None = None
-) -> list[RawMesh]:
-    """Have a piece made, and read it.
+def run_job(environment: Path, job: Job, folder: Path, limit: float, stop: Event) -> list[RawMesh]:
+    """Generate a piece and read it.
 
     Args:
-        python: interpreter of the environment.
-        environment: its folder.
-        job: what to make.
-        folder: where the program works; what is left of the job in it is removed.
-        limit: longest that it may take [s].
-        stop: ends it at once when it is set.
+        environment: folder of the environment.
+        job: the piece.
+        folder: for the program's files, which are removed afterwards.
+        limit: maximum time [s].
+        stop: ends the program soon after it is set.
 
     Raises:
-        Torn: Infinigen could not make it, or fell over.
-        OutOfTime: it took longer.
-        InputError: the environment does not work, or hands over something else than a piece.
+        Incomplete: Infinigen could not generate the piece, or crashed.
+        OutOfTime: it took too long.
+        InputError: the environment does not work, or returns something other than a piece.
     """
-    result, orders, log = (folder / f"{job.name}{end}" for end in (".npz", ".json", ".log"))
-    reason = result.with_suffix(".txt")
-    left = (result, orders, log, reason)
-    for path in left:
-        path.unlink(missing_ok=True)
+    left = result, orders, log, reason = tuple(folder / f"{job.name}{end}" for end in (".npz", ".json", ".log", ".txt"))
     orders.write_text(json.dumps([job.as_json()]), encoding="utf-8")
     try:
-        code = _run(
-            [str(python), str(files("tools.furniture") / "program.py"), str(orders), str(folder)],
-            environment,
-            log,
-            limit,
-            stop or Event(),
-        )
+        command = [str(python_of(environment)), str(files("tools.furniture") / "program.py"), str(orders), str(folder)]
+        code = _run(command, environment, log, limit, stop)
         if result.is_file():
             return read_raw(result, len(job.makes))
         if reason.is_file():
-            raise Torn(f"Infinigen: {reason.read_text(encoding='utf-8', errors='replace')[:300]}")
+            raise Incomplete(f"Infinigen: {reason.read_text(encoding='utf-8', errors='replace')[:300]}")
         if code == FAILED_TO_START:
             raise InputError(
-                environment, "an environment in which Infinigen starts", _last_line(log), advice="remove it to have it made anew"
+                environment, "an environment in which Infinigen starts", _last_line(log), advice="remove it to create it again"
             )  # fmt: skip
-        raise Torn(f"the program ended with {code} and made nothing")
+        raise Incomplete(f"the program ended with {code} and no result")
     finally:
         for path in left:
             path.unlink(missing_ok=True)
 
 
 def _run(command: list[str], environment: Path, log: Path, limit: float, stop: Event) -> int:
-    """Run a command to its end, or end it and all that it started.
-
-    Raises:
-        OutOfTime: it took longer than the limit.
-        InputError: it cannot be started.
-    """
+    """Run a command and return its exit code. After the time limit, or if `stop` is set, kill it and everything it started."""
     with log.open("wb") as said:
         try:
             process = subprocess.Popen(
@@ -95,13 +77,13 @@ def _run(command: list[str], environment: Path, log: Path, limit: float, stop: E
             while not stop.is_set() and (left := start + limit - monotonic()) > 0:
                 with suppress(subprocess.TimeoutExpired):
                     return process.wait(min(left, PATIENCE))
-            raise OutOfTime(f"not done after {monotonic() - start:.0f} s")
+            raise OutOfTime(f"not finished after {monotonic() - start:.0f} s")
         finally:
             _end(process)
 
 
 def _end(process: subprocess.Popen) -> None:
-    """End a process and what it started."""
+    """Kill a process and everything it started."""
     if os.name == "nt":
         process.kill()
     else:
@@ -112,4 +94,4 @@ def _end(process: subprocess.Popen) -> None:
 
 def _last_line(log: Path) -> str:
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return lines[-1][:300] if lines else "nothing said"
+    return lines[-1][:300] if lines else "no output"

@@ -1,4 +1,4 @@
-"""Surfaces of a piece that is being finished: triangles of one material, turned, scaled, cut and written."""
+"""Surfaces of a piece: triangles of one material, to be rotated, scaled, split and written."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from semgs.rooms.assets.glb import Primitive
 from tools.furniture.raw import RawMesh
 
 QUALITY = 85
-"""Of the JPEG pictures in the files."""
+"""Quality of the JPEG textures in the files."""
 DIRECTIONS, NEAR = 40, 1e-4
-"""Ways from which a triangle may be seen, and how far from it the ray starts, in sides of the piece."""
+"""Directions from which triangles are checked for visibility, and the offset of the rays from them, relative to the piece's size."""
 PLACES = np.array([[1, 1, 1], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3
-"""Where on a triangle it is looked for (barycentric)."""
+"""Points of a triangle that are checked (barycentric)."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class Surface:
     """Triangles of one material, z up.
 
     Attributes:
-        name: of the node and, within, of the material.
+        name: part of the names of its node and material.
         vertices: [m].
-        faces: three vertex numbers a triangle.
-        uv: texture coordinates of the vertices, (0, 0) at the picture's upper left.
-        picture: sRGB, None where the colour is all there is.
-        colour: linear RGB that the picture is multiplied with.
-        label: the class of this part, None for that of the whole.
+        faces: three vertex indices per triangle.
+        uv: texture coordinates of the vertices, (0, 0) at the image's upper left.
+        picture: texture, sRGB, None if there is none.
+        colour: linear RGB, multiplied with the texture.
+        label: class of this part, None if it is that of the piece.
     """
 
     name: str
@@ -53,7 +53,7 @@ def surface(
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0),
     label: str | None = None,
 ) -> Surface:
-    """Some triangles of a make, or all; without a picture its atlas is left out."""
+    """All or some triangles of an object; without `picture`, its texture coordinates are dropped."""
     chosen = np.ones(len(mesh.faces), bool) if wanted is None else wanted
     corners = mesh.faces[chosen].reshape(-1)
     uv = mesh.uv[chosen].reshape(-1, 2).astype(np.float64) * [1, -1] + [0, 1]
@@ -66,24 +66,24 @@ def surface(
 
 
 def sides(surfaces: Sequence[Surface]) -> Float64[np.ndarray, " 3"]:
-    """Of the box around them [m]."""
+    """Sides of the bounding box [m]."""
     lowest, highest = box(surfaces)
     return highest - lowest
 
 
 def box(surfaces: Sequence[Surface]) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
-    """Lowest and highest corner of the box around them [m]."""
+    """Lowest and highest corner of the bounding box [m]."""
     points = np.concatenate([one.vertices[one.faces.reshape(-1)] for one in surfaces])
     return points.min(axis=0), points.max(axis=0)
 
 
 def turned(surfaces: Sequence[Surface]) -> list[Surface]:
-    """A quarter to the right, seen from above: what looked along +x looks along -y."""
+    """Rotated by 90 degrees clockwise, seen from above: +x becomes -y."""
     return [replace(one, vertices=one.vertices[:, (1, 0, 2)] * [1, -1, 1]) for one in surfaces]
 
 
 def scaled(surfaces: Sequence[Surface], factors: Float64[np.ndarray, " 3"]) -> list[Surface]:
-    """Scaled along the axes, then set on z = 0 with the middle of their width and depth at 0."""
+    """Scaled along the axes, with the base at z = 0 and centred in x and y."""
     lowest, highest = box(surfaces)
     foot = np.array([*((lowest + highest) / 2)[:2], lowest[2]])
     return [replace(one, vertices=(one.vertices - foot) * factors) for one in surfaces]
@@ -100,7 +100,7 @@ def mirrored(one: Surface) -> Surface:
 
 
 def merged(surfaces: Sequence[Surface]) -> Surface:
-    """Surfaces of one material as one."""
+    """Several surfaces of one material as one."""
     starts = np.cumsum([0, *(len(one.vertices) for one in surfaces)])
     return replace(
         surfaces[0],
@@ -111,7 +111,7 @@ def merged(surfaces: Sequence[Surface]) -> Surface:
 
 
 def seen_from_outside(one: Surface) -> Surface:
-    """Without the triangles that nobody sees from any side: drawers behind fronts, boards between boards.
+    """The surface without triangles that are invisible from outside, such as drawers behind fronts.
 
     Raises:
         ImportError: embreex is not installed.
@@ -133,7 +133,7 @@ def seen_from_outside(one: Surface) -> Surface:
 
 
 def _sphere(count: int) -> Float64[np.ndarray, "c 3"]:
-    """Directions that lie evenly on the sphere (Fibonacci's spiral)."""
+    """Directions distributed evenly over the sphere (Fibonacci spiral)."""
     index = np.arange(count) + 0.5
     z, turn = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
     flat = np.sqrt(1 - z**2)
@@ -141,7 +141,7 @@ def _sphere(count: int) -> Float64[np.ndarray, "c 3"]:
 
 
 def primitives(surfaces: Sequence[Surface]) -> list[Primitive]:
-    """As a .glb file holds them: one node and one material each; equal pictures are encoded once."""
+    """The surfaces for a .glb file: one node and one material each; equal images are encoded once."""
     encoded: dict[int, bytes] = {}
     found = []
     for number, one in enumerate(surfaces):
@@ -150,23 +150,14 @@ def primitives(surfaces: Sequence[Surface]) -> list[Primitive]:
             if id(one.picture) not in encoded:
                 encoded[id(one.picture)] = _jpeg(one.picture)
             texture = encoded[id(one.picture)]
-        found.append(
-            Primitive(
-                node_name(number, one),
-                f"m{number}_{one.name}",
-                one.vertices.astype(np.float32),
-                one.faces.astype(np.int64),
-                one.uv.astype(np.float32),
-                one.colour,
-                texture,
-                clear=False,
-            )
-        )
+        vertices, faces, uv = one.vertices.astype(np.float32), one.faces.astype(np.int64), one.uv.astype(np.float32)
+        material = f"m{number}_{one.name}"
+        found.append(Primitive(node_name(number, one), material, vertices, faces, uv, one.colour, texture, clear=False))
     return found
 
 
 def node_name(number: int, one: Surface) -> str:
-    """The node that holds a surface."""
+    """Name of a surface's node."""
     return f"n{number}_{one.name}"
 
 

@@ -1,4 +1,4 @@
-"""Colours for furniture: a baked picture in plausible wood, paint, cloth and metal, by the names of its materials."""
+"""Recolour textures in plausible wood, paint, cloth and metal, by the names of their materials."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Int, UInt8
 from scipy import ndimage
 
+from tools.furniture.kinds import Random
 from tools.furniture.raw import RawMesh
 
 Colour = tuple[int, int, int]
-Random = np.random.Generator
 
 NATURAL: tuple[Colour, ...] = (
     (196, 164, 120), (110, 76, 52), (214, 178, 130), (70, 52, 42), (222, 200, 165), (150, 88, 60), (176, 134, 92), (128, 92, 62),
@@ -45,12 +45,12 @@ CLOTH = ("fabric", "leather", "knit", "velvet", "art", "rug", "sofa", "plaid")
 
 @dataclass(frozen=True)
 class Tint:
-    """What becomes of the materials that have one of some words in their names.
+    """A new colour for materials with one of some words in their names.
 
     Attributes:
-        words: "" is in every name.
-        colour: sRGB; None keeps the mean of what was baked.
-        contrast: how much of the baked pattern remains, 0..1.
+        words: "" matches every name.
+        colour: sRGB; None keeps Infinigen's mean colour.
+        contrast: how much of Infinigen's pattern remains, 0..1.
     """
 
     words: tuple[str, ...]
@@ -59,12 +59,12 @@ class Tint:
 
 
 def pick(rng: Random, colours: Sequence[Colour]) -> Colour:
-    """One of some colours."""
+    """A random one of some colours."""
     return colours[int(rng.integers(len(colours)))]
 
 
 def grain(colour: Colour, most: float = 0.45) -> float:
-    """How much grain a board of a colour shows: little through pale paint, the more the more it is wood."""
+    """How much grain shows on a board: little in paint colours, more in wood colours."""
     strongest = max(colour)
     saturation = (strongest - min(colour)) / max(strongest, 1)
     if saturation < 0.13 and sum(colour) > 270:
@@ -73,7 +73,7 @@ def grain(colour: Colour, most: float = 0.45) -> float:
 
 
 def tinted(mesh: RawMesh, tints: Sequence[Tint]) -> UInt8[np.ndarray, "h w 3"]:
-    """The picture of a mesh in other colours; the first tint that knows a material's name is taken."""
+    """The texture of a mesh in other colours; each material uses the first tint that matches its name."""
     covered, nearest = _regions(mesh)
     picture = mesh.picture.astype(np.float64)
     grey = ndimage.gaussian_filter(picture.mean(axis=2), 0.8)
@@ -94,7 +94,7 @@ def tinted(mesh: RawMesh, tints: Sequence[Tint]) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def _regions(mesh: RawMesh) -> tuple[Int[np.ndarray, "h w"], Int[np.ndarray, "h w"]]:
-    """The material of each pixel, -1 where no triangle lies, and that of the nearest pixel that has one."""
+    """The material of each pixel, -1 where there is no triangle, and the material of the nearest pixel that has one."""
     height, width = mesh.picture.shape[:2]
     covered = np.full((height, width), -1, np.int32)
     corners = mesh.uv * [width, -height] + [0, height] - 0.5

@@ -1,1 +1,1 @@
-"""Release work: the model card and its failures, NOTICE, the weights that ship, and the picture of the demo."""
+"""Release work: the model card and its failures, NOTICE, the included weights, and the image of the demo."""

@@ -1,14 +1,14 @@
-"""The program of release work.
+"""Release tasks.
 
-    python -m tools.release card                                             docs/model_card.md, from the reports in docs/scores
-    python -m tools.release card --report "validation rooms" eval/report.json   keep a report there first, reduced
-    python -m tools.release ship runs/small/best.safetensors small --description "..."   weights into the package
-    python -m tools.release failures                                         where weights fail, into the card
-    python -m tools.release failures small --data SCENES --out look.jpg      in other labelled scenes; the card stays
-    python -m tools.release notice ROOMS/ATTRIBUTION.md [...]                NOTICE, from rooms that weights are trained in
-    python -m tools.release demo OUT                                         docs/images/demo.png, from what `semgs demo --out OUT` wrote
+    python -m tools.release card                                             update docs/model_card.md from the reports in docs/scores
+    python -m tools.release card --report "validation rooms" eval/report.json   first add a reduced report to docs/scores
+    python -m tools.release ship runs/small/best.safetensors small --description "..."   add weights to the package
+    python -m tools.release failures                                         update the failures in the model card
+    python -m tools.release failures small --data SCENES --out look.jpg      show failures in other labelled scenes instead
+    python -m tools.release notice ROOMS/ATTRIBUTION.md [...]                update NOTICE for the rooms that weights are trained on
+    python -m tools.release demo OUT                                         update docs/images/demo.png from `semgs demo --out OUT`
 
-A release runs them in this order, from the root.
+For a release, run them in this order from the root.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from semgs.files.errors import InputError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a task; 2 where its input cannot be used."""
+    """Run a task and return its exit code, 2 for bad input."""
     given = _parser().parse_args(arguments)
     try:
         _run(given)
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: argparse.Namespace) -> None:
-    """Run the task that was asked for."""
+    """Run the given task."""
     if given.task == "card":
         from tools.release.card import write_card
 

@@ -1,4 +1,4 @@
-"""The tables of docs/model_card.md, from the reports in docs/scores."""
+"""Write the tables of docs/model_card.md from the reports in docs/scores."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from semgs.files.strict_json import read_json
 from tools.release.pages import CARD, SCORES, write_between
 
 BEGIN, END = "<!-- tables of docs/scores -->", "<!-- end of tables -->"
-"""Lines of the card between which the tables are."""
+"""Markers of the tables in the card."""
 
 
 def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
-    """A report without what it says of single targets, small enough to keep beside the card.
+    """A report without the entries of single targets, to keep it small.
 
     Args:
-        content: of a `report.json`, as `semgs.evaluation.tables.evaluation_report.report_numbers` made it.
-        title: what its data are called, in place of their path.
+        content: of a `report.json`, from `semgs.evaluation.tables.evaluation_report.report_numbers`.
+        title: name of the data, which replaces its path.
 
     Returns:
         What `semgs.evaluation.tables.evaluation_report.read_report` reads, with no frames.
@@ -50,13 +50,13 @@ def write_card(reports: Mapping[str, Path]) -> None:
     """Write the tables into the card.
 
     Args:
-        reports: to keep in docs/scores first, by title; one of the same title is replaced. Those of older weights are to be deleted by hand.
+        reports: to add to docs/scores first, by title; a report with the same title is replaced. Delete those of older weights by hand.
 
     Raises:
         InputError: a report cannot be read.
     """
     for title, path in reports.items():
-        read_report(path)  # refuses what is none
+        read_report(path)  # refuses files that are not reports
         SCORES.mkdir(exist_ok=True)
         content = read_json(path, "the report.json of an evaluation")
         assert isinstance(content, dict)

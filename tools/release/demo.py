@@ -1,4 +1,4 @@
-"""docs/images/demo.png, from the folder that `semgs demo` wrote: rows are the input views, then those held out."""
+"""Make docs/images/demo.png from the output of `semgs demo`: first the input views, then the target views, one per row."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from semgs.files.pictures import png_bytes, read_rgb, read_uint16
 from tools.release.pages import DOCS
 
 TILE = (180, 240)
-"""(height, width) of each picture [px]."""
+"""(height, width) of each tile [px]."""
 
 
 def write_picture(demo: Path) -> None:
-    """Write the picture; errors as `drawn`."""
+    """Write the image. Raises what `drawn` raises."""
     write_bytes(DOCS / "images" / "demo.png", png_bytes(drawn(demo)))
 
 
 def drawn(demo: Path) -> np.ndarray:
-    """The picture [h w 3], RGB: photo, render, classes and depth of each view side by side.
+    """The image [h w 3], RGB: photo, render, classes and depth of each view side by side.
 
     Raises:
-        InputError: the folder is none of `semgs demo`.
+        InputError: the folder is not from `semgs demo`.
     """
     renders = demo / "renders"
     if not renders.is_dir():

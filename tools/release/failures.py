@@ -1,7 +1,7 @@
-"""Where weights fail, and what they take for what: docs/images/failures.jpg and the part "Failures" of docs/model_card.md.
+"""Where weights fail and which classes they confuse: docs/images/failures.jpg and the section "Failures" of docs/model_card.md.
 
-The rooms are drawn here, from the seed of validation, in the world that nothing is trained in, without assets: anyone may show them. The
-same weights give the same bytes on the same machine.
+The rooms are generated here from the validation seed, in the style `other`, which nothing is trained on, and without assets, so there
+are no licences to respect. The same weights give the same bytes on the same machine.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ from semgs.weights.index import SHOWN
 from tools.release.pages import CARD, DOCS, write_between
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"
-"""Lines of the model card between which they stand."""
+"""Markers of the failures in the model card."""
 
 HEADINGS = ("truth", "picture", "true classes", "classes", "depth")
-"""Of the columns of the sheet."""
+"""Column headings of the sheet."""
 
 WIDTH = 1200
-"""Of the sheet [px]; pages show no more of it."""
+"""Width of the sheet [px]."""
 
 QUALITIES = range(95, 45, -5)
-"""Of a JPEG, the best first."""
+"""JPEG qualities to try, best first."""
 
 PICTURE = DOCS / "images" / "failures.jpg"
 
 SCENES, SIZE, FRAMES, VIEWS = 16, (240, 320), 4, 2
-"""Rooms that are drawn: with so many frames of this (height, width) [px]; each inner one is a target, from so many views."""
+"""Number of rooms, (height, width) of their frames [px], frames per room, and input views for each target (the inner frames)."""
 
 ROWS, MISTAKES, BYTES = 5, 8, 200_000
-"""Targets on the picture, lines of the table, and the picture's largest size."""
+"""Targets on the sheet, lines of the table, and the maximum file size of the sheet."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A class that is taken for another.
+    """A class that is mistaken for another.
 
     Attributes:
-        true: what it is.
-        given: what it is taken for.
+        true: the true class.
+        given: the predicted class.
         share: of all labelled pixels, 0..1.
-        of_class: of the pixels of the true class, 0..1.
+        of_class: share of the pixels of the true class, 0..1.
     """
 
     true: str
@@ -74,10 +74,10 @@ class Mistake:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A target, what one method says of it, and how that turned out.
+    """A target, the prediction of one method, and its scores.
 
     Attributes:
-        shown: with the prediction of this method alone.
+        shown: the target with only this prediction.
         scores: of the prediction.
     """
 
@@ -86,17 +86,17 @@ class Judged:
 
     @property
     def miou(self) -> float:
-        """Mean IoU over the classes that the target's truth shows."""
+        """Mean IoU over the classes in the target's truth."""
         return summary([self.scores])["miou_per_image"]
 
 
 def write_failures(weights: str, data: Path | None = None, out: Path | None = None) -> str:
-    """Write the picture, and unless it goes elsewhere the card, and give the card's text.
+    """Write the sheet and, unless `out` is given, the card; returns the text for the card.
 
     Args:
-        weights: a file, or the name of those inside the package.
-        data: labelled scenes in place of the rooms that are drawn here.
-        out: the picture in place of the card's.
+        weights: a file, or the name of included weights.
+        data: labelled scenes to use instead of generated rooms.
+        out: file for the sheet, instead of that of the card.
 
     Raises:
         InputError: weights or scenes cannot be used, or only one of `data` and `out` is given.
@@ -104,7 +104,7 @@ def write_failures(weights: str, data: Path | None = None, out: Path | None = No
     if (data is None) != (out is None):
         raise InputError("failures", "--data and --out together", "one of them")
     found, sha256 = targets(weights, data)
-    text = told(found, sha256)
+    text = card_text(found, sha256)
     write_bytes(out or PICTURE, sheet(worst(found, ROWS), BYTES))
     if out is None:
         write_between(CARD, text, BEGIN, END)
@@ -112,10 +112,10 @@ def write_failures(weights: str, data: Path | None = None, out: Path | None = No
 
 
 def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
-    """What weights say of all targets of some scenes, or of rooms that are drawn for it; and the hash of their file.
+    """Predictions and scores for all targets of some scenes, or of generated rooms; and the hash of the weights.
 
     Raises:
-        InputError: the weights or scenes cannot be used, or no weights of that name ship.
+        InputError: the weights or scenes cannot be used, or no included weights have that name.
     """
     with TemporaryDirectory() as drawn:
         if data is None:
@@ -133,8 +133,8 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
     return found, str(candidate.subject.sha256)
 
 
-def told(found: tuple[Judged, ...], sha256: str) -> str:
-    """What the card says of them, but for the picture."""
+def card_text(found: tuple[Judged, ...], sha256: str) -> str:
+    """The text for the card."""
     scores = [one.scores for one in found]
     scenes = len({one.scene for one in scores})
     return (
@@ -144,14 +144,14 @@ def told(found: tuple[Judged, ...], sha256: str) -> str:
 
 
 def judged(frames: Sequence[Compared]) -> tuple[Judged, ...]:
-    """Targets with the scores of the first method's predictions; those without labels are left out."""
+    """Targets with the scores of the first method's predictions, without targets that have no labels."""
     return tuple(
         Judged(one, score(one.task, one.predictions[0], one.target)) for one in frames if one.target.labels is not None
     )
 
 
 def worst(targets: Sequence[Judged], count: int) -> tuple[Judged, ...]:
-    """The targets with the smallest mIoU, the worst first; at most one of each scene, as frames of one scene fail alike."""
+    """The targets with the smallest mIoU, worst first; at most one per scene, because frames of one scene fail alike."""
     of_scene: dict[str, Judged] = {}
     for one in sorted(targets, key=lambda one: one.miou):
         of_scene.setdefault(one.scores.scene, one)
@@ -159,7 +159,7 @@ def worst(targets: Sequence[Judged], count: int) -> tuple[Judged, ...]:
 
 
 def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[Mistake, ...]:
-    """Every pair of a true class and another that its pixels are given, those of most pixels first."""
+    """All confusions between classes, those with the most pixels first."""
     confusion, truth = total_confusion(frames)
     wrong = confusion.copy()
     np.fill_diagonal(wrong, 0)
@@ -176,24 +176,24 @@ def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[Mistak
 
 
 def caption(target: Judged, most: int = 3) -> str:
-    """A line below a target's pictures: its scores, and which classes were taken for which."""
+    """The caption of a target: its scores and its largest confusions."""
     values = summary([target.scores])
-    told = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
+    scores = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
     if "depth_abs_rel" in values:
-        told.append(f"depth error {values['depth_abs_rel']:.2f}")
+        scores.append(f"depth error {values['depth_abs_rel']:.2f}")
     taken = [
         f"{one.true} → {one.given} {100 * one.share:.0f} %"
         for one in mistakes([target.scores], target.shown.classes)[:most]
     ]
-    return "; ".join([", ".join(told), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
+    return "; ".join([", ".join(scores), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
 
 
 def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
-    """A JPEG of some targets, each a row of pictures with its caption, and the legend of the classes below.
+    """A JPEG of some targets, each a row of images with its caption, with a legend of the classes below.
 
     Args:
-        targets: at least one, whose predictions have classes, and colour and depth or not.
-        most_bytes: that it may be long; it has the best quality that allows it.
+        targets: at least one, with predicted classes and optionally colour and depth.
+        most_bytes: maximum size of the file, which gets the best quality that fits.
 
     Raises:
         ValueError: there are no targets, or they do not fit.
@@ -212,7 +212,7 @@ def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
 
 
 def mistakes_table(targets: Sequence[Judged], most: int) -> str:
-    """The commonest mistakes of all targets together, in Markdown.
+    """The most frequent mistakes over all targets, in Markdown.
 
     Args:
         targets: at least one.
@@ -226,7 +226,7 @@ def mistakes_table(targets: Sequence[Judged], most: int) -> str:
 
 
 def _row(target: Judged) -> PictureRow:
-    """The pictures of a target, in the order of `HEADINGS`."""
+    """The images of a target, in the order of `HEADINGS`."""
     one = target.shown
     said = one.predictions[0]
     assert one.target.labels is not None

@@ -1,6 +1,7 @@
-"""The root's NOTICE: works in the rooms that weights are trained in whose licences ask for attribution, and published networks.
+"""Write NOTICE: works whose licences require attribution in the rooms that weights are trained on, and published networks.
 
-`semgs rooms --assets` writes ATTRIBUTION.md beside its scenes. Trained live, rooms of the same seed and assets have the same works.
+The works come from ATTRIBUTION.md, which `semgs rooms --assets` writes next to its scenes. Rooms that training generates from the same
+seed and assets contain the same works.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from semgs.files.errors import InputError
 from tools.release.pages import ROOT
 
 ASKS = "CC-BY"
-"""How the licences begin that ask for attribution wherever the work goes."""
+"""Prefix of licences that require attribution."""
 
 HEAD = """\
 SemGS
@@ -34,14 +35,14 @@ Apache-2.0 (MLCommons Association License), github.com/mlcommons/mobile_open@86a
   - start: vision/deeplab/models_and_code/checkpoints/quantize_aware_training/freeze_qat.tflite (DeepLabv3+ on MobileNetV2, ADE20K's 31 commonest classes)
   - teacher: vision/mosaic/models_and_checkpoints/R4/mobile_segmenter_r4_quant_argmax_uint8.tflite (MOSAIC, the same classes)
 """
-"""Published networks that the weights that ship started from or learned from."""
+"""Published networks from which the included weights were initialised or distilled."""
 
 
 def write_notice(attributions: Sequence[Path]) -> None:
     """Write NOTICE from files `ATTRIBUTION.md`.
 
     Raises:
-        InputError: one of them cannot be read, or is none.
+        InputError: one of them cannot be read or is no ATTRIBUTION.md.
     """
     try:
         text = notice([path.read_text(encoding="utf-8") for path in attributions])
@@ -54,10 +55,10 @@ def notice(attributions: Sequence[str]) -> str:
     """The text of NOTICE.
 
     Args:
-        attributions: texts of `ATTRIBUTION.md`, as `semgs.rooms.assets.lock.attribution` gives them; a work in several is named once.
+        attributions: texts of `ATTRIBUTION.md`, from `semgs.rooms.assets.lock.attribution`; works in several of them are listed once.
 
     Raises:
-        ValueError: one of them is not of that form, or names no work.
+        ValueError: one of them is malformed or lists no work.
     """
     groups: dict[str, set[str]] = {}
     for text in attributions:
@@ -68,11 +69,7 @@ def notice(attributions: Sequence[str]) -> str:
 
 
 def _groups(text: str) -> dict[str, list[str]]:
-    """The works of an attribution by licence and author.
-
-    Raises:
-        ValueError: it is not of the form.
-    """
+    """The works of an attribution by licence and author; a ValueError if it is malformed."""
     groups: dict[str, list[str]] = {}
     for line in text.splitlines():
         if heading := re.fullmatch(r"## (.+)", line):
@@ -84,5 +81,5 @@ def _groups(text: str) -> dict[str, list[str]]:
         elif line.startswith("-"):
             raise ValueError(f"expected FILE: SOURCE@COMMIT, PATH, found {line!r:.80}")
     if not any(groups.values()):
-        raise ValueError("expected an ATTRIBUTION.md of semgs rooms, found no work in it")
+        raise ValueError("expected an ATTRIBUTION.md of semgs rooms, found none of its works")
     return groups

@@ -1,4 +1,4 @@
-"""The pages that a release rewrites, and the places in them."""
+"""The pages that a release updates, and how to replace sections in them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 CARD = DOCS / "model_card.md"
 SCORES = DOCS / "scores"
-"""Reports, reduced to what the tables of the card need."""
+"""Reports reduced to what the tables of the card need."""
 
 
 def between(page: str, text: str, first: str, last: str) -> str:
-    """A page with a text between two lines that mark its place, in place of what was there.
+    """A page with the text between two markers replaced.
 
     Raises:
-        ValueError: the page has not one of each mark, in order.
+        ValueError: the page does not have each marker once, in order.
     """
     before, begin, rest = page.partition(first)
     _, end, after = rest.partition(last)
@@ -27,5 +27,5 @@ def between(page: str, text: str, first: str, last: str) -> str:
 
 
 def write_between(path: Path, text: str, first: str, last: str) -> None:
-    """Put a text between two lines of a file; errors as `between`."""
+    """Replace the text between two markers of a file. Raises what `between` raises."""
     write_text(path, between(path.read_text(encoding="utf-8"), text, first, last))

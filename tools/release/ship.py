@@ -1,4 +1,4 @@
-"""Put a file of weights into the package: its header completed, the index of what ships written anew."""
+"""Add weights to the package: complete their header and update the index of included weights."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from tools.release.pages import SCORES
 
 
 def ship(weights: Path, name: str, header: dict[str, str], data_terms: Sequence[str] = ()) -> None:
-    """Ship weights. The tensors stay as they are, to the bit.
+    """Add weights to the package. The tensors do not change.
 
     Args:
         weights: a file.
-        name: that they will have in the package.
+        name: of the weights in the package.
         header: description and licence.
-        data_terms: of the data that they were trained on; none keeps the file's own.
+        data_terms: of the training data; by default those in the file.
 
     Raises:
-        InputError: the file cannot be used, or a report of docs/scores is of other weights.
+        InputError: the file cannot be used, or a report in docs/scores is of other weights.
     """
     terms = {DATA_TERMS: terms_text(map(Terms, data_terms))} if data_terms else {}
     scores = {KEY: scores_text(known_scores(weights, SCORES))}
@@ -36,10 +36,10 @@ def ship(weights: Path, name: str, header: dict[str, str], data_terms: Sequence[
 
 
 def known_scores(weights: Path, folder: Path) -> list[Score]:
-    """What the reports of a folder say of a file of weights, or of the one that its header's scores are of.
+    """Scores of weights from the reports of a folder. Reports of the file that the scores in the header refer to count too.
 
     Raises:
-        InputError: one of them is of other weights.
+        InputError: a report is of other weights.
     """
     known = {*(one.sha256 for one in read_scores(weights)), sha256(weights)}
     found: list[Score] = []
@@ -54,10 +54,10 @@ def known_scores(weights: Path, folder: Path) -> list[Score]:
 
 
 def scores_of(report: SavedReport) -> tuple[Score, ...]:
-    """What a report says of weights, as their header has it.
+    """The scores in a report, in the form of the header of weights.
 
     Raises:
-        ValueError: it is not of weights.
+        ValueError: the report is not of weights.
     """
     if report.sha256 is None:
         raise ValueError(f"{report.path} is a report of predictions; expected one of weights")

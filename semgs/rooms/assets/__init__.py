@@ -1,1 +1,1 @@
-"""Collected furniture and pictures, used by rooms where a folder of them is given."""
+"""Collections of furniture meshes and images that rooms can use."""

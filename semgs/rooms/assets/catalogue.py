@@ -1,9 +1,11 @@
-"""The catalogue of a folder of assets: what each mesh and each picture is, and which of them rooms may use."""
+"""The catalogue of a folder of assets: what each mesh and image is, and which meshes rooms may use."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
@@ -21,31 +23,50 @@ EXCLUDED = {
     "bp_cb_clapboard_baked": "a television is part of the mesh",
     "bp_cb_moore_baked": "a television is part of the mesh",
     "bp_open_door": "a frame without a leaf",
-    "bp_whitewindow": "its panes cannot be told from its frame",
+    "bp_whitewindow": "its panes cannot be separated from its frame",
     "kenney_wallwindow": "edges of a wall are part of the mesh",
     "kenney_wallwindowslide": "edges of a wall are part of the mesh",
-    "kenney_kitchencabinetcornerinner": "a corner, which the plans have not",
-    "kenney_kitchencabinetcornerround": "a corner, which the plans have not",
+    "kenney_kitchencabinetcornerinner": "a corner, which plans do not use",
+    "kenney_kitchencabinetcornerround": "a corner, which plans do not use",
     "qt_window_round1": "the wall would be missing beside its arch",
     "qt_window_round2": "the wall would be missing beside its arch",
     "qt_window_round3": "the wall would be missing beside its arch",
     "khronos_avocado": "30 cm long",
 }
-"""Meshes that are not what their class says or that rooms cannot hold, and why."""
+"""Meshes that do not fit their class or cannot be placed in rooms, and why."""
 
 TOYS = ("kkf_", "kkr_")
-"""Makers whose furniture has a toy's proportions; their clutter stays."""
+"""Makers whose furniture has the proportions of toys; only their clutter is used."""
 
 STOOL = "stool"
-"""A subtype under chair that ScanNet's annotators do not call a chair; left out."""
+"""A subtype of chair that ScanNet's annotators do not label as chair; excluded."""
 
 FOOTREST_DEPTH = 1.2
-"""Generated sofas and armchairs deeper than this have their footrest out; left out [m]."""
+"""Generated sofas and armchairs deeper than this have their footrest extended and are excluded [m]."""
 
 
 @dataclass(frozen=True)
-class MeshRow:
-    """One piece of the catalogue, in a file of its own: metres, z up, base on z = 0, centred in x and y, front = -y.
+class Origin:
+    """Where a file comes from.
+
+    Attributes:
+        source: the repository.
+        commit: of the repository.
+        path: in the repository.
+        licence: of the file.
+        author: empty if the source names none.
+    """
+
+    source: str = ""
+    commit: str = ""
+    path: str = ""
+    licence: str = ""
+    author: str = ""
+
+
+@dataclass(frozen=True)
+class MeshEntry:
+    """One mesh of the catalogue. Its file is in metres, z up, base at z = 0, centred in x and y, front = -y.
 
     Attributes:
         name: unique.
@@ -54,8 +75,8 @@ class MeshRow:
         file: of the mesh, in the folder.
         extents: width (x), depth (y), height (z) [m].
         mount: "floor", "wall", "surface" or "ceiling".
-        parts: class of each node that has another one than the whole.
-        licence, author, source, commit, path: where it comes from.
+        parts: the nodes whose class is not that of the piece, and their classes.
+        origin: where it comes from.
     """
 
     name: str
@@ -64,17 +85,13 @@ class MeshRow:
     file: str
     extents: tuple[float, float, float]
     mount: str
-    parts: tuple[tuple[str, str], ...]
-    licence: str
-    author: str
-    source: str
-    commit: str
-    path: str
+    parts: tuple[tuple[str, str], ...] = ()
+    origin: Origin = Origin()
 
 
 @dataclass(frozen=True)
-class PictureRow:
-    """One picture of the catalogue.
+class ImageEntry:
+    """One image of the catalogue.
 
     Attributes:
         name: unique.
@@ -82,8 +99,8 @@ class PictureRow:
         file: in the folder.
         size: width, height [px].
         tileable: whether it repeats without a seam.
-        tile: width of one tile [m], None where unknown.
-        licence, author, source, commit, path: where it comes from.
+        tile: width of one tile [m], None if unknown.
+        origin: where it comes from.
     """
 
     name: str
@@ -92,111 +109,89 @@ class PictureRow:
     size: tuple[int, int]
     tileable: bool
     tile: float | None
-    licence: str
-    author: str
-    source: str
-    commit: str
-    path: str
+    origin: Origin
+
+
+Entry = TypeVar("Entry", MeshEntry, ImageEntry)
 
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All rows of a folder, in its order."""
+    """All entries of a folder, in its order."""
 
-    meshes: tuple[MeshRow, ...]
-    pictures: tuple[PictureRow, ...]
+    meshes: tuple[MeshEntry, ...]
+    images: tuple[ImageEntry, ...]
 
 
 def read_catalogue(folder: str | Path) -> Catalogue:
-    """Read `catalog.json` and `textures.json` of a folder; the files that they name are not opened.
+    """Read `catalog.json` and `textures.json` of a folder, without opening the files that they list.
 
     Raises:
-        InputError: the folder or one of the two is missing or not of that form, or a name occurs twice.
+        InputError: one of the two is missing or malformed, or a name occurs twice.
     """
-    folder = Path(folder)
-    meshes = tuple(_mesh(folder / "catalog.json", row) for row in _rows(folder / "catalog.json"))
-    pictures = tuple(_picture(folder / "textures.json", row) for row in _rows(folder / "textures.json"))
-    for path, names in (
-        (folder / "catalog.json", [row.name for row in meshes]),
-        (folder / "textures.json", [row.name for row in pictures]),
-    ):
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError(path, "names that occur once", f"{twice[0]} twice", key="name")
-    return Catalogue(meshes, pictures)
+    meshes = tuple(_read(Path(folder) / "catalog.json", _mesh))
+    images = tuple(_read(Path(folder) / "textures.json", _image))
+    return Catalogue(meshes, images)
 
 
-def usable(row: MeshRow) -> bool:
-    """Whether a mesh is what its class says: the known faults of the collection are left out."""
+def usable(row: MeshEntry) -> bool:
+    """Whether a mesh is what its class says, by the known faults of the collection."""
     footrest = row.name.startswith(("ig_sofa", "ig_armchair")) and row.extents[1] > FOOTREST_DEPTH
     toy = row.name.startswith(TOYS) and row.label != "clutter"
     return row.name not in EXCLUDED and row.subtype != STOOL and not footrest and not toy
 
 
-def _rows(path: Path) -> list[dict]:
-    if not path.exists():
-        raise InputError(path, "the list of a folder of assets", "no such file", advice="give the folder that holds it")
-    rows = read_json(path)
+def _read(path: Path, entry: Callable[[dict], Entry]) -> list[Entry]:
+    """The entries of a list; their names are unique."""
+    rows = read_json(path, "the list of a folder of assets", advice="give the folder that contains it")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(path, "a list of objects", type(rows).__name__)
-    return rows
+    found: dict[str, Entry] = {}
+    for row in rows:
+        try:
+            one = entry(row)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(
+                path, "rows with name, file, licence and the like", f"{type(error).__name__}: {error}",
+                key=str(row.get("name")),
+            ) from None  # fmt: skip
+        if one.name in found:
+            raise InputError(path, "names that occur once", f"{one.name} twice", key="name")
+        found[one.name] = one
+    return list(found.values())
 
 
-def _mesh(path: Path, row: dict) -> MeshRow:
-    try:
-        x, y, z = (float(side) for side in row["extents_m"])
-        return MeshRow(
-            name=str(row["name"]),
-            label=str(row["class"]),
-            subtype=str(row["subtype"]),
-            file=inside(row["file"]),
-            extents=(x, y, z),
-            mount=str(row["mount"]),
-            parts=tuple((str(node), str(label)) for node, label in row.get("part_classes", {}).items()),
-            **_origin(row),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _unreadable(path, row, error) from None
+def _mesh(row: dict) -> MeshEntry:
+    x, y, z = (float(side) for side in row["extents_m"])
+    parts = tuple((str(node), str(label)) for node, label in row.get("part_classes", {}).items())
+    return MeshEntry(
+        str(row["name"]), str(row["class"]), str(row["subtype"]), inside(row["file"]), (x, y, z), str(row["mount"]), parts,
+        _origin(row),
+    )  # fmt: skip
 
 
-def _picture(path: Path, row: dict) -> PictureRow:
-    try:
-        width, height = (int(side) for side in row["size"])
-        return PictureRow(
-            name=str(row["name"]),
-            kind=str(row["kind"]),
-            file=inside(row["file"]),
-            size=(width, height),
-            tileable=bool(row["tileable"]),
-            tile=float(row["tile_cm"]) / 100 if row.get("tile_cm") else None,
-            **_origin(row),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _unreadable(path, row, error) from None
+def _image(row: dict) -> ImageEntry:
+    width, height = (int(side) for side in row["size"])
+    tile = float(row["tile_cm"]) / 100 if row.get("tile_cm") else None
+    return ImageEntry(
+        str(row["name"]),
+        str(row["kind"]),
+        inside(row["file"]),
+        (width, height),
+        bool(row["tileable"]),
+        tile,
+        _origin(row),
+    )
 
 
-def _origin(row: dict) -> dict[str, str]:
-    return {
-        "licence": str(row["licence"]),
-        "author": str(row.get("author") or ""),
-        "source": str(row["source_repo"]),
-        "commit": str(row["commit"]),
-        "path": str(row["path"]),
-    }
+def _origin(row: dict) -> Origin:
+    return Origin(
+        str(row["source_repo"]), str(row["commit"]), str(row["path"]), str(row["licence"]), str(row.get("author") or "")
+    )
 
 
 def inside(file: str) -> str:
-    """The name of a file in a folder of assets.
-
-    Raises:
-        ValueError: it leads out of the folder.
-    """
+    """The path of a file inside a folder of assets; a ValueError if it leads out of the folder."""
     if Path(file).is_absolute() or ".." in Path(file).parts:
         raise ValueError(f"file {file!r} leads out of the folder")
     return file
-
-
-def _unreadable(path: Path, row: dict, error: Exception) -> InputError:
-    return InputError(
-        path, "rows with name, file, licence and the like", f"{type(error).__name__}: {error}", key=str(row.get("name"))
-    )

@@ -1,4 +1,4 @@
-"""What surfaces are covered with where there are pictures: materials of the texture kernels, exchanged for pictures of their kind."""
+"""Cover surfaces with images: replaces procedural materials with images of the same kind."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semgs.data.classes import IGNORE
-from semgs.rooms.assets.catalogue import PictureRow
-from semgs.rooms.assets.gallery import Gallery
+from semgs.rooms.assets.catalogue import ImageEntry
+from semgs.rooms.assets.images import Pyramid
 from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.pictures import Pyramid
+from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
 from semgs.rooms.pieces.solids import SHELL, Part
 
@@ -23,11 +23,11 @@ TILE = {
     "wood_floor": 1.5, "wood": 1.0, "carpet": 0.8, "tile": 0.8, "stone": 1.2, "concrete": 2.0, "plaster": 1.5, "wallpaper": 0.7,
     "brick": 1.2, "fabric": 0.35, "leather": 0.5, "metal": 0.6,
 }  # fmt: skip
-"""Usual width of a picture's tile where the catalogue does not say [m]."""
+"""Default width of an image's tile, if the catalogue has none [m]."""
 FINE = 256
-"""Pictures of fewer pixels show their repetition on walls and floors [px]."""
+"""Smaller images are visibly repetitive on walls and floors [px]."""
 COARSE_SHARE = 0.4
-"""Tiles of such a picture, as a share of the usual width."""
+"""Tile width of such an image, as a share of the default."""
 FLOORS = {
     t.PLANKS: ("wood_floor",),
     t.TILES: ("tile", "stone"),
@@ -38,18 +38,18 @@ FLOORS = {
 WALLS = {t.STRIPES: ("wallpaper",), t.DOTS: ("wallpaper",), t.PLANKS: ("brick", "wood"), t.TILES: ("tile",)}
 CLOTH = tuple(LABEL[name] for name in ("bed", "chair", "sofa", "curtain", "shower curtain", "otherfurniture"))
 VIEW_LIGHT = (0.5, 2.2)
-"""Mean radiance of a view through a window, as a share of what its pane was to send: many are washed out by day."""
+"""Mean radiance of a view through a window, as a share of the pane's emission. It varies because real windows are often overexposed."""
 SEATS = (LABEL["chair"], LABEL["sofa"])
 CLOTH_GRAIN = 0.04
-"""Plain materials of these classes with at least that much grain are cloth."""
+"""Plain materials of cloth classes count as cloth if they have at least this much grain."""
 
 
 @dataclass(frozen=True)
 class Shares:
-    """How often a kind of surface of a room is covered with pictures.
+    """How often each kind of surface is covered with an image.
 
     Attributes:
-        floor, wall, plaster, wood, cloth, stone, art, view, rug: shares of 0..1; `plaster` is of plainly painted walls.
+        floor, wall, plaster, wood, cloth, stone, art, view, rug: shares in 0..1; `plaster` is for plain painted walls.
     """
 
     floor: float = 0.7
@@ -63,36 +63,40 @@ class Shares:
     rug: float = 0.7
 
 
+ALL = Shares()
+HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, rug=0.0)
+"""Only pictures in frames and views through windows, which rooms always have."""
+
+
 class Coverings:
-    """Pictures for the surfaces of one room; equal materials are exchanged for equal ones.
+    """Images for the surfaces of one room. Equal materials get equal images.
 
     Args:
-        rng: draws them.
-        library: where they are from.
-        gallery: collects what is used.
-        shares: how often.
+        rng: source of all random choices.
+        library: of the images.
+        used: records which assets are used.
+        shares: how often surfaces are covered.
     """
 
-    def __init__(
-        self, rng: np.random.Generator, library: Library, gallery: Gallery, shares: Shares | None = None
-    ) -> None:
-        self.rng, self.library, self.gallery = rng, library, gallery
-        self.shares = Shares() if shares is None else shares
-        self._chosen: dict[tuple[int, bytes], Row | None] = {}
-        self._woods: list[PictureRow] = []
+    def __init__(self, rng: np.random.Generator, library: Library, used: UsedAssets, shares: Shares = ALL) -> None:
+        self.rng, self.library, self.used, self.shares = rng, library, used, shares
+        self._chosen: dict[tuple[int, bytes], Material | None] = {}
+        self._woods: list[ImageEntry] = []
 
     def cover(self, parts: Sequence[Part]) -> list[Part]:
-        """The same parts, some with pictures on them."""
+        """The same parts, some of them covered with images."""
         return [self._covered(part) for part in parts]
 
-    def material(self, part: Part) -> Row | None:
-        """A picture for a part, None where it keeps its material."""
+    def material(self, part: Part) -> Material | None:
+        """An image material for a part, None to keep its own material."""
         label, material, share = part.label, part.material, self.shares
         kind = int(material[t.KIND])
         if kind == t.OUTDOOR:
             return self.view(material) if self._chance(share.view) else None
         if kind in (t.LANDSCAPE, t.ABSTRACT) and label == LABEL["picture"]:
-            return self._art() if self._chance(share.art) else None
+            if not self._chance(share.art):
+                return None
+            return self._stretched(str(self.rng.choice(["painting", "painting", "photo", "poster"])))
         if label == LABEL["floor"]:
             return self._tiled(FLOORS.get(kind, ()), share.floor, None, fine=kind != t.PLAIN)
         if label == LABEL["wall"] and kind == t.PLAIN:
@@ -100,7 +104,7 @@ class Coverings:
         if label == LABEL["wall"]:
             return self._tiled(WALLS.get(kind, ()), share.wall, None, fine=True)
         if label == IGNORE and part.size[2] < 0.02 and min(part.size[:2]) > 0.7:
-            return self._rug() if self._chance(share.rug) else None
+            return self._stretched("carpet") if self._chance(share.rug) else None
         if kind == t.WOOD:
             return self.wood(material) if self._chance(share.wood) else None
         if label in CLOTH and self._is_cloth(material):
@@ -109,34 +113,30 @@ class Coverings:
             return self._tiled(("stone",), share.stone, None, fine=False)
         return None
 
-    def wood(self, material: Row | None) -> Row:
-        """Wood; of one room few kinds, at times in the colour of a material."""
-        if len(self._woods) < 3:
-            self._woods += self._pick(("wood",))
+    def wood(self, material: Material) -> Material:
+        """Wood, sometimes in the colour of a material; at most three kinds per room."""
+        if len(self._woods) < 3 and (found := self._pick(("wood",))):
+            self._woods.append(found)
         if not self._woods:
-            return m.wood(self.rng) if material is None else material
-        row = self._woods[int(self.rng.integers(len(self._woods)))]
-        axis = 0 if material is None else int(material[t.AXIS])
-        like = material if material is not None and self._chance(0.5) else None
-        return self._picture(row, like, gloss=self.rng.uniform(0, 0.25), axis=axis, lying=True)
-
-    def cloth(self, material: Row | None, leather: bool = False) -> Row:
-        """Cloth or leather, at times in the colour of a material."""
-        found = self._pick(("leather",) if leather and self._chance(0.2) else ("fabric",))
-        if not found:
-            return m.fabric(self.rng) if material is None else material
-        return self._picture(found[0], material if material is not None and self._chance(0.6) else None)
-
-    def view(self, material: Row) -> Row:
-        """What is outside a window, as bright as the material says."""
-        found = self._pick(("outdoor",))
-        if not found:
             return material
-        row = found[0]
-        pyramid = self._open(row)
-        whole = row.name.startswith("pano") or pyramid.size[0] == 2 * pyramid.size[1]
+        entry = self._woods[int(self.rng.integers(len(self._woods)))]
+        like = material if self._chance(0.5) else None
+        return self._picture(entry, like, gloss=self.rng.uniform(0, 0.25), axis=int(material[t.AXIS]), lying=True)
+
+    def cloth(self, material: Material, leather: bool = False) -> Material:
+        """Cloth or leather, sometimes in the colour of a material."""
+        found = self._pick(("leather",) if leather and self._chance(0.2) else ("fabric",))
+        return self._picture(found, material if self._chance(0.6) else None) if found else material
+
+    def view(self, material: Material) -> Material:
+        """The view through a window, as bright as the material says."""
+        entry = self._pick(("outdoor",))
+        if entry is None:
+            return material
+        pyramid = self._open(entry)
+        whole = entry.name.startswith("pano") or pyramid.size[0] == 2 * pyramid.size[1]
         result = np.zeros(t.WIDTH)
-        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.gallery.number(pyramid)
+        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.used.number(pyramid)
         result[t.MAPPING] = PANORAMA if whole else VIEW
         result[t.SCALE] = 2 * np.pi if whole else self.rng.uniform(0.9, 1.4)
         result[t.ASPECT] = pyramid.size[1] / pyramid.size[0]
@@ -146,10 +146,10 @@ class Coverings:
         result[t.EMISSION] = material[t.EMISSION] * self.rng.uniform(*VIEW_LIGHT) / bright
         return result
 
-    def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Row:
-        """A picture that lies on a shell by its own coordinates."""
+    def unwrapped(self, pyramid: Pyramid, colour: tuple[float, float, float], gloss: float) -> Material:
+        """An image mapped by a shell's texture coordinates."""
         result = np.zeros(t.WIDTH)
-        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.gallery.number(pyramid)
+        result[t.KIND], result[t.PICTURE_NUMBER] = t.PICTURE, self.used.number(pyramid)
         result[t.MAPPING], result[t.AXIS], result[t.SCALE], result[t.ASPECT] = UNWRAPPED, -1, 1.0, 1.0
         result[t.COLOUR_A : t.COLOUR_A + 3] = colour
         result[t.GLOSS] = gloss
@@ -164,65 +164,61 @@ class Coverings:
         chosen = self._chosen[key]
         return part if chosen is None else replace(part, material=_in_place_of(part.material, chosen))
 
-    def _is_cloth(self, material: Row) -> bool:
+    def _is_cloth(self, material: Material) -> bool:
         kind = int(material[t.KIND])
         woven = kind in (t.WEAVE, t.STRIPES, t.DOTS)
         return woven or bool(kind == t.PLAIN and material[t.FINE] >= CLOTH_GRAIN and material[t.GLOSS] == 0)
 
-    def _tiled(self, kinds: Sequence[str], share: float, like: Row | None, fine: bool) -> Row | None:
+    def _tiled(self, kinds: Sequence[str], share: float, like: Material | None, fine: bool) -> Material | None:
         if not self._chance(share):
             return None
         found = self._pick(kinds, fine)
-        return self._picture(found[0], like, gloss=self.rng.uniform(0, 0.3) if like is None else 0.0) if found else None
+        return self._picture(found, like, gloss=self.rng.uniform(0, 0.3) if like is None else 0.0) if found else None
 
-    def _art(self) -> Row | None:
-        found = self._pick((str(self.rng.choice(["painting", "painting", "photo", "poster"])),), tileable=False)
-        return self._stretched(found[0]) if found else None
-
-    def _rug(self) -> Row | None:
-        found = self._pick(("carpet",), tileable=False)
-        return self._stretched(found[0]) if found else None
-
-    def _stretched(self, row: PictureRow) -> Row:
-        result = self.unwrapped(self._open(row), (1.0, 1.0, 1.0), 0.0)
+    def _stretched(self, kind: str) -> Material | None:
+        """An image of a kind, stretched over the face of a part."""
+        found = self._pick((kind,), tileable=False)
+        if found is None:
+            return None
+        result = self.unwrapped(self._open(found), (1.0, 1.0, 1.0), 0.0)
         result[t.MAPPING] = STRETCHED
         return result
 
     def _picture(
-        self, row: PictureRow, like: Row | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
-    ) -> Row:
-        """A picture side by side, multiplied so that its mean is the material's colour if one is given."""
-        pyramid = self._open(row, not lying)
+        self, entry: ImageEntry, like: Material | None, gloss: float = 0.0, axis: int = -1, lying: bool = False
+    ) -> Material:
+        """A tiled image. If a material is given, the image is multiplied to have its mean colour."""
+        pyramid = self._open(entry, not lying)
         colour = self.rng.uniform(0.9, 1.05) * self.rng.uniform(0.97, 1.03, 3)
         if like is not None:
             colour = like[t.COLOUR_A : t.COLOUR_A + 3] / np.maximum(_mean(pyramid), 0.02)
         red, green, blue = (float(c) for c in np.minimum(colour, 8.0))
         result = self.unwrapped(pyramid, (red, green, blue), gloss)
-        usual = TILE[row.kind] * (COARSE_SHARE if max(row.size) < FINE else 1.0)
+        usual = TILE[entry.kind] * (COARSE_SHARE if max(entry.size) < FINE else 1.0)
         result[t.MAPPING], result[t.AXIS] = TILED, axis
-        result[t.SCALE] = (row.tile or usual) * self.rng.uniform(0.85, 1.15)
+        result[t.SCALE] = (entry.tile or usual) * self.rng.uniform(0.85, 1.15)
         result[t.ASPECT] = pyramid.size[1] / pyramid.size[0]
         return result
 
-    def _pick(self, kinds: Sequence[str], fine: bool = False, tileable: bool | None = None) -> list[PictureRow]:
-        """One picture of some kinds at random, none if there is none."""
-        wanted = tileable if tileable is not None else not {"outdoor"} & set(kinds)
-        rows = [row for row in self.library.of_kind(*kinds) if row.tileable == wanted]
-        large = [row for row in rows if min(row.size) >= FINE]
+    def _pick(self, kinds: Sequence[str], fine: bool = False, tileable: bool | None = None) -> ImageEntry | None:
+        """A random image of some kinds, None if there is none."""
+        wanted = "outdoor" not in kinds if tileable is None else tileable
+        rows = [entry for entry in self.library.of_kind(*kinds) if entry.tileable == wanted]
+        large = [entry for entry in rows if min(entry.size) >= FINE]
         if large and (fine or self._chance(0.5)):
             rows = large
-        return [rows[int(self.rng.integers(len(rows)))]] if rows else []
+        return rows[int(self.rng.integers(len(rows)))] if rows else None
 
-    def _open(self, row: PictureRow, upright: bool = True) -> Pyramid:
-        self.gallery.use(row.file)
-        return self.library.pyramid(row, upright)
+    def _open(self, entry: ImageEntry, upright: bool = True) -> Pyramid:
+        self.used.add_file(entry.file)
+        return self.library.pyramid(entry, upright)
 
     def _chance(self, share: float) -> bool:
         return bool(self.rng.random() < share)
 
 
-def _in_place_of(material: Row, chosen: Row) -> Row:
-    """The chosen picture, its grain along the axis of the material that it stands for; what was a mirror stays one."""
+def _in_place_of(material: Material, chosen: Material) -> Material:
+    """The chosen image with the grain axis and the mirror flag of the material it replaces."""
     chosen = chosen.copy()
     chosen[t.MIRROR] = material[t.MIRROR]
     if material[t.KIND] != t.WOOD or chosen[t.KIND] != t.PICTURE:
@@ -231,5 +227,5 @@ def _in_place_of(material: Row, chosen: Row) -> Row:
 
 
 def _mean(pyramid: Pyramid) -> np.ndarray:
-    """Mean of a picture, linear RGB: its last level."""
+    """Mean of an image, linear RGB: its last level."""
     return LINEAR[pyramid.pixels[-1]]

@@ -1,4 +1,4 @@
-"""Reading and writing .glb files (glTF 2.0, binary) as far as furniture needs it: triangles, one set of texture coordinates, base colours."""
+"""Read and write .glb files (binary glTF 2.0), limited to what furniture needs: triangles, one set of texture coordinates, base colours."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Primitive:
         name: of the node that holds them.
         material: the material's name.
         vertices: in the file's own frame [m].
-        faces: three vertex numbers a triangle.
-        uv: texture coordinates of the vertices, (0, 0) at the picture's upper left; zeros where there is no texture.
-        colour: linear RGB that the texture is multiplied with.
-        texture: the encoded picture, None if there is none.
-        clear: whether the material is one to see through.
+        faces: three vertex indices per triangle.
+        uv: texture coordinates of the vertices, (0, 0) at the image's upper left; zeros if there is no texture.
+        colour: linear RGB, multiplied with the texture.
+        texture: the encoded image, None if there is none.
+        clear: whether the material is transparent.
     """
 
     name: str
@@ -51,8 +51,8 @@ def read_glb(path: Path) -> list[Primitive]:
     """The primitives of a file, in its order.
 
     Raises:
-        InputError: it is no such file, or uses what this reader does not know (node transforms, sparse or compressed data,
-            anything but triangles).
+        InputError: it is not a .glb file, or uses unsupported features (node transforms, sparse or compressed data, anything but
+            triangles).
     """
     raw = path.read_bytes()
     try:
@@ -67,7 +67,7 @@ def read_glb(path: Path) -> list[Primitive]:
 
 
 def _chunks(raw: bytes) -> tuple[dict, bytes]:
-    """The description and the data."""
+    """The JSON description and the binary data."""
     magic, version, length = struct.unpack_from("<4sII", raw)
     if magic != HEADER or version != 2 or length != len(raw):
         raise ValueError(f"header {magic!r}, version {version}, {length} bytes of {len(raw)}")
@@ -103,7 +103,7 @@ def _primitive(description: dict, data: bytes, name: str, primitive: dict) -> Pr
     else:
         faces = np.arange(len(vertices)).reshape(-1, 3)
     if len(faces) and faces.max() >= len(vertices):
-        raise ValueError(f"a face names vertex {faces.max()} of {len(vertices)}")
+        raise ValueError(f"a face refers to vertex {faces.max()} of {len(vertices)}")
     material = description["materials"][primitive["material"]] if "material" in primitive else {}
     surface = material.get("pbrMetallicRoughness", {})
     red, green, blue = (float(c) for c in surface.get("baseColorFactor", (1, 1, 1, 1))[:3])
@@ -144,11 +144,11 @@ def _accessor(description: dict, data: bytes, number: int) -> np.ndarray:
 
 
 def write_glb(path: Path, primitives: Sequence[Primitive]) -> None:
-    """Write primitives so that `read_glb` reads them: a node, a mesh and a material each, pictures inside and once each.
+    """Write primitives for `read_glb`: one node, mesh and material each; the images are embedded, equal ones once.
 
     Raises:
         ValueError: a texture is neither JPEG nor PNG.
-        OSError: as `semgs.files.atomic.write_bytes`.
+        OSError: the file cannot be written.
     """
     data = bytearray()
     views: list[dict] = []

@@ -1,4 +1,4 @@
-"""The lock: which file of a folder of assets is from where, under which licence, and what its bytes are."""
+"""The lock of a folder of assets: origin, licence and SHA-256 of each file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
 from semgs.files.text import listed
-from semgs.rooms.assets.catalogue import MeshRow, PictureRow, inside, read_catalogue
+from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, Origin, inside, read_catalogue
 
 NAME = "lock.json"
 LISTS = ("catalog.json", "textures.json")
@@ -22,64 +22,51 @@ SHOWN = 3
 
 
 @dataclass(frozen=True)
-class LockRow:
+class LockEntry:
     """One file of the folder.
 
     Attributes:
-        file: in the folder.
-        source: the repository it is from.
-        commit: of that repository.
-        path: in it.
-        licence: of the file.
-        author: empty where the source names none.
+        file: path in the folder.
+        origin: where it comes from.
         sha256: of its bytes.
     """
 
     file: str
-    source: str
-    commit: str
-    path: str
-    licence: str
-    author: str
+    origin: Origin
     sha256: str
 
 
-def make_lock(folder: str | Path) -> tuple[LockRow, ...]:
-    """The lock of a folder as it is: both lists, then every mesh and picture that they name.
+def make_lock(folder: str | Path) -> tuple[LockEntry, ...]:
+    """The lock of a folder in its current state: both lists, then every mesh and image in them.
 
     Raises:
-        InputError: a list cannot be read or a file that it names is missing.
+        InputError: a list cannot be read, or a listed file is missing.
     """
     folder = Path(folder)
     catalogue = read_catalogue(folder)
-    lists = [LockRow(name, "", "", "", "", "", _digest(folder, name)) for name in LISTS]
-    named: list[MeshRow | PictureRow] = [*catalogue.meshes, *catalogue.pictures]
-    return (
-        *lists,
-        *(
-            LockRow(row.file, row.source, row.commit, row.path, row.licence, row.author, _digest(folder, row.file))
-            for row in named
-        ),
-    )
+    lists = tuple(LockEntry(name, Origin(), _digest(folder, name)) for name in LISTS)
+    named: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.images]
+    return (*lists, *(LockEntry(row.file, row.origin, _digest(folder, row.file)) for row in named))
 
 
-def write_lock(path: str | Path, rows: Sequence[LockRow]) -> None:
-    """Write a lock; origins that several files share are written once."""
+def write_lock(path: str | Path, rows: Sequence[LockEntry]) -> None:
+    """Write a lock; origins shared by several files are written once."""
     origins: dict[tuple[str, str, str, str], int] = {}
     lines = []
     for row in rows:
-        origin = origins.setdefault((row.source, row.commit, row.licence, row.author), len(origins))
-        lines.append(json.dumps([row.file, origin, row.path, row.sha256], ensure_ascii=False))
+        one = row.origin
+        number = origins.setdefault((one.source, one.commit, one.licence, one.author), len(origins))
+        lines.append(json.dumps([row.file, number, one.path, row.sha256], ensure_ascii=False))
     head = ",\n".join(json.dumps(list(origin), ensure_ascii=False) for origin in origins)
     text = f'{{"origins": [\n{head}\n], "files": [\n' + ",\n".join(lines) + "\n]}\n"
     write_bytes(Path(path), text.encode())
 
 
-def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
-    """Read a lock, that of the package by default. A file that it names must not lead out of the folder.
+def read_lock(path: str | Path | None = None) -> tuple[LockEntry, ...]:
+    """Read a lock, by default that of the package.
 
     Raises:
-        InputError: it is missing or not of that form.
+        InputError: it is missing or malformed, or has a path that leads out of the folder.
     """
     path = Path(str(files("semgs.rooms.assets"))) / NAME if path is None else Path(path)
     try:
@@ -87,37 +74,37 @@ def read_lock(path: str | Path | None = None) -> tuple[LockRow, ...]:
         rows = []
         for file, origin, inner, sha256 in content["files"]:
             source, commit, licence, author = content["origins"][origin]
-            rows.append(LockRow(inside(file), source, commit, inner, licence, author, sha256))
+            rows.append(LockEntry(inside(file), Origin(source, commit, inner, licence, author), sha256))
         return tuple(rows)
     except (OSError, KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(
             path,
             "a lock of assets",
             f"{type(error).__name__}: {error}",
-            advice="install semgs, or bake the folder, again",
+            advice="install semgs, or generate the folder, again",
         ) from None
 
 
 def lock_of(folder: str | Path) -> Path:
-    """The lock that a folder is held to: its own where it has one, as a baked library has, else that of the package."""
+    """The lock that applies to a folder: its own if it has one, as generated furniture does, else that of the package."""
     own = Path(folder) / NAME
     return own if own.is_file() else Path(str(files("semgs.rooms.assets"))) / NAME
 
 
 def lock_digest(folder: str | Path) -> str:
-    """What names the lock of a folder, and so the assets that satisfy it: the beginning of its SHA-256."""
+    """The first digits of the SHA-256 of a folder's lock, which identify its assets."""
     return hashlib.sha256(lock_of(folder).read_bytes()).hexdigest()[:16]
 
 
-def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
-    """Compare every file that the lock names with it.
+def verify(folder: str | Path, lock: Sequence[LockEntry] | None = None) -> None:
+    """Check that every file in the lock exists and is unaltered.
 
     Args:
         folder: of the assets.
-        lock: None is the folder's own where it has one, else the package's.
+        lock: None for `lock_of` the folder.
 
     Raises:
-        InputError: the folder is missing, or files are missing or altered; names the first ones and counts the others.
+        InputError: the folder is missing, or files are missing or altered; the message names the first ones and counts the others.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -139,16 +126,16 @@ def verify(folder: str | Path, lock: Sequence[LockRow] | None = None) -> None:
             folder,
             "the files of the lock, byte for byte",
             found,
-            advice="fetch or bake the assets again, in a folder of their own",
+            advice="fetch or generate the assets again, in a folder of their own",
         )
 
 
-def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> str:
-    """The text of `ATTRIBUTION.md` for a data set: what was used of the assets, by licence and author.
+def attribution(used: Iterable[str], lock: Sequence[LockEntry] | None = None) -> str:
+    """The text of `ATTRIBUTION.md` for a data set: the assets that it uses, by licence and author.
 
     Args:
-        used: files, as the lock names them.
-        lock: of all folders that they are from; None is the package's.
+        used: files, as in the lock.
+        lock: of all folders with these files; None for the package's lock.
 
     Raises:
         ValueError: a file is not in the lock.
@@ -163,12 +150,14 @@ def attribution(used: Iterable[str], lock: Sequence[LockRow] | None = None) -> s
         "These pictures show models and textures by others, under the licences named here.",
         "",
     ]
-    groups: dict[tuple[str, str], list[LockRow]] = {}
+    groups: dict[tuple[str, str], list[LockEntry]] = {}
     for file in sorted(set(used)):
-        groups.setdefault((rows[file].licence, rows[file].author), []).append(rows[file])
+        groups.setdefault((rows[file].origin.licence, rows[file].origin.author), []).append(rows[file])
     for (licence, author), members in sorted(groups.items()):
         lines += [f"## {licence}" + (f", by {author}" if author else ""), ""]
-        lines += [f"- `{row.file}`: {row.source}@{row.commit[:12]}, `{row.path}`" for row in members]
+        lines += [
+            f"- `{row.file}`: {row.origin.source}@{row.origin.commit[:12]}, `{row.origin.path}`" for row in members
+        ]
         lines.append("")
     return "\n".join(lines)
 

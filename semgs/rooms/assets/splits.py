@@ -1,8 +1,8 @@
-"""Which meshes and pictures belong to the training rooms, to the validation rooms, and to the world that is held out.
+"""Split meshes and images between training rooms, validation rooms and the held-out style `other`.
 
-Of each class, 60 % are for training, 20 % for validation rooms and 20 % for the style `other`, as nearly as families
-allow: what one maker made of one kind looks alike, so that of a family nothing is both in training and in `other`. The lists
-follow from the names alone (through a hash), so that they are the same everywhere.
+Of each class, about 60 % are for training, 20 % for validation rooms and 20 % for the style `other`. Meshes by the same maker look
+alike, so they form families, and no family is in both training and `other`. The split depends only on names (through a hash), so it
+is the same everywhere.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Literal
 
-from semgs.rooms.assets.catalogue import MeshRow, PictureRow
+from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry
 
 Split = Literal["training", "validation", "other"]
 
 OTHER_SHARE = 0.2
 VALIDATION_SHARE = 0.25
-"""Of what is not in `other`."""
+"""Share of what is not in `other`."""
 
-BAKED = "bake"
-"""Maker of the pieces of `tools.furniture`: whoever trains bakes his own, so that none of them is ever in `other`."""
-KITS = ("kenney", "qt", "kkf", "kkr", "proc", BAKED)
-"""Makers whose pieces of one class are one family."""
+GENERATED = "bake"
+"""Maker prefix of pieces from `tools.furniture`. Everyone generates their own to train on, so none of them is ever in `other`."""
+KITS = ("kenney", "qt", "kkf", "kkr", "proc", GENERATED)
+"""Makers whose pieces of one class form one family."""
 
 SAME_GENERATOR = {
     "ig_armchair": "ig_sofa",
@@ -36,35 +36,34 @@ SAME_GENERATOR = {
     "ig_kitchenwall": "ig_kitchenbase",
     "ig_sideboard": "ig_dresser",
 }
-"""Families that one program made with other settings."""
+"""Families made by the same generator with other settings."""
 
 
-def family(row: MeshRow) -> str:
-    """The family of a mesh: maker and class for kits of one style, else the name without numbers and variants."""
-    maker = row.name.split("_")[0]
+def family(entry: MeshEntry) -> str:
+    """The family of a mesh: maker and class for kits, else the name without numbers and variants."""
+    maker = entry.name.split("_")[0]
     if maker in KITS:
-        return f"{maker} {row.label}"
+        return f"{maker} {entry.label}"
     stem = (
-        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", row.name))
+        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", entry.name))
         if maker == "ig"
-        else row.name.rstrip("0123456789_")
+        else entry.name.rstrip("0123456789_")
     )
     return SAME_GENERATOR.get(stem, stem)
 
 
-def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
-    """The list that each mesh belongs to, by name. Small classes come first: a family of several classes follows the one that
-    has the least choice."""
+def split_meshes(rows: Sequence[MeshEntry]) -> dict[str, Split]:
+    """The split of each mesh, by name. Small classes are decided first, and a family with several classes follows the first."""
     families: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        families[row.label][family(row)].append(row.name)
+    for entry in rows:
+        families[entry.label][family(entry)].append(entry.name)
     result: dict[str, Split] = {}
     decided: dict[str, bool] = {}
     for label in sorted(families, key=lambda label: (sum(map(len, families[label].values())), label)):
         groups = families[label]
         wanted = OTHER_SHARE * sum(map(len, groups.values()))
         fixed = sum(len(names) for key, names in groups.items() if decided.get(key))
-        decided |= {key: False for key in groups if key.split()[0] == BAKED}
+        decided |= {key: False for key in groups if key.split()[0] == GENERATED}
         open_keys = sorted((key for key in groups if key not in decided), key=_rank)
         held_out = _subset([len(groups[key]) for key in open_keys], wanted - fixed, fixed == 0 and len(groups) > 1)
         decided |= {key: number in held_out for number, key in enumerate(open_keys)}
@@ -74,11 +73,11 @@ def split_meshes(rows: Sequence[MeshRow]) -> dict[str, Split]:
     return result
 
 
-def split_pictures(rows: Sequence[PictureRow]) -> dict[str, Split]:
-    """The list that each picture belongs to, by name; every fifth of a kind is held out, in the order of a hash."""
+def split_images(rows: Sequence[ImageEntry]) -> dict[str, Split]:
+    """The split of each image, by name; a fifth of each kind is held out, chosen by a hash."""
     kinds: dict[str, list[str]] = defaultdict(list)
-    for row in rows:
-        kinds[row.kind].append(row.name)
+    for entry in rows:
+        kinds[entry.kind].append(entry.name)
     result: dict[str, Split] = {}
     for names in kinds.values():
         ranked = sorted(names, key=_rank)
@@ -89,7 +88,7 @@ def split_pictures(rows: Sequence[PictureRow]) -> dict[str, Split]:
 
 
 def _trained(ranked: list[str]) -> dict[str, Split]:
-    """Names in the order of their hash as training and validation."""
+    """Split names, sorted by their hash, into training and validation."""
     count = round(VALIDATION_SHARE * len(ranked))
     validation: dict[str, Split] = dict.fromkeys(ranked[:count], "validation")
     training: dict[str, Split] = dict.fromkeys(ranked[count:], "training")
@@ -101,7 +100,7 @@ def _rank(name: str) -> str:
 
 
 def _subset(sizes: list[int], wanted: float, at_least_one: bool) -> set[int]:
-    """Which numbers add up to nearest the wanted sum; among equals those that come first."""
+    """Indices of the numbers whose sum is closest to the wanted one; of equal choices, the first."""
     ways: dict[int, tuple[int, ...]] = {0: ()}
     for number, size in enumerate(sizes):
         for total, members in list(ways.items()):

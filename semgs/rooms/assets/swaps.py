@@ -1,4 +1,4 @@
-"""Pieces of furniture exchanged for meshes of their kind, fitted to the place that the plan gives them."""
+"""Replace pieces of furniture with meshes of their kind, scaled to the same footprint."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
-from semgs.rooms.assets.catalogue import MeshRow
+from semgs.rooms.assets.catalogue import MeshEntry
 from semgs.rooms.assets.coverings import Coverings
 from semgs.rooms.assets.library import Library, Panel
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.shells import Shell
 from semgs.rooms.pieces.solids import SHELL, Part, Piece, Triple
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Which meshes may stand for a piece, and how far they may be scaled.
+    """Which meshes may replace a piece, and how much they may be scaled.
 
     Attributes:
-        label: their class.
-        subtypes: their kinds; empty is any.
-        low, high: bounds of the scale as a whole.
-        stretch: how much more one axis may be scaled than another.
-        fill: least share of the piece's width that they must fill.
-        centred: whether they stand in the middle of the depth; others stand with their back to the wall.
-        hung: whether they fill the width and height that are there; `stretch` is then that of one against the other.
-        share: of the pieces that are exchanged at all, how many.
-        whole: whether all of the mesh has its class, whatever the classes of its parts.
+        label: class of the meshes.
+        subtypes: their subtypes; empty for any.
+        low, high: bounds of the overall scale.
+        stretch: maximum ratio between the scales of two axes.
+        fill: minimum share of the piece's width that the mesh must fill.
+        centred: the mesh is centred in depth; others have their back to the wall.
+        hung: the mesh fills the piece's width and height; `stretch` is then the ratio of these two scales.
+        share: how many of these pieces are replaced, relative to other pieces.
+        whole: the entire mesh has its class, regardless of the classes of its parts.
     """
 
     label: str
@@ -81,65 +81,40 @@ RULES = {
     "picture": Rule("picture", low=0.5, high=2.0, stretch=1.3, hung=True, share=0.4),
     "clutter": Rule("clutter", low=0.8, high=1.3, stretch=1.0, fill=0.45, centred=True),
 }
-"""By the name of the piece. Cloth may be gathered: curtains fit wherever they hang."""
+"""By name of the piece. Curtains always fit, as cloth may be gathered."""
 
 SUNK = 0.03
-"""How deep door frames stand in the wall [m]."""
+"""Depth of door frames inside the wall [m]."""
 SURFACED = ("table", "coffee table", "side table", "desk", "cabinet", "nightstand", "island", "counter", "bookshelf")
-"""Pieces on whose flat top things may stand."""
+"""Pieces with a flat top for small things."""
 TOP_BAND = 0.03
-"""A top is what looks up within this of the highest point [m]."""
+"""Triangles that face up belong to the top if they are within this of the highest point [m]."""
 TOP_SHARE = 0.6
-"""Least share of the footprint that a top covers."""
+"""Minimum share of the footprint that a top covers."""
 DEPTHS = {"window": 0.065, "curtain": 0.11, "shower curtain": 0.1, "picture": 0.03}
-"""How far window frames stand out of the wall, what drapes take in front of them, and shower curtains and pictures anywhere [m]."""
+"""Depth of meshes on walls [m]; curtains hang in front of window frames."""
 HIGHEST = 1.12
-"""How much higher than the piece a mesh may be."""
+"""Maximum height of a mesh, relative to the piece."""
 FLOOR_CLUTTER = ("planter", "plant", "box", "storage_box", "crate", "lamp", "speaker")
 GREENS = ("leaf", "leaves", "green", "plant", "grass", "cactus")
 WOODS = ("wood", "walnut", "oak", "birch", "carcass", "plank", "trunk", "top", "front", "frame", "leg")
 METALS = (
-    "metal",
-    "steel",
-    "chrome",
-    "tap",
-    "faucet",
-    "handle",
-    "knob",
-    "drain",
-    "rod",
-    "ring",
-    "finial",
-    "pull",
-    "lever",
-    "gold",
-)
+    "metal", "steel", "chrome", "tap", "faucet", "handle", "knob", "drain", "rod", "ring", "finial", "pull", "lever", "gold",
+)  # fmt: skip
 CLOTHS = (
-    "carpet",
-    "fabric",
-    "cushion",
-    "pillow",
-    "couch",
-    "mattress",
-    "sheet",
-    "blanket",
-    "bed",
-    "curtain",
-    "cloth",
-    "seat",
-    "sofa",
-)
+    "carpet", "fabric", "cushion", "pillow", "couch", "mattress", "sheet", "blanket", "bed", "curtain", "cloth", "seat", "sofa",
+)  # fmt: skip
 WARES = ("basin", "ceramic", "porcelain", "sink", "bowl", "vessel", "tub")
 
 
 class Swaps:
-    """Meshes for the pieces of one room; pieces of one make are exchanged for one mesh.
+    """Meshes for the pieces of one room. Equal pieces get the same mesh.
 
     Args:
-        rng: draws them.
-        library: where they are from.
-        coverings: pictures for what is flat-coloured.
-        share: of the pieces for which there is a mesh.
+        rng: source of all random choices.
+        library: of the meshes.
+        coverings: images for surfaces without texture.
+        share: how many pieces are replaced, of those for which there is a mesh.
     """
 
     def __init__(self, rng: np.random.Generator, library: Library, coverings: Coverings, share: float = 0.75) -> None:
@@ -147,8 +122,10 @@ class Swaps:
         self._made: dict[tuple[str, Triple, bytes], Piece] = {}
 
     def __call__(self, piece: Piece) -> Piece:
-        """The piece that stands in its place: of the same name and footprint, made of triangles, or the piece itself, as for
-        one that was exchanged before. What a picture shows is its own."""
+        """The mesh that replaces a piece, with the same name and footprint, or the piece itself, for example if it is a mesh already.
+
+        A picture keeps its own art in the new frame.
+        """
         if piece.parts[0].shape == SHELL:
             return piece
         key = piece.name, piece.size, piece.parts[0].material.tobytes()
@@ -165,72 +142,71 @@ class Swaps:
             return piece
         low, high = _bounds(piece)
         box = np.array([piece.size[0], piece.size[1], high - low])
-        found = [(row, scale) for row in self._candidates(rule) if (scale := fit(row, box, rule)) is not None]
+        found = [(entry, scale) for entry in self._candidates(rule) if (scale := fit(entry, box, rule)) is not None]
         if not found:
             return piece
-        row, scale = found[int(self.rng.integers(len(found)))]
-        depth = row.extents[1] * scale[1]
+        entry, scale = found[int(self.rng.integers(len(found)))]
+        depth = entry.extents[1] * scale[1]
         y = box[1] / 2 if rule.centred else depth / 2
         y = {"door": depth / 2 - SUNK, "window": 0.0}.get(piece.name, y)
         foot = np.array([box[0] / 2, y, low])
-        panels = self.library.panels(row)
+        panels = self.library.panels(entry)
         if rule.label == "curtain":
             scale, foot = _draped(panels, box, foot)
-        self.coverings.gallery.use(row.file)
+        self.coverings.used.add_file(entry.file)
         if rule.whole:
             panels = tuple(replace(panel, label=None) for panel in panels)
-        parts = self._parts(panels, row, scale, foot)
+        parts = self._parts(panels, entry, scale, foot)
         parts = _framed(parts, piece) if rule.label == "picture" else parts + _kept(piece)
-        surface = _surface(panels, row, scale) if piece.name in SURFACED else None
+        surface = _surface(panels, entry, scale) if piece.name in SURFACED else None
         return Piece(piece.name, piece.size, tuple(parts), surface)
 
-    def _candidates(self, rule: Rule) -> list[MeshRow]:
-        rows = [row for row in self.library.meshes if row.label == rule.label]
+    def _candidates(self, rule: Rule) -> list[MeshEntry]:
+        rows = [entry for entry in self.library.meshes if entry.label == rule.label]
         if rule.label == "clutter":
-            return [row for row in rows if row.mount == "surface" or row.subtype in FLOOR_CLUTTER]
+            return [entry for entry in rows if entry.mount == "surface" or entry.subtype in FLOOR_CLUTTER]
         if rule.label == "picture":
-            return [row for row in rows if row.mount == "wall"]
-        return [row for row in rows if not rule.subtypes or row.subtype in rule.subtypes]
+            return [entry for entry in rows if entry.mount == "wall"]
+        return [entry for entry in rows if not rule.subtypes or entry.subtype in rule.subtypes]
 
     def _parts(
-        self, panels: tuple[Panel, ...], row: MeshRow, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
+        self, panels: tuple[Panel, ...], entry: MeshEntry, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
     ) -> list[Part]:
-        own = LABEL.get(row.label, IGNORE)
+        own = LABEL.get(entry.label, IGNORE)
         tint = np.clip(self.rng.normal(1.0, 0.06, 3) * self.rng.uniform(0.8, 1.15), 0.5, 1.3)
-        chosen: dict[str, Row] = {}
+        chosen: dict[str, Material] = {}
         parts = []
         for panel in panels:
             label = own if panel.label is None else LABEL.get(panel.label, IGNORE)
-            make = (
-                row.label
-                if row.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
-                else panel.material
-            )
+            hangs = entry.label in ("curtain", "shower curtain") and not _is(panel.material, METALS)
+            make = entry.label if hangs else panel.material
             if make not in chosen:
-                chosen[make] = self._material(panel, row, label, tint)
-            corners = panel.corners * scale
-            normals = panel.normals / scale
+                chosen[make] = self._material(panel, entry, label, tint)
+            corners = panel.shell.corners * scale
+            normals = panel.shell.normals / scale
             normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
             flat = corners.reshape(-1, 3)
             lowest, highest = flat.min(axis=0), flat.max(axis=0)
             middle = (lowest + highest) / 2
             x, y, z = (float(c) for c in middle + foot)
             width, depth, height = (max(float(side), 1e-3) for side in highest - lowest)
-            shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.uv)
+            shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.shell.uv)
             parts.append(Part(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
         return parts
 
-    def _material(self, panel: Panel, row: MeshRow, label: int, tint: np.ndarray) -> Row:
+    def _material(self, panel: Panel, entry: MeshEntry, label: int, tint: np.ndarray) -> Material:
         rng = self.rng
         if panel.picture is not None:
             red, green, blue = (float(c * f) for c, f in zip(panel.colour, tint, strict=True))
             return self.coverings.unwrapped(panel.picture, (red, green, blue), rng.uniform(0, 0.2))
         if panel.clear:
-            return m.row(rng, a=m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7)), fine=0.0, blotch=0.05, gloss=0.7)
+            return m.plain(
+                rng, m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7)), m.Noise(fine=0.0, blotch=0.05), gloss=0.7
+            )
         return self.flat(panel.material.lower(), panel.colour, label)
 
-    def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Row:
-        """A material for what a mesh gives in one colour: by the material's name, else by the class and its colour."""
+    def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Material:
+        """A material for an untextured surface of a mesh: by the material's name, else by class and colour."""
         rng = self.rng
         ware = label in (LABEL["toilet"], LABEL["bathtub"], LABEL["sink"])
         if _is(name, METALS):
@@ -245,8 +221,8 @@ class Swaps:
             return self.coverings.wood(m.wood(rng)) if rng.random() < 0.6 else self._paint()
         return self._paint()
 
-    def _paint(self) -> Row:
-        """White and grey more often than not, seldom a strong colour."""
+    def _paint(self) -> Material:
+        """Paint, usually white or grey, rarely a strong colour."""
         rng, look = self.rng, self.rng.random()
         if look < 0.6:
             base = m.colour(rng, saturation=(0, 0.08), value=(0.75, 0.97))
@@ -254,32 +230,31 @@ class Swaps:
             base = m.colour(rng, saturation=(0, 0.2), value=(0.08, 0.6))
         else:
             base = m.colour(rng, saturation=(0.1, 0.6), value=(0.25, 0.85))
-        return m.row(rng, a=base, fine=0.02, blotch=0.03, blotch_scale=0.3, gloss=rng.uniform(0, 0.3))
+        return m.plain(rng, base, m.Noise(fine=0.02, blotch_scale=0.3), gloss=rng.uniform(0, 0.3))
 
-    def _thing(self, name: str, colour: tuple[float, float, float]) -> Row:
-        """Clutter, in about its own colour; the dark greens of plants are made what they are in daylight."""
+    def _thing(self, name: str, colour: tuple[float, float, float]) -> Material:
+        """A material for clutter, close to its own colour; the greens of plants, too dark in the files, are replaced."""
         rng = self.rng
         if _is(name, GREENS) or (colour[1] > 1.2 * colour[0] and colour[1] > 1.2 * colour[2]):
-            return m.row(
-                rng, a=m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6)), fine=0.1, blotch=0.2, blotch_scale=0.08
-            )
+            leaf = m.colour(rng, m.GREEN_HUES, (0.4, 0.8), (0.2, 0.6))
+            return m.plain(rng, leaf, m.Noise(fine=0.1, blotch=0.2, blotch_scale=0.08))
         if _is(name, CLOTHS):
             return self.coverings.cloth(m.fabric(rng))
         red, green, blue = (float(min(0.9, max(0.02, c * rng.uniform(0.8, 1.25)))) for c in colour)
-        return m.row(rng, a=(red, green, blue), fine=0.02, blotch=0.04, gloss=rng.uniform(0, 0.3))
+        return m.plain(rng, (red, green, blue), m.Noise(fine=0.02, blotch=0.04), gloss=rng.uniform(0, 0.3))
 
 
-def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
-    """How a mesh is scaled along x, y and z to stand in a box, None if it cannot without looking wrong.
+def fit(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
+    """Scales along x, y and z that fit a mesh into a box, None if it would look wrong.
 
-    Its width and depth stay within the box; its height may leave it by an eighth.
+    Width and depth stay within the box; the height may exceed it by an eighth.
     """
-    ratio = box / np.array(row.extents)
+    ratio = box / np.array(entry.extents)
     if rule.label == "curtain":
         return ratio
     if rule.hung:
         whole, stretch = float(np.sqrt(ratio[0] * ratio[2])), float(max(ratio[0] / ratio[2], ratio[2] / ratio[0]))
-        depth = DEPTHS.get(rule.label, row.extents[1]) / row.extents[1]
+        depth = DEPTHS.get(rule.label, entry.extents[1]) / entry.extents[1]
         fits = rule.low <= whole <= rule.high and stretch <= rule.stretch
         return np.array([ratio[0], min(1.0, depth), ratio[2]]) if fits else None
     whole = float(min(ratio[0], ratio[1], rule.high))
@@ -287,15 +262,15 @@ def fit(row: MeshRow, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.
         return None
     scale = np.clip(ratio, whole / rule.stretch, whole * rule.stretch)
     scale[:2] = np.minimum(scale[:2], ratio[:2])
-    filled = scale * row.extents / box
+    filled = scale * entry.extents / box
     return scale if filled[0] >= rule.fill and filled[2] <= HIGHEST else None
 
 
 def _draped(
     panels: tuple[Panel, ...], box: Float64[np.ndarray, " 3"], foot: Float64[np.ndarray, " 3"]
 ) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
-    """Scale and foot of one drape that fills a box in width and height, gathered as much as that needs."""
-    flat = np.concatenate([panel.corners.reshape(-1, 3) for panel in panels])
+    """Scale and origin of one drape that fills the width and height of a box."""
+    flat = np.concatenate([panel.shell.corners.reshape(-1, 3) for panel in panels])
     lowest, highest = flat.min(axis=0).astype(np.float64), flat.max(axis=0).astype(np.float64)
     scale = box / np.maximum(highest - lowest, 1e-3)
     scale[1] = min(1.0, DEPTHS["curtain"] / (highest[1] - lowest[1]))
@@ -305,7 +280,7 @@ def _draped(
 
 
 def _kept(piece: Piece) -> list[Part]:
-    """What stays behind a mesh, because it closes a hole in the wall: the leaf of a door; of a window its pane, as wide as the
+    """Parts of the piece that stay, because they close a hole in the wall: the leaf of a door; the pane of a window, enlarged to the
     hole, and its blind."""
     if piece.name == "door":
         return [piece.parts[0]]
@@ -321,7 +296,7 @@ def _kept(piece: Piece) -> list[Part]:
 
 
 def _framed(parts: list[Part], piece: Piece) -> list[Part]:
-    """A frame with what the piece shows on its canvas, which is the part of fewest triangles."""
+    """A frame with the piece's art on its canvas, the part with the fewest triangles."""
     canvas = min(parts, key=lambda part: 0 if part.shell is None else len(part.shell.corners))
     art = replace(piece.parts[-1], centre=canvas.centre, size=canvas.size)
     return [*(part for part in parts if part is not canvas), art]
@@ -332,7 +307,7 @@ def _is(name: str, words: tuple[str, ...]) -> bool:
 
 
 def _bounds(piece: Piece) -> tuple[float, float]:
-    """Lowest and highest point of a piece's own parts, ignored ones left out unless all are."""
+    """Lowest and highest point of a piece, without ignored parts unless all are ignored."""
     own = [part for part in piece.parts if part.label != IGNORE] or list(piece.parts)
     return (
         max(0.0, min(part.centre[2] - part.size[2] / 2 for part in own)),
@@ -340,16 +315,16 @@ def _bounds(piece: Piece) -> tuple[float, float]:
     )
 
 
-def _surface(panels: tuple[Panel, ...], row: MeshRow, scale: np.ndarray) -> float | None:
+def _surface(panels: tuple[Panel, ...], entry: MeshEntry, scale: np.ndarray) -> float | None:
     """Height of a flat top, None if there is none."""
-    corners = np.concatenate([panel.corners for panel in panels])
+    corners = np.concatenate([panel.shell.corners for panel in panels])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (
-        corners[..., 2].min(axis=1) > row.extents[2] - TOP_BAND
+        corners[..., 2].min(axis=1) > entry.extents[2] - TOP_BAND
     )
     covered = np.abs(normals[top, 2]).sum() / 2
-    footprint = row.extents[0] * row.extents[1]
-    return float(row.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None
+    footprint = entry.extents[0] * entry.extents[1]
+    return float(entry.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None
 
 
 def _brown(colour: tuple[float, float, float]) -> bool:

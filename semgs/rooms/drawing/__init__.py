@@ -1,1 +1,1 @@
-"""Drawing: from a plan to pixels. The room as rays need it, its light, shading, and what a camera does to the picture."""
+"""Rendering: from a room's solids and lights to images, labels and depths."""

@@ -1,4 +1,4 @@
-"""What a real camera does to a picture: exposure, white balance, tone, vignette, blur, noise, JPEG. Labels and depth know nothing of it."""
+"""Camera effects: exposure, white balance, tone, vignette, blur, noise, JPEG. They change images only, not labels or depths."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from jaxtyping import Float32, UInt8
 
 @dataclass(frozen=True)
 class Film:
-    """A camera's character.
+    """Settings of a camera.
 
     Attributes:
-        exposure: factor from radiance to the sensor's 0..1.
-        balance: factors of red, green and blue.
-        contrast: exponent on the developed picture, about 1.
-        curve: share of an S-shaped tone curve, 0..1.
+        exposure: factor from radiance to sensor values in 0..1.
+        balance: factors for red, green and blue.
+        contrast: exponent of the tone curve, about 1.
+        curve: weight of an S-shaped tone curve, 0..1.
         vignette: share of light lost in the corners.
-        blur: standard deviation of its blur in shares of the image's longer side.
-        motion: how far things move while the shutter is open, at most, in shares of the image's longer side.
-        noise: standard deviation of its noise at mid grey.
-        jitter: relative change of exposure from frame to frame.
-        quality: of the JPEG that it keeps, None for none.
+        blur: standard deviation of the blur, as a share of the image's longer side.
+        motion: maximum length of motion blur, as a share of the image's longer side.
+        noise: standard deviation of the noise, on values of 0..1.
+        jitter: relative standard deviation of the exposure between frames.
+        quality: of the JPEG compression, None for none.
     """
 
     exposure: float
@@ -39,7 +39,7 @@ class Film:
 
 
 def draw_film(rng: np.random.Generator, radiance: Float32[np.ndarray, "h w 3"]) -> Film:
-    """A camera whose exposure suits a first frame, more or less, and whose white balance undoes most of the light's colour."""
+    """Random settings whose exposure roughly suits a first frame, and whose white balance removes part of the light's colour."""
     grey = radiance.mean(axis=-1)
     level = 0.65 * float(np.median(grey)) + 0.35 * float(np.quantile(grey, 0.9))
     mean = np.maximum(radiance.reshape(-1, 3).mean(axis=0), 1e-4)
@@ -60,7 +60,7 @@ def draw_film(rng: np.random.Generator, radiance: Float32[np.ndarray, "h w 3"]) 
 
 
 def develop(rng: np.random.Generator, film: Film, radiance: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """The picture that the camera makes of a frame, sRGB."""
+    """The sRGB image of a frame."""
     height, width = radiance.shape[:2]
     longer = max(height, width)
     gains = np.array(film.balance, np.float32) * np.float32(film.exposure * (1 + film.jitter * rng.standard_normal()))
@@ -93,7 +93,7 @@ def develop(rng: np.random.Generator, film: Film, radiance: Float32[np.ndarray, 
 
 
 def _streak(length: float, angle: float) -> Float32[np.ndarray, "k k"]:
-    """The blur of a straight movement [px], drawn with 16 points between pixels."""
+    """Blur kernel of a straight motion of `length` pixels, from 16 points along it."""
     half = int(np.ceil(length / 2)) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
     for share in (np.arange(16) + 0.5) / 16 - 0.5:

@@ -1,7 +1,7 @@
-"""Light that comes round: rays to what is near, what they bring back, and smoothing that stops at edges.
+"""Kernels for indirect light: rays to nearby surfaces, the light they return, and smoothing that stops at edges.
 
-Each pixel sends a few rays; the pixels of a square of `TILE` x `TILE` send theirs in different directions (interleaved
-sampling), so that the mean over the square, taken where it shows one surface, is the mean over all of them.
+Each pixel casts a few rays. The pixels of a square of `TILE` x `TILE` cast theirs in different directions (interleaved
+sampling), so the mean over the pixels of the square that show one surface is the mean over all these directions.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import numba as nb
 
 TILE = 4
 TAPS = 4
-"""Rays a pixel that look for what is near."""
+"""Rays per pixel for indirect light."""
 REACH = 1.3
-"""How far they go [m]; beyond, the room is as bright as its mean."""
+"""Length of these rays [m]. Rays that hit nothing return the room's mean light."""
 FLAT = 0.015
-"""Points nearer to a pixel's plane than this share of its depth are on its surface."""
+"""Points closer to a pixel's plane than this share of its depth are on the same surface."""
 ALIKE = 0.9
-"""Least cosine between the normals of a surface that is smoothed."""
+"""Minimum cosine between normals of the same surface."""
 
 
 @nb.njit(cache=True)
 def stratum(pixel, width, tap, taps):
-    """Two numbers in 0..1 for a ray of a pixel: the points of a sequence of low discrepancy (R2) over its square."""
+    """Two numbers in 0..1 for a ray of a pixel, from a low-discrepancy sequence (R2) over its square."""
     row, column = pixel // width, pixel % width
     place = ((row % TILE) * TILE + (column % TILE) * 7) % (TILE * TILE) * taps + tap
     return (0.5 + 0.7548776662466927 * place) % 1.0, (0.5 + 0.5698402909980532 * place) % 1.0
@@ -31,7 +31,7 @@ def stratum(pixel, width, tap, taps):
 
 @nb.njit(cache=True)
 def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
-    """Rays about the normal of the triangle that was hit, by the cosine, each `REACH` long."""
+    """Cosine-distributed rays around the normal of the triangle that was hit, each `REACH` long."""
     for r in range(len(triangles)):
         if triangles[r] < 0:
             for k in range(3):
@@ -60,8 +60,8 @@ def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
 
 @nb.njit(cache=True)
 def bring_back(hits, distances, owners, glow, ambient, out):
-    """Add what rays bring back to `out` [r 3]: the room's mean light, or what the part shines that they met, more of it the
-    nearer it is."""
+    """Add the light that rays return to `out` [r 3]: the room's mean light if they hit nothing, else mixed with the glow of the
+    part they hit, the more of it the closer it is."""
     for r in range(len(hits)):
         share = 1.0 if hits[r] < 0 else distances[r] * distances[r]
         for k in range(3):
@@ -71,7 +71,7 @@ def bring_back(hits, distances, owners, glow, ambient, out):
 
 @nb.njit(cache=True)
 def smooth(values, triangles, normals, places, depths, width, out):
-    """Mean of each pixel's square, of its own surface only; `values` and `out` [r c], rows of `width` pixels."""
+    """Mean over each pixel's square, of pixels on the same surface only; `values` and `out` are [r c], rows have `width` pixels."""
     height = len(triangles) // width
     channels = values.shape[1]
     for r in range(len(triangles)):
@@ -105,9 +105,9 @@ def smooth(values, triangles, normals, places, depths, width, out):
 
 @nb.njit(cache=True)
 def borrow(pixels, parts, owners, width, values, out):
-    """What the neighbourhood of a pixel knows of a part: the values [p c] of the nearest pixel that shows it, else of itself.
+    """For each ray, the values [p c] of the nearest neighbouring pixel that shows the part it hit, else of the ray's own pixel.
 
-    `pixels` and `parts` [r] name where a ray passed and what it met, `owners` the part that each pixel shows.
+    `pixels` and `parts` [r] are the pixel of each ray and the part it hit; `owners` is the part that each pixel shows.
     """
     height = len(owners) // width
     for r in range(len(pixels)):

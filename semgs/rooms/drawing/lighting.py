@@ -1,4 +1,4 @@
-"""The light of a room: day through its windows, the sun through one of them, lamps."""
+"""Lights of a room: daylight through its windows, the sun through one of them, lamps."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from semgs.rooms.drawing import shading_kernels as kernels
 from semgs.rooms.plans.floor_plan import FloorPlan, Lamp, Opening
 
 MOST = 8
-"""Lights of a room; each costs a ray a pixel."""
+"""Maximum number of lights; each costs one ray per pixel."""
 SHARES = {1: 4, 2: 2}
-"""How many lights a window is, by the number of windows that light the room; otherwise one."""
+"""Lights per window, by the number of windows; one if there are more."""
 
 
 def draw_lights(
     rng: np.random.Generator, plan: FloorPlan
 ) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, 3]]:
-    """The rows of the shading kernels, at least one, and the light from everywhere (linear RGB).
+    """Lights for the shading kernels, at least one, and the ambient light (linear RGB).
 
-    A window is up to four lights spread over it, so that its shadows are soft; the sun comes through one window at times.
+    A window has up to four lights spread over it, for soft shadows. Sometimes the sun shines through one window.
     """
     warm = np.array([1.0, rng.uniform(0.75, 0.95), rng.uniform(0.5, 0.85)])
     cool = np.array([rng.uniform(0.85, 1.0), rng.uniform(0.93, 1.0), 1.0])
@@ -44,7 +44,7 @@ def draw_lights(
 
 
 def _spread(window: Opening, count: int) -> list[Float64[np.ndarray, " 3"]]:
-    """Places on a window, 12 cm before it: its middle, two side by side, or four."""
+    """Positions 12 cm in front of a window: at its centre, two side by side, or four."""
     middle = np.array(window.middle) + 0.12 * np.array(window.facing)
     across, up = np.array(window.half_width) / 2, np.array([0.0, 0.0, window.half_height / 2])
     if count == 1:

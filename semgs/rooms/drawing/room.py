@@ -1,4 +1,4 @@
-"""Rooms from a seed, in the form that rays need."""
+"""Random rooms as triangles, materials and lights, ready for ray casting."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from semgs.data.raycast import Raycaster
+from semgs.rooms.assets.images import Pack
 from semgs.rooms.assets.library import Library
-from semgs.rooms.assets.pictures import Pack
 from semgs.rooms.drawing import shading_kernels as kernels
 from semgs.rooms.drawing.lighting import draw_lights
 from semgs.rooms.pieces import shell_kernels
@@ -23,35 +23,34 @@ from semgs.rooms.plans.worlds import furnish
 FIELD_STEP = 0.1
 """Spacing of the distance field's nodes [m]."""
 FLAT = 0.02
-"""What ends below this height is ground to stand on [m]."""
+"""Parts whose top is below this height count as floor [m]."""
 FIELD_REACH = 0.7
-"""Distances are exact up to here and cut off there [m]."""
+"""Distances in the field are clipped to this [m]."""
 SENT_BACK = 0.6
-"""Light on surfaces that are near others, as a share of the room's ambient light."""
+"""Light on surfaces close to others, as a share of the room's ambient light."""
 SCATTER = 0.05
-"""Spacing of the points of shells from which distances are taken [m]."""
+"""Spacing of the points on shells that represent them in the distance field [m]."""
 
 
 @dataclass(frozen=True)
 class Room:
-    """A room that can be looked at.
+    """A room ready to be rendered.
 
     Attributes:
-        plan: what stands where.
+        plan: its floor plan.
         solids: its parts as arrays.
         owners: the part of each triangle.
         planes: unit normal and offset of each triangle's plane (n . x = offset).
         caster: its triangles.
-        field: distance of grid nodes to the nearest solid, at most `FIELD_REACH` [m].
-        space: the same without the floor and what lies flat on it.
-        corner: where the grid starts [m].
-        shifts: moves the texture of each part.
-        lights: rows for the shading kernels.
-        ambient: light from everywhere, linear RGB.
-        glow: what each part sends back to what is near it, linear RGB.
-        shells: the triangles that are not of solids, the last ones of all.
-        pictures: what materials of kind PICTURE show.
-        files: of the assets that are in it.
+        space: distance from grid nodes to the nearest solid, at most `FIELD_REACH`, without the floor and flat things on it [m].
+        corner: position of the grid's first node [m].
+        shifts: texture offset of each part.
+        lights: as the shading kernels take them.
+        ambient: ambient light, linear RGB.
+        glow: light that each part returns to nearby surfaces, linear RGB.
+        shells: the triangles of meshes; they follow those of solids.
+        pictures: the images of materials of kind PICTURE.
+        files: of the assets in it.
     """
 
     plan: FloorPlan
@@ -59,7 +58,6 @@ class Room:
     owners: Int64[np.ndarray, " t"]
     planes: Float64[np.ndarray, "t 4"]
     caster: Raycaster
-    field: Float64[np.ndarray, "x y z"]
     space: Float64[np.ndarray, "x y z"]
     corner: Float64[np.ndarray, 3]
     shifts: Float64[np.ndarray, " p"]
@@ -71,31 +69,31 @@ class Room:
     files: tuple[str, ...] = ()
 
     def clearance(self, places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
-        """Distance of places in the room to the nearest solid but the floor, at most `FIELD_REACH` [m]."""
+        """Distance from places in the room to the nearest solid except the floor, at most `FIELD_REACH` [m]."""
         result = np.empty(len(places))
         kernels.clearances(self.space, self.corner, FIELD_STEP, places, result)
         return result
 
     def inside(self, places: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Whether places are between the walls."""
-        half = np.array([self.plan.size[0] / 2, self.plan.size[1] / 2, self.plan.size[2] / 2])
+        half = np.array(self.plan.size) / 2
         return (np.abs(places - (0, 0, half[2])) < half).all(axis=-1)
 
 
 def build_room(rng: np.random.Generator, library: Library | None = None, style: Style = "home") -> Room:
-    """A random furnished room with its light.
+    """A random furnished room with its lights.
 
     Args:
-        rng: draws it. Furniture stands where it does without a library.
-        library: meshes and pictures, of the split that suits the purpose; None is none.
-        style: the world that the room is of.
+        rng: source of all random choices.
+        library: meshes and images to use, None for none. Furniture has the same places with and without.
+        style: of the room.
 
     Raises:
         ValueError: there is no such style.
         InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
-    plan, gallery = furnish(rng, library, style)
+    plan, used = furnish(rng, library, style)
     solids = gather(plan.parts)
     corners, owners = triangulate(solids)
     placed = [(number, part.shell) for number, part in enumerate(plan.parts) if part.shell is not None]
@@ -105,36 +103,26 @@ def build_room(rng: np.random.Generator, library: Library | None = None, style: 
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
     planes = np.column_stack((normals, (normals * corners[:, 0]).sum(-1)))
     caster = Raycaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    ground, whole = _tops(solids) < FLAT, solids.shapes != SHELL
-    space, corner = _distance_field(plan, solids, ~ground & whole)
+    space, corner = _distance_field(plan, solids, (_tops(solids) >= FLAT) & (solids.shapes != SHELL))
     if len(shells.corners):
         points = shell_kernels.scatter(shells.corners, SCATTER)
         shell_kernels.distance_to_points(space, corner, FIELD_STEP, FIELD_REACH, points)
-    field = space.copy()
-    _lower(field, corner, solids, ground & whole)
     lights, ambient = draw_lights(rng, plan)
-    pictures = gallery.pack()
+    pictures = used.pack()
     return Room(
-        plan,
-        solids,
-        owners,
-        planes,
-        caster,
-        field,
-        space,
-        corner,
+        plan, solids, owners, planes, caster, space, corner,
         shifts=rng.uniform(0, 50, len(plan.parts)),
         lights=lights,
         ambient=ambient,
         glow=_glow(solids, ambient, pictures),
         shells=shells,
         pictures=pictures,
-        files=gallery.files,
-    )
+        files=used.files,
+    )  # fmt: skip
 
 
 def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) -> Float64[np.ndarray, "p 3"]:
-    """What parts send back: their mean colour in the light that a near, half hidden surface gets, or what they emit."""
+    """Light that parts return to nearby surfaces: their mean colour under reduced ambient light, or their emission."""
     rows = solids.materials
     first, second, third = (rows[:, start : start + 3] for start in (t.COLOUR_A, t.COLOUR_B, t.COLOUR_C))
     kinds = rows[:, t.KIND]
@@ -146,29 +134,19 @@ def _glow(solids: Solids, ambient: Float64[np.ndarray, " 3"], pictures: Pack) ->
 
 
 def _tops(solids: Solids) -> Float64[np.ndarray, " p"]:
-    """Height of the upper end of the boxes around the parts [m]."""
+    """Top of the bounding box of each part [m]."""
     return solids.centres[:, 2] + (np.abs(solids.rotations[:, 2]) * solids.sizes / 2).sum(-1)
 
 
 def _distance_field(
     plan: FloorPlan, solids: Solids, which: Bool[np.ndarray, " p"]
 ) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, 3]]:
-    """Distance to the nearest of some solids on a grid that reaches half way into walls, floor and ceiling."""
+    """Distance to the nearest of some solids, on a grid that extends half way into walls, floor and ceiling."""
     size = np.array(plan.size)
     corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2
     nodes = np.ceil((size + WALL) / FIELD_STEP).astype(int) + 1
     field = np.full(tuple(nodes), FIELD_REACH)
-    _lower(field, corner, solids, which)
-    return field, corner
-
-
-def _lower(
-    field: Float64[np.ndarray, "x y z"],
-    corner: Float64[np.ndarray, 3],
-    solids: Solids,
-    which: Bool[np.ndarray, " p"],
-) -> None:
-    """Lower a distance field to the distance from some solids."""
     kernels.distance_field(
         field, corner, FIELD_STEP, FIELD_REACH, solids.rotations[which], solids.centres[which], solids.sizes[which]
     )
+    return field, corner

@@ -1,4 +1,4 @@
-"""Pictures of a room: colours, exact labels and exact depths at pixel centres."""
+"""Render a room: colours, and exact labels and depths at pixel centres."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from semgs.rooms.drawing import shading_kernels as kernels
 from semgs.rooms.drawing.room import Room
 
 EDGE_RAYS = ((-0.27, 0.11), (0.19, 0.31), (0.12, -0.29))
-"""Where the additional rays of pixels on an edge pass, from the pixel's centre [px]."""
+"""Offsets of the additional rays of edge pixels from the pixel's centre [px]."""
 
 
 @dataclass(frozen=True)
-class Frame:
+class RenderedFrame:
     """What a camera sees.
 
     Attributes:
-        radiance: linear RGB, before the camera's own doing.
+        radiance: linear RGB, before camera effects.
         labels: class at each pixel's centre, 255 = ignore.
         depths: z-depth at each pixel's centre [m].
     """
@@ -33,7 +33,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Hits:
-    """Where rays from one place end, as `shading_kernels.locate` tells it."""
+    """Where rays from one place end, as `shading_kernels.locate` computes it."""
 
     directions: Float64[np.ndarray, "n 3"]
     triangles: Int[np.ndarray, " n"]
@@ -49,7 +49,7 @@ def pixel_directions(
     intrinsics: Float64[np.ndarray, "3 3"],
     pixels: Float64[np.ndarray, "n 2"],
 ) -> Float64[np.ndarray, "n 3"]:
-    """Directions in the world, of camera z = 1, through places (x, y) of the image [px]."""
+    """Directions in world axes, scaled to camera z = 1, through image positions (x, y) [px]."""
     rays = np.column_stack((pixels, np.ones(len(pixels))))
     return rays @ (world_from_camera[:3, :3] @ np.linalg.inv(intrinsics)).T
 
@@ -66,7 +66,7 @@ def look(
     world_from_camera: Float64[np.ndarray, "4 4"],
     directions: Float64[np.ndarray, "n 3"],
 ) -> tuple[Int[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
-    """Labels and z-depths (0 where nothing is hit) along directions of camera z = 1, without colours."""
+    """Labels and z-depths along directions with camera z = 1; 255 and 0 where nothing is hit."""
     origin = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
     triangles, _ = room.caster.cast(origin, directions)
     planes = room.planes[triangles]
@@ -80,8 +80,8 @@ def photograph(
     world_from_camera: Float64[np.ndarray, "4 4"],
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
-) -> Frame:
-    """One frame. Labels and depths are those of the pixel's centre; colours of pixels on an edge are the mean of four rays."""
+) -> RenderedFrame:
+    """Render one frame. Labels and depths are those at pixel centres; colours of edge pixels are the mean of four rays."""
     pixels, width = centres(size), size[1]
     spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
     seen = _meet(room, world_from_camera[:3, 3], pixel_directions(world_from_camera, intrinsics, pixels), spread)
@@ -100,7 +100,7 @@ def photograph(
             total = total + _shade(room, beside, _strengths(room, beside, width), borrowed)
         colours[edges] = total / (1 + len(EDGE_RAYS))
     labels = np.where(seen.triangles < 0, IGNORE, room.solids.labels[room.owners[seen.triangles]])
-    return Frame(
+    return RenderedFrame(
         colours.reshape(*size, 3).astype(np.float32),
         labels.reshape(size).astype(np.uint8),
         seen.depths.reshape(size).astype(np.float32),
@@ -108,23 +108,23 @@ def photograph(
 
 
 def _parts_of(room: Room, hits: Hits) -> Int[np.ndarray, " n"]:
-    """The part that each ray meets, -1 where it meets none."""
+    """The part that each ray hits, -1 for none."""
     return np.where(hits.triangles < 0, -1, room.owners[hits.triangles])
 
 
 def _edge_pixels(room: Room, seen: Hits, size: tuple[int, int]) -> Int[np.ndarray, " e"]:
-    """Numbers of the pixels at which one part ends and another begins, or a shell ends before itself."""
+    """Indices of the pixels on a border between parts, or on a depth edge within a shell."""
     jumps = _jumps(seen.depths.reshape(size), (seen.triangles >= room.shells.first).reshape(size))
     return np.flatnonzero(_edges(_parts_of(room, seen).reshape(size)) | jumps)
 
 
 def _edges(owners: Int[np.ndarray, "h w"]) -> np.ndarray:
-    """Pixels whose part differs from a neighbour's [h w], boolean."""
+    """Pixels whose part differs from that of a neighbour, boolean [h w]."""
     return _both_sides(owners[:, 1:] != owners[:, :-1], owners[1:] != owners[:-1])
 
 
 def _jumps(depths: Float64[np.ndarray, "h w"], shells: np.ndarray) -> np.ndarray:
-    """Pixels of shells where the depth jumps by more than 4 % to a neighbour's [h w], boolean."""
+    """Pixels of shells whose depth differs by more than 4 % from that of a neighbour, boolean [h w]."""
     with np.errstate(divide="ignore"):
         log = np.log(depths)
     with np.errstate(invalid="ignore"):
@@ -143,7 +143,7 @@ def _both_sides(across: np.ndarray, down: np.ndarray) -> np.ndarray:
 
 
 def _meet(room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.ndarray, "n 3"], spread: float) -> Hits:
-    """First hits from a place along directions of camera z = 1; `spread` is a pixel's width at depth 1."""
+    """First hits from a place along directions with camera z = 1; `spread` is a pixel's width at depth 1."""
     origins = np.empty_like(directions)
     origins[:] = origin
     triangles, _ = room.caster.cast(origins, directions)
@@ -158,8 +158,8 @@ def _meet(room: Room, origin: Float64[np.ndarray, " 3"], directions: Float64[np.
 
 
 def _light(room: Room, hits: Hits, width: int) -> tuple[Float64[np.ndarray, "l n"], Float64[np.ndarray, "n c"]]:
-    """What of each light would arrive, and smoothed over each pixel's neighbours on its surface: what comes round (RGB), then the
-    share of each light that is seen. Five to eight rays a pixel."""
+    """Unshadowed strength of each light, and, smoothed over neighbours on the same surface, indirect light (RGB) followed by the
+    visible share of each light. Casts one ray per light and pixel, and four for indirect light."""
     count, lights = len(hits.triangles), len(room.lights)
     light = np.zeros((count, 3 + lights))
     light[:, :3] = _round_about(room, hits, width)
@@ -175,7 +175,7 @@ def _light(room: Room, hits: Hits, width: int) -> tuple[Float64[np.ndarray, "l n
 
 
 def _round_about(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3"]:
-    """What light comes round to each pixel, by four rays."""
+    """Indirect light at each pixel, from four rays."""
     count = len(hits.triangles)
     round_about, origins, ways = np.zeros((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     for tap in range(light_kernels.TAPS):
@@ -186,7 +186,7 @@ def _round_about(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "n 3
 
 
 def _strengths(room: Room, hits: Hits, width: int) -> Float64[np.ndarray, "l n"]:
-    """What of each light would arrive if nothing were between."""
+    """Unshadowed strength of each light."""
     strengths = np.empty((len(room.lights), len(hits.triangles)))
     origins, ways = np.empty_like(hits.places), np.empty_like(hits.places)
     for number, row in enumerate(room.lights):

@@ -1,4 +1,4 @@
-"""What happens at the points that rays hit: where they lie, how they face, what light reaches them, what colour they have."""
+"""Kernels for the points that rays hit: their positions, normals, lighting and colours."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from semgs.rooms.pieces.texture_kernels import EMISSION, GLOSS, KIND, PICTURE, t
 
 LIGHT_WIDTH = 16
 LAMP, WINDOW, SUN = range(3)
-"""Kinds of light, number 0 of its row; 1-3 its place (of the sun: the middle of the window it shines through), 4-6 its
-colour, 7-9 the way it faces (of the sun: the way its light goes), 10-12 half the window's width as a vector, 13 half its height."""
+"""Kinds of light, stored in element 0 of a light. Elements 1-3: its position (of the sun: the centre of the window it shines
+through); 4-6: colour; 7-9: the direction it faces (of the sun: the direction of its light); 10-12: half the window's width, as a
+vector; 13: half its height."""
 
 LAMP_RADIUS = 0.12
 """Half the size of a lamp [m]."""
@@ -45,14 +46,15 @@ def locate(
     feet,
     uv,
 ):
-    """Exact meeting points of rays and the planes of the triangles they hit.
+    """Exact intersections of rays with the planes of the triangles they hit.
 
-    `planes` holds each triangle's unit normal and its offset. Writes the depths in lengths of the direction (so that a
-    direction of camera z = 1 gives z-depth; 0 where nothing was hit), the places, the shading normals (towards the ray's
-    origin, smooth on round shapes), the width of a pixel there, where `spread` is its width at depth 1, and on shells the
-    texture coordinates and a pixel's width in them. Shells' triangles start at `first`; of each there are the corners, the
-    normals and texture coordinates at them, and the coordinates' density.
-    """  # fmt: skip
+    `planes` contains each triangle's unit normal and offset; `spread` is a pixel's width at depth 1. The triangles of shells start at
+    `first`; `corners`, `corner_normals`, `corner_uv` and `density` are theirs.
+
+    Writes `depths` in lengths of the direction (z-depth if the direction has camera z = 1; 0 if nothing was hit), `places`,
+    `normals` for shading (towards the ray's origin, smooth on round shapes), `feet`, the width of a pixel there, and on shells
+    `uv`, the texture coordinates and a pixel's width in them.
+    """
     for r in range(len(triangles)):
         triangle = triangles[r]
         if triangle < 0:
@@ -118,7 +120,7 @@ def locate(
 
 @nb.njit(cache=True)
 def barycentric(corners, x, y, z):
-    """Weights of the second and third corner at a point of a triangle [3 3]."""
+    """Barycentric weights of the second and third corner at a point of a triangle [3 3]."""
     ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
     ex, ey, ez = corners[1, 0] - ax, corners[1, 1] - ay, corners[1, 2] - az
     fx, fy, fz = corners[2, 0] - ax, corners[2, 1] - ay, corners[2, 2] - az
@@ -131,10 +133,10 @@ def barycentric(corners, x, y, z):
 
 @nb.njit(cache=True)
 def towards_light(light, triangles, places, normals, width, origins, ways, strength):
-    """Rays from places to one light and how much of it arrives if nothing is between (0 where it cannot).
+    """Shadow rays from places to one light, and its unshadowed strength there (0 if its light cannot arrive).
 
-    Rays start 4 mm off the surface and end, at length 1, 3 % before the light, each pixel's at another place of it, so that
-    shadows can be smoothed (`light_kernels.smooth`); `width` is the number of pixels in a row.
+    Rays start 4 mm off the surface and end, at length 1, 3 % before the light. Neighbouring pixels aim at different points of the
+    light, so that shadows can be smoothed (`light_kernels.smooth`). `width` is the number of pixels per row.
     """
     kind = int(light[0])
     across_x, across_y, up = (
@@ -186,7 +188,7 @@ def towards_light(light, triangles, places, normals, width, origins, ways, stren
 
 @nb.njit(cache=True)
 def clearance(field, corner, step, x, y, z):
-    """Distance to the nearest solid, read from its grid between the nodes [m]."""
+    """Distance to the nearest solid, interpolated in its grid [m]."""
     gx = min(max((x - corner[0]) / step, 0.0), field.shape[0] - 1.001)
     gy = min(max((y - corner[1]) / step, 0.0), field.shape[1] - 1.001)
     gz = min(max((z - corner[2]) / step, 0.0), field.shape[2] - 1.001)
@@ -210,7 +212,7 @@ def clearances(field, corner, step, places, out):
 
 @nb.njit(cache=True)
 def distance_field(field, corner, step, reach, rotations, centres, sizes):
-    """Lower `field` to each node's distance from the boxes around the parts, where that is below `reach` [m]."""
+    """Lower `field` to each node's distance from the bounding boxes of the parts, where that is below `reach` [m]."""
     for p in range(len(centres)):
         turn = rotations[p]
         hx, hy, hz = sizes[p, 0] / 2, sizes[p, 1] / 2, sizes[p, 2] / 2
@@ -237,7 +239,7 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
 def colour_at(
     part, place, normal, direction, foot, uv, rotations, centres, sizes, materials, shifts, pixels, table, local, facing, out
 ):  # fmt: skip
-    """Write the linear RGB of a part's material at a place on it into `out` [3]; `local` and `facing` [3] are room to work in."""
+    """Write the linear RGB of a part's material at a place on it into `out` [3]; `local` and `facing` [3] are scratch space."""
     material = materials[part]
     turn = rotations[part]
     ax, ay, az = place[0] - centres[part, 0], place[1] - centres[part, 1], place[2] - centres[part, 2]
@@ -267,10 +269,11 @@ def shade(
     triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
     lights, strengths, round_about, seen, colours,
 ):  # fmt: skip
-    """Write the linear RGB radiance that comes back along each ray into `colours` [r 3].
+    """Write the linear RGB radiance along each ray into `colours` [r 3].
 
-    Albedo times (what light comes round, `round_about` [r 3], plus every light by the share of it that is seen [r l], and a
-    fifth of what is not, for what comes by the walls), plus a soft highlight on glossy materials; or what the material emits.
+    It is the emission of the material, or else albedo times light, plus a soft highlight on glossy materials. Light is the indirect
+    light `round_about` [r 3] plus every light times its visible share `seen`; a fifth of a hidden light (except the sun) still
+    arrives, as if reflected by the walls.
     """
     albedo, local, facing = np.empty(3), np.empty(3), np.empty(3)
     for r in range(len(triangles)):

@@ -1,1 +1,1 @@
-"""Pieces: what things are made of and what they look like up close. Solids, shells, furniture, materials, textures."""
+"""Furniture and what it is made of: solids, triangle shells, materials and textures."""

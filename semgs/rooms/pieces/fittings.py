@@ -1,4 +1,4 @@
-"""Storage, kitchen and bath: cabinets, shelves, counters, sinks and what else stands against a wall."""
+"""Storage, kitchen and bathroom: cabinets, shelves, counters, sinks and other pieces for walls."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.furniture import LABEL, fronts, legs
-from semgs.rooms.pieces.materials import Row
-from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, Triple, block
+from semgs.rooms.pieces.furniture import LABEL, Front, fronts, legs
+from semgs.rooms.pieces.materials import Material
+from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, Piece, Triple, block, post
+from semgs.rooms.pieces.texture_kernels import STRIPES
 
 
 def cabinet(rng: np.random.Generator) -> Piece:
@@ -22,7 +23,7 @@ def sideboard(rng: np.random.Generator) -> Piece:
 
 
 def _cabinet(rng: np.random.Generator, look: float) -> Piece:
-    """A chest of drawers where `look` is below 0.4, a sideboard below 0.7, else a wardrobe."""
+    """A chest of drawers if `look` is below 0.4, a sideboard below 0.7, else a wardrobe."""
     label, body = LABEL["cabinet"], m.carpentry(rng)
     if look < 0.4:
         width, depth, height = rng.uniform(0.6, 1.1), rng.uniform(0.38, 0.5), rng.uniform(0.7, 1.1)
@@ -40,7 +41,7 @@ def _cabinet(rng: np.random.Generator, look: float) -> Piece:
     else:
         parts.append(block(label, body, (0.02, 0.02, 0), (width - 0.02, depth - 0.03, foot)))
     front = body if rng.random() < 0.6 else m.carpentry(rng)
-    parts += fronts(rng, label, front, (0.01, width - 0.01), depth, (foot + 0.01, height - 0.02), columns, rows)
+    parts += fronts(rng, label, front, Front((0.01, width - 0.01), depth, (foot + 0.01, height - 0.02), columns, rows))
     if rng.random() < 0.5:
         parts.append(block(label, body, (-0.02, -0.0, height), (width + 0.02, depth + 0.025, height + 0.025)))
         height += 0.025
@@ -52,12 +53,13 @@ def nightstand(rng: np.random.Generator) -> Piece:
     label, body = LABEL["cabinet"], m.carpentry(rng)
     width, depth, height = rng.uniform(0.38, 0.55), rng.uniform(0.35, 0.45), rng.uniform(0.45, 0.65)
     parts = [block(label, body, (0, 0, 0.05), (width, depth, height)), *legs(label, body, width, depth, 0.05, 0.04)]
-    parts += fronts(rng, label, body, (0.01, width - 0.01), depth, (0.06, height - 0.02), 1, int(rng.integers(1, 4)))
+    drawers = Front((0.01, width - 0.01), depth, (0.06, height - 0.02), 1, int(rng.integers(1, 4)))
+    parts += fronts(rng, label, body, drawers)
     return Piece("nightstand", (width, depth + 0.04, height), tuple(parts), surface=height)
 
 
 def bookshelf(rng: np.random.Generator) -> Piece:
-    """Sides, boards, mostly a back, and rows of books with gaps and things between them."""
+    """Sides, boards, usually a back, and books with gaps and things between them."""
     label, wood = LABEL["bookshelf"], m.carpentry(rng)
     width, depth, height = rng.uniform(0.6, 1.6), rng.uniform(0.24, 0.36), rng.uniform(0.9, 2.2)
     columns = max(1, round(width / rng.uniform(0.55, 0.9)))
@@ -87,24 +89,16 @@ def bookshelf(rng: np.random.Generator) -> Piece:
                 if look < 0.72:
                     parts.append(block(label, m.books(rng), (x, 0.03, low), (x + span, depth - inset, low + tall)))
                 elif look < 0.88:
-                    half = min(span, 0.22)
-                    stuff = m.thing(rng)
-                    shape = (0, CYLINDER, BALL)[int(rng.integers(3))]
-                    parts.append(
-                        block(
-                            label,
-                            stuff,
-                            (x, 0.04, low),
-                            (x + half, min(depth - 0.02, 0.04 + half), low + 0.8 * tall),
-                            shape,
-                        )
-                    )
+                    half, stuff = min(span, 0.22), m.thing(rng)
+                    shape = (BOX, CYLINDER, BALL)[int(rng.integers(3))]
+                    far = (x + half, min(depth - 0.02, 0.04 + half), low + 0.8 * tall)
+                    parts.append(block(label, stuff, (x, 0.04, low), far, shape))
                 x += span + rng.uniform(0.0, 0.06)
     return Piece("bookshelf", (width, depth, height), tuple(parts), surface=height if height < 1.2 else None)
 
 
-def basin(label: int, material: Row, low: Triple, high: Triple) -> list[Part]:
-    """An open box with walls of 2 cm: the bowl of a sink or the tub of a bath, from outside to outside."""
+def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Part]:
+    """The bowl of a sink (walls of 2 cm) or the tub of a bath (5 cm): an open box of these outer corners."""
     thick = 0.02 if high[0] - low[0] < 1 else 0.05
     return [
         block(label, material, low, (high[0], high[1], low[2] + thick)),
@@ -119,13 +113,13 @@ def tap(rng: np.random.Generator, label: int, x: float, y: float, z: float) -> l
     """A post and a spout towards +y."""
     steel, tall, long = m.metal(rng), rng.uniform(0.1, 0.3), rng.uniform(0.12, 0.2)
     return [
-        block(label, steel, (x - 0.015, y - 0.015, z), (x + 0.015, y + 0.015, z + tall), CYLINDER),
+        post(label, steel, (x, y), 0.015, z, z + tall),
         block(label, steel, (x - 0.012, y, z + tall - 0.02), (x + 0.012, y + long, z + tall + 0.004)),
     ]
 
 
 def counter(rng: np.random.Generator) -> Piece:
-    """A kitchen counter: cabinets below, a top (counter) with a sink more often than not, cabinets above at times."""
+    """A kitchen run: cabinets, a worktop (counter), usually with a sink, and sometimes wall cabinets."""
     label, body = LABEL["cabinet"], m.carpentry(rng) if rng.random() < 0.5 else m.lacquer(rng)
     width, depth, height = rng.uniform(1.4, 3.0), rng.uniform(0.56, 0.66), rng.uniform(0.86, 0.94)
     front = depth - 0.04
@@ -139,9 +133,8 @@ def counter(rng: np.random.Generator) -> Piece:
     parts += [block(label, body, (x, 0, height - 0.2), (x + 0.02, front, height - slab)) for x in (0, width - 0.02)]
     parts.append(block(label, body, (0.02, front - 0.02, height - 0.2), (width - 0.02, front, height - slab)))
     columns = max(2, round(width / rng.uniform(0.45, 0.62)))
-    parts += fronts(
-        rng, label, body, (0, width), front, (0.11, height - slab - 0.01), columns, int(rng.choice([1, 1, 2, 3]))
-    )
+    doors = Front((0, width), front, (0.11, height - slab - 0.01), columns, int(rng.choice([1, 1, 2, 3])))
+    parts += fronts(rng, label, body, doors)
     if rng.random() < 0.72:
         half, middle = rng.uniform(0.22, 0.38), rng.uniform(0.45, width - 0.45)
         left, right, near, far = middle - half, middle + half, 0.12, depth - 0.12
@@ -162,7 +155,7 @@ def counter(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.45:
         low, tall = height + rng.uniform(0.5, 0.62), height + rng.uniform(1.1, 1.3)
         parts.append(block(label, body, (0, 0, low), (width, 0.32, tall)))
-        parts += fronts(rng, label, body, (0, width), 0.32, (low + 0.005, tall - 0.005), columns, 1)
+        parts += fronts(rng, label, body, Front((0, width), 0.32, (low + 0.005, tall - 0.005), columns, 1))
     return Piece("counter", (width, depth, tall), tuple(parts), surface=height if tall == height else None)
 
 
@@ -179,13 +172,14 @@ def island(rng: np.random.Generator) -> Piece:
 
 
 def washbasin(rng: np.random.Generator) -> Piece:
-    """A bathroom sink on a foot, or set on a small cabinet."""
+    """A bathroom sink on a pedestal or on a small cabinet."""
     own, ware = LABEL["sink"], m.ceramic(rng)
     width, depth, height = rng.uniform(0.5, 0.8), rng.uniform(0.42, 0.52), rng.uniform(0.8, 0.88)
     if rng.random() < 0.55:
         body = m.carpentry(rng)
         parts = [block(LABEL["cabinet"], body, (0.01, 0, 0.06), (width - 0.01, depth - 0.05, height - 0.16))]
-        parts += fronts(rng, LABEL["cabinet"], body, (0.01, width - 0.01), depth - 0.05, (0.08, height - 0.17), 2, 1)
+        doors = Front((0.01, width - 0.01), depth - 0.05, (0.08, height - 0.17), 2, 1)
+        parts += fronts(rng, LABEL["cabinet"], body, doors)
         parts += basin(own, ware, (0, 0, height - 0.16), (width, depth, height))
     else:
         x = width / 2
@@ -196,19 +190,17 @@ def washbasin(rng: np.random.Generator) -> Piece:
 
 
 def refrigerator(rng: np.random.Generator) -> Piece:
-    """White, steel, black or red, of one or two doors."""
+    """White, steel or coloured, with two doors."""
     own = LABEL["refrigerator"]
     look = rng.random()
     if look < 0.5:
-        skin = m.row(rng, a=m.colour(rng, saturation=(0, 0.06), value=(0.82, 0.97)), fine=0.01, gloss=0.25)
+        skin = m.plain(rng, m.colour(rng, saturation=(0, 0.06), value=(0.82, 0.97)), m.Noise(fine=0.01), gloss=0.25)
     elif look < 0.8:
-        skin = m.row(
-            rng, a=m.colour(rng, saturation=(0, 0.05), value=(0.4, 0.75)), fine=0.05, fine_scale=0.004, gloss=0.5
-        )
+        skin = m.plain(rng, m.colour(rng, saturation=(0, 0.05), value=(0.4, 0.75)), m.Noise(0.05, 0.004), gloss=0.5)
     else:
-        skin = m.row(rng, a=m.colour(rng, saturation=(0, 0.8), value=(0.08, 0.7)), fine=0.02, gloss=0.4)
+        skin = m.plain(rng, m.colour(rng, saturation=(0, 0.8), value=(0.08, 0.7)), m.Noise(fine=0.02), gloss=0.4)
     width, depth, height = rng.uniform(0.55, 0.92), rng.uniform(0.58, 0.72), rng.uniform(1.4, 1.95)
-    grip, dark = m.metal(rng), m.row(rng, a=(0.02, 0.02, 0.02))
+    grip, dark = m.metal(rng), m.plain(rng, (0.02, 0.02, 0.02))
     split = height * rng.uniform(0.3, 0.72)
     parts = [
         block(own, dark, (0.02, 0.02, 0), (width - 0.02, depth - 0.1, 0.06)),
@@ -223,14 +215,8 @@ def refrigerator(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.4:
         for _ in range(int(rng.integers(1, 6))):
             x, z = rng.uniform(0.12, width - 0.2), rng.uniform(split + 0.1, height - 0.2)
-            parts.append(
-                block(
-                    own,
-                    m.artwork(rng),
-                    (x, depth, z),
-                    (x + rng.uniform(0.04, 0.12), depth + 0.004, z + rng.uniform(0.05, 0.15)),
-                )
-            )
+            note, wide, tall = m.artwork(rng), rng.uniform(0.04, 0.12), rng.uniform(0.05, 0.15)
+            parts.append(block(own, note, (x, depth, z), (x + wide, depth + 0.004, z + tall)))
     return Piece("refrigerator", (width, depth + 0.035, height), tuple(parts))
 
 
@@ -251,21 +237,13 @@ def toilet(rng: np.random.Generator) -> Piece:
         block(own, ware, (width * 0.25, 0.02, 0.1), (width * 0.75, tank, seat + 0.02)),
     ]
     if rng.random() < 0.45:
-        parts.append(
-            block(
-                own,
-                lid,
-                (0.01, tank + 0.02, seat + 0.04),
-                (width - 0.01, tank + 0.045, seat + 0.42),
-                CUSHION,
-                tilt=-0.1,
-            )
-        )
+        far = (width - 0.01, tank + 0.045, seat + 0.42)
+        parts.append(block(own, lid, (0.01, tank + 0.02, seat + 0.04), far, CUSHION, tilt=-0.1))
     return Piece("toilet", (width, depth + 0.01, top + 0.03), tuple(parts))
 
 
 def bathtub(rng: np.random.Generator) -> Piece:
-    """A tub with a tap; its outside may be tiled."""
+    """A tub with a tap, sometimes tiled outside."""
     own, ware = LABEL["bathtub"], m.ceramic(rng)
     width, depth, height = rng.uniform(1.45, 1.75), rng.uniform(0.7, 0.82), rng.uniform(0.48, 0.62)
     parts = basin(own, ware, (0, 0, 0.1), (width, depth, height))
@@ -280,7 +258,7 @@ def bathtub(rng: np.random.Generator) -> Piece:
 
 
 def other(rng: np.random.Generator) -> Piece:
-    """Furniture that is none of the named kinds: an ottoman, a rack, a piano, a trolley, a bean bag, a stove."""
+    """Other furniture: an ottoman, a rack, a piano, a trolley, a bean bag or a stove."""
     own, look = LABEL["otherfurniture"], int(rng.integers(6))
     if look == 0:
         side, height = rng.uniform(0.45, 0.9), rng.uniform(0.36, 0.48)
@@ -308,9 +286,9 @@ def other(rng: np.random.Generator) -> Piece:
                 x += span + rng.uniform(0.03, 0.15)
         return Piece("other", (width, depth, height), tuple(parts))
     if look == 2:
-        wood = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.1, 0.7), (0.03, 0.4)), gloss=0.5, fine=0.03)
+        wood = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.1, 0.7), (0.03, 0.4)), gloss=0.5)
         width, depth, height, keys = rng.uniform(1.3, 1.5), 0.6, rng.uniform(1.0, 1.25), 0.68
-        ivory = m.row(rng, 1, (0.8, 0.78, 0.7), (0.02, 0.02, 0.02), scale=0.035, duty=0.62)
+        ivory = m.patterned(rng, m.Pattern(STRIPES, (0.8, 0.78, 0.7), (0.02, 0.02, 0.02), scale=0.035, duty=0.62))
         parts = [
             block(own, wood, (0, 0, 0.08), (width, 0.32, height)),
             block(own, wood, (-0.01, 0, height), (width + 0.01, 0.34, height + 0.02)),
@@ -343,10 +321,10 @@ def other(rng: np.random.Generator) -> Piece:
 
 
 def stove(rng: np.random.Generator) -> Piece:
-    """A free-standing stove with an oven, which is other furniture."""
+    """A free-standing stove with an oven; its class is otherfurniture."""
     own = LABEL["otherfurniture"]
     skin = m.lacquer(rng) if rng.random() < 0.5 else m.metal(rng)
-    dark, grip = m.row(rng, a=(0.015, 0.015, 0.018), gloss=0.6), m.metal(rng)
+    dark, grip = m.plain(rng, (0.015, 0.015, 0.018), gloss=0.6), m.metal(rng)
     width, depth, height = 0.6, 0.6, rng.uniform(0.85, 0.92)
     parts = [
         block(own, skin, (0, 0, 0), (width, depth, height - 0.02)),

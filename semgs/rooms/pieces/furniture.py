@@ -1,15 +1,16 @@
-"""Furniture for sitting, lying and working: pieces made of parts, each with random proportions and materials."""
+"""Beds, seats, tables and desks with random proportions and materials."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.materials import Row
-from semgs.rooms.pieces.solids import CUSHION, CYLINDER, Part, Piece, block
+from semgs.rooms.pieces.materials import Material, Range
+from semgs.rooms.pieces.solids import BOX, CUSHION, CYLINDER, Part, Piece, block, post
 
 Maker = Callable[[np.random.Generator], Piece]
 """A function that makes a piece from a random generator."""
@@ -18,7 +19,7 @@ LABEL = {name: SCANNET20.index(name) for name in SCANNET20.names}
 
 
 def legs(
-    label: int, material: Row, width: float, depth: float, height: float, thickness: float, inset: float = 0.0
+    label: int, material: Material, width: float, depth: float, height: float, thickness: float, inset: float = 0.0
 ) -> list[Part]:
     """Four legs under a rectangle."""
     upright = m.along(material, 2)
@@ -31,7 +32,7 @@ def legs(
 
 
 def bed(rng: np.random.Generator) -> Piece:
-    """Frame, mattress, cover, pillows, and a headboard more often than not."""
+    """Frame, mattress, cover, pillows, and usually a headboard."""
     label = LABEL["bed"]
     width, depth = float(rng.choice([0.9, 1.2, 1.4, 1.6, 1.8])) + rng.uniform(-0.05, 0.1), rng.uniform(1.95, 2.2)
     frame = m.carpentry(rng) if rng.random() < 0.7 else m.fabric(rng)
@@ -84,7 +85,7 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
     ]
     if feet:
         parts += legs(label, m.wood(rng, 2), width, depth - 0.05, feet, 0.05, 0.03)
-    shape = CUSHION if rng.random() < 0.6 else 0
+    shape = CUSHION if rng.random() < 0.6 else BOX
     for i in range(seats):
         x = arm + i * seat
         parts.append(
@@ -100,7 +101,7 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
 
 
 def armchair(rng: np.random.Generator) -> Piece:
-    """A sofa of one seat, which is a chair."""
+    """A sofa with one seat, labelled as a chair."""
     piece = sofa(rng, seats=1, label=LABEL["chair"])
     return Piece("armchair", piece.size, piece.parts)
 
@@ -114,7 +115,7 @@ def chair(rng: np.random.Generator) -> Piece:
         cloth, frame = m.fabric(rng), m.metal(rng)
         x, y = width / 2, depth / 2
         parts = [
-            block(label, frame, (x - 0.03, y - 0.03, 0.06), (x + 0.03, y + 0.03, seat), CYLINDER),
+            post(label, frame, (x, y), 0.03, 0.06, seat),
             block(label, cloth, (0, 0, seat - 0.03), (width, depth, seat + 0.06), CUSHION),
             block(label, cloth, (0.02, -0.03, seat + 0.12), (width - 0.02, 0.06, top + 0.1), CUSHION, tilt=0.1),
             block(label, frame, (x - 0.025, -0.02, seat), (x + 0.025, 0.0, seat + 0.3)),
@@ -145,14 +146,8 @@ def chair(rng: np.random.Generator) -> Piece:
             count = int(rng.integers(2, 5))
             for i in range(count):
                 z = seat + (top - seat) * (i + 0.7) / count
-                parts.append(
-                    block(
-                        label,
-                        frame,
-                        (thin, -0.03 - 0.06 * i / count, z - 0.07),
-                        (width - thin, -0.005 - 0.06 * i / count, z),
-                    )
-                )
+                lean = 0.06 * i / count
+                parts.append(block(label, frame, (thin, -0.03 - lean, z - 0.07), (width - thin, -0.005 - lean, z)))
         else:
             for x in np.linspace(thin + 0.03, width - thin - 0.05, int(rng.integers(3, 7))):
                 parts.append(block(label, upright, (x, -0.02, seat), (x + 0.02, 0.0, top - 0.05), tilt=0.07))
@@ -167,9 +162,9 @@ def chair(rng: np.random.Generator) -> Piece:
 
 
 def _table_under(
-    rng: np.random.Generator, label: int, frame: Row, width: float, depth: float, height: float
+    rng: np.random.Generator, label: int, frame: Material, width: float, depth: float, height: float
 ) -> list[Part]:
-    """What carries a table top: legs, panels, or a middle post."""
+    """Support of a table top: legs, panels or a central post."""
     look = rng.random()
     if look < 0.65:
         thin = rng.uniform(0.035, 0.09)
@@ -181,11 +176,8 @@ def _table_under(
     if look < 0.85:
         upright = m.along(frame, 2)
         return [block(label, upright, (x, 0.05, 0), (x + 0.04, depth - 0.05, height)) for x in (0.06, width - 0.1)]
-    x, y = width / 2, depth / 2
-    return [
-        block(label, frame, (x - 0.05, y - 0.05, 0.03), (x + 0.05, y + 0.05, height), CYLINDER),
-        block(label, frame, (x - 0.28, y - 0.28, 0.0), (x + 0.28, y + 0.28, 0.035), CYLINDER),
-    ]  # fmt: skip
+    middle = (width / 2, depth / 2)
+    return [post(label, frame, middle, 0.05, 0.03, height), post(label, frame, middle, 0.28, 0.0, 0.035)]
 
 
 def _table(rng: np.random.Generator, name: str, width: float, depth: float, height: float, round_top: bool) -> Piece:
@@ -194,14 +186,11 @@ def _table(rng: np.random.Generator, name: str, width: float, depth: float, heig
     thick = rng.uniform(0.02, 0.05)
     frame = wood if rng.random() < 0.7 else m.metal(rng)
     if round_top:
-        x, y = width / 2, depth / 2
-        parts = [
-            block(label, frame, (x - 0.05, y - 0.05, 0.03), (x + 0.05, y + 0.05, height - thick), CYLINDER),
-            block(label, frame, (x - 0.22, y - 0.22, 0.0), (x + 0.22, y + 0.22, 0.035), CYLINDER),
-        ]
+        middle = (width / 2, depth / 2)
+        parts = [post(label, frame, middle, 0.05, 0.03, height - thick), post(label, frame, middle, 0.22, 0.0, 0.035)]
     else:
         parts = _table_under(rng, label, frame, width, depth, height - thick)
-    parts.append(block(label, top, (0, 0, height - thick), (width, depth, height), CYLINDER if round_top else 0))
+    parts.append(block(label, top, (0, 0, height - thick), (width, depth, height), CYLINDER if round_top else BOX))
     return Piece(name, (width, depth, height), tuple(parts), surface=height)
 
 
@@ -229,7 +218,7 @@ def side_table(rng: np.random.Generator) -> Piece:
 
 
 def desk(rng: np.random.Generator) -> Piece:
-    """A top on legs or panels, often with drawers; a screen, a keyboard and the like on it are ignored."""
+    """A top on legs or panels, often with drawers. The screen and keyboard on it are ignored."""
     label, wood = LABEL["desk"], m.carpentry(rng)
     width, depth, height = rng.uniform(1.0, 1.8), rng.uniform(0.55, 0.8), rng.uniform(0.7, 0.78)
     parts = _table_under(rng, label, wood if rng.random() < 0.6 else m.metal(rng), width, depth, height - 0.03)
@@ -238,11 +227,13 @@ def desk(rng: np.random.Generator) -> Piece:
         x = 0.06 if rng.random() < 0.5 else width - 0.46
         body = wood if rng.random() < 0.6 else m.lacquer(rng)
         parts.append(block(label, body, (x, 0.04, 0.02), (x + 0.4, depth - 0.06, height - 0.03)))
-        parts += fronts(rng, label, body, (x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
+        parts += fronts(
+            rng, label, body, Front((x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
+        )
     if rng.random() < 0.3:
         parts.append(block(label, wood, (0.03, depth * 0.1, 0.1), (width - 0.03, depth * 0.1 + 0.02, height - 0.03)))
     if rng.random() < 0.65:
-        dark = m.row(rng, a=m.colour(rng, saturation=(0, 0.2), value=(0.03, 0.25)), gloss=0.4)
+        dark = m.plain(rng, m.colour(rng, saturation=(0, 0.2), value=(0.03, 0.25)), gloss=0.4)
         x, half = width * rng.uniform(0.35, 0.65), rng.uniform(0.22, 0.34)
         parts.append(block(IGNORE, dark, (x - half, 0.14, height + 0.1), (x + half, 0.17, height + 0.1 + 1.15 * half)))
         parts.append(block(IGNORE, dark, (x - 0.03, 0.11, height), (x + 0.03, 0.14, height + 0.25)))
@@ -253,25 +244,35 @@ def desk(rng: np.random.Generator) -> Piece:
     return Piece("desk", (width, depth, height), tuple(parts), surface=height)
 
 
-def fronts(
-    rng: np.random.Generator,
-    label: int,
-    material: Row,
-    across: tuple[float | int, float | int],
-    y: float,
-    upwards: tuple[float | int, float | int],
-    columns: int,
-    rows: int,
-) -> list[Part]:
-    """Doors or drawers on the front of a body at depth `y`, with gaps between and handles on them."""
+@dataclass(frozen=True)
+class Front:
+    """A grid of doors or drawers on the front of a body.
+
+    Attributes:
+        across: left and right edge [m].
+        y: depth of the body, on which they are mounted [m].
+        upwards: lower and upper edge [m].
+        columns, rows: how many.
+    """
+
+    across: Range
+    y: float
+    upwards: Range
+    columns: int
+    rows: int
+
+
+def fronts(rng: np.random.Generator, label: int, material: Material, front: Front) -> list[Part]:
+    """Doors or drawers with gaps between them and handles."""
     parts = []
     handle = m.metal(rng)
     bars = rng.random() < 0.6
-    width, height = (across[1] - across[0]) / columns, (upwards[1] - upwards[0]) / rows
+    (left, right), (bottom, top), y = front.across, front.upwards, front.y
+    width, height = (right - left) / front.columns, (top - bottom) / front.rows
     thick = rng.uniform(0.012, 0.022)
-    for column in range(columns):
-        for line in range(rows):
-            x, z = across[0] + column * width, upwards[0] + line * height
+    for column in range(front.columns):
+        for line in range(front.rows):
+            x, z = left + column * width, bottom + line * height
             parts.append(
                 block(label, material, (x + 0.004, y, z + 0.004), (x + width - 0.004, y + thick, z + height - 0.004))
             )

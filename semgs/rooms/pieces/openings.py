@@ -1,6 +1,6 @@
-"""What belongs to walls: doors, windows, curtains, radiators, mirrors, pictures.
+"""Pieces that belong to walls: doors, windows, curtains, radiators, mirrors, pictures.
 
-Pieces for walls have y = 0 on the wall's face and stand with z = 0 on the floor, unless said otherwise.
+Their frame has y = 0 on the wall's face and, unless stated otherwise, z = 0 on the floor.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import numpy as np
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import Part, Piece, block
-from semgs.rooms.pieces.texture_kernels import TILES
+from semgs.rooms.pieces.texture_kernels import MARBLE, MIRROR, TILES
 
 
 def door(rng: np.random.Generator, room_height: float) -> Piece:
-    """A closed leaf with panels or none, 5 cm behind the wall's face, its frame and a handle. The leaf is `door_hole` wide."""
+    """A closed door: a leaf 5 cm behind the wall's face, plain or panelled, a frame and a handle. See `door_hole` for its hole."""
     own, back = LABEL["door"], -0.05
     width, height = rng.uniform(0.75, 1.0), min(rng.uniform(1.95, 2.15), room_height - 0.12)
     leaf = m.lacquer(rng) if rng.random() < 0.55 else m.wood(rng, 2)
@@ -25,7 +25,7 @@ def door(rng: np.random.Generator, room_height: float) -> Piece:
     parts = [block(own, leaf, (bar, back, 0), (width + bar, back + 0.025, height))]
     parts += [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.04, height + bar)) for x in (0, width + bar)]
     parts.append(block(own, frame, (bar, 0, height), (width + bar, 0.04, height + bar)))
-    # The lining of the hole, from the wall's face to the leaf.
+    # Lining of the hole, from the wall's face to the leaf.
     parts += [block(own, frame, (x, back - 0.01, 0), (x + 0.012, 0, height)) for x in (bar, width + bar - 0.012)]
     parts.append(block(own, frame, (bar, back - 0.01, height - 0.012), (width + bar, 0, height)))
     if rng.random() < 0.6:
@@ -49,15 +49,15 @@ def door(rng: np.random.Generator, room_height: float) -> Piece:
 
 
 def door_hole(piece: Piece) -> tuple[float, float]:
-    """How wide the frame of a door is on each side, and how high its leaf [m]."""
+    """Width of a door's frame on each side, and height of its leaf [m]."""
     leaf = piece.parts[0]
     return leaf.centre[0] - leaf.size[0] / 2, leaf.size[2]
 
 
 def passage(rng: np.random.Generator, width: float, height: float, thick: float) -> tuple[Piece, Piece | None]:
-    """The lining of an opening through a wall `thick`, and a leaf to stand open, if there is one.
+    """The lining of an opening through a wall of thickness `thick`, and sometimes a door leaf.
 
-    The lining's x runs along the opening from 0 to `width`, its y from -thick - 0.02 to 0.02; the leaf's x runs from its hinge.
+    The lining spans x from 0 to `width` and y from -thick - 0.02 to 0.02. The leaf's x starts at its hinge.
     """
     own = LABEL["door"]
     wood = m.lacquer(rng) if rng.random() < 0.6 else m.wood(rng, 2)
@@ -80,8 +80,8 @@ def passage(rng: np.random.Generator, width: float, height: float, thick: float)
 
 
 def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
-    """White ribs in front of a wall, as under windows; without a class."""
-    white = m.row(rng, a=m.colour(rng, (0.05, 0.2), (0, 0.08), (0.8, 0.97)), gloss=0.3, fine=0.01)
+    """White ribs, as under windows; without a class."""
+    white = m.plain(rng, m.colour(rng, (0.05, 0.2), (0, 0.08), (0.8, 0.97)), m.Noise(fine=0.01), gloss=0.3)
     low, deep = 0.12, rng.uniform(0.06, 0.12)
     parts = [block(IGNORE, white, (0, 0.03, low + 0.03), (width, 0.05 + deep / 3, height - 0.03))]
     step = rng.uniform(0.045, 0.09)
@@ -93,11 +93,14 @@ def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
 
 
 def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
-    """Over a washbasin or a chest; without a class, as mirrors have none among the twenty. It shows the grey of a
-    room."""
-    glass = m.row(rng, m.t.MARBLE, m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)), m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
-                  scale=rng.uniform(0.8, 1.6), gloss=0.7, fine=0.0)  # fmt: skip
-    glass[m.t.MIRROR] = 1
+    """A mirror, for above a washbasin or a chest; without a class, as ScanNet's 20 have none for it. It shows blurred grey."""
+    light, dark = (
+        m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)),
+        m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
+    )
+    reflection = m.Pattern(MARBLE, light, dark, scale=rng.uniform(0.8, 1.6))
+    glass = m.patterned(rng, reflection, m.Noise(fine=0.0), gloss=0.7)
+    glass[MIRROR] = 1
     parts = [
         block(IGNORE, m.carpentry(rng), (0, 0, 0), (width, 0.02, height)),
         block(IGNORE, glass, (0.02, 0, 0.02), (width - 0.02, 0.024, height - 0.02)),
@@ -106,7 +109,7 @@ def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
 
 
 def window(rng: np.random.Generator, width: float, height: float, light: float, blind: float = 0.0) -> Piece:
-    """Frame, mullions, panes that shine with the day outside, a sill, a blind over that share; z = 0 is its lower edge."""
+    """Frame, mullions, panes of radiance `light`, a sill, and a blind over the share `blind`; z = 0 is the lower edge."""
     own = LABEL["window"]
     frame = m.lacquer(rng) if rng.random() < 0.7 else m.wood(rng)
     bar = rng.uniform(0.04, 0.08)
@@ -124,41 +127,35 @@ def window(rng: np.random.Generator, width: float, height: float, light: float, 
         parts.append(block(own, frame, (-0.05, 0, -0.03), (width + 0.05, rng.uniform(0.06, 0.1), 0.0)))
     if blind:
         colour, gap = m.colour(rng, saturation=(0, 0.2), value=(0.6, 0.95)), (0.12, 0.12, 0.12)
-        slats = m.row(rng, TILES, colour, gap, scale=rng.uniform(0.03, 0.06), aspect=1e3, duty=0.8)
+        slats = m.patterned(rng, m.Pattern(TILES, colour, gap, scale=rng.uniform(0.03, 0.06), aspect=1e3, duty=0.8))
         drop = height * blind
         parts.append(block(own, slats, (0.01, 0.052, height - drop), (width - 0.01, 0.06, height)))
     return Piece("window", (width, 0.1, height), tuple(parts))
 
 
 def folds(
-    rng: np.random.Generator, label: int, cloth: Row, width: float, low: float, high: float, y: float
+    rng: np.random.Generator, label: int, cloth: Material, width: float, low: float, high: float, y: float
 ) -> list[Part]:
-    """A curtain from x = 0 to `width` in zigzag folds about depth `y`."""
+    """Cloth from x = 0 to `width` in zigzag folds around depth `y`."""
     count = max(3, round(width / rng.uniform(0.05, 0.085)))
     step = width / count
     angle = rng.uniform(0.5, 0.9)
     long = step / np.cos(angle) + 0.008
+    size, middle = (long, 0.008, high - low), (low + high) / 2
     return [
-        Part(
-            label,
-            cloth,
-            ((i + 0.5) * step, y, (low + high) / 2),
-            (long, 0.008, high - low),
-            yaw=angle if i % 2 else -angle,
-        )
-        for i in range(count)
+        Part(label, cloth, ((i + 0.5) * step, y, middle), size, yaw=angle if i % 2 else -angle) for i in range(count)
     ]
 
 
 def curtain(rng: np.random.Generator, width: float, low: float, high: float) -> Piece:
-    """One drape with its rod above; z is the room's."""
+    """One drape; z = 0 is the floor."""
     own = LABEL["curtain"]
     parts = folds(rng, own, m.drapery(rng), width, low, high, 0.1)
     return Piece("curtain", (width, 0.18, high), tuple(parts))
 
 
 def shower_curtain(rng: np.random.Generator, width: float, room_height: float) -> Piece:
-    """Hangs from a rod along a bathtub or round a corner; light cloth, often patterned."""
+    """Light cloth on a rod."""
     own, low = LABEL["shower curtain"], rng.uniform(0.1, 0.35)
     high = min(rng.uniform(1.85, 2.05), room_height - 0.1)
     parts = folds(rng, own, m.drapery(rng), width, low, high, 0.05)
@@ -167,7 +164,7 @@ def shower_curtain(rng: np.random.Generator, width: float, room_height: float) -
 
 
 def picture(rng: np.random.Generator) -> Piece:
-    """A framed picture or a bare poster; z = 0 is its lower edge."""
+    """A framed picture or a poster; z = 0 is the lower edge."""
     own = LABEL["picture"]
     width = rng.uniform(0.3, 1.2)
     height = width * rng.uniform(0.6, 1.5) if width < 0.8 else width * rng.uniform(0.5, 0.9)
@@ -179,7 +176,7 @@ def picture(rng: np.random.Generator) -> Piece:
     parts = [block(own, m.along(frame, 2), (x, 0, 0), (x + bar, 0.03, height)) for x in (0, width - bar)]
     parts += [block(own, frame, (bar, 0, z), (width - bar, 0.03, z + bar)) for z in (0, height - bar)]
     if mount and width > 0.4 and height > 0.4:
-        parts.append(block(own, m.row(rng, a=(0.8, 0.8, 0.77)), (bar, 0, bar), (width - bar, 0.012, height - bar)))
+        parts.append(block(own, m.plain(rng, (0.8, 0.8, 0.77)), (bar, 0, bar), (width - bar, 0.012, height - bar)))
         bar += mount
     parts.append(block(own, art, (bar, 0, bar), (width - bar, 0.016, height - bar)))
     return Piece("picture", (width, 0.03, height), tuple(parts))

@@ -1,4 +1,4 @@
-"""Pictures on surfaces: where on a picture a point of a part lies, and its colour there, filtered to the width of a pixel."""
+"""Image textures: which texel a point of a part has, and its colour, filtered to the width of a pixel."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from semgs.rooms.pieces.texture_kernels import ASPECT, AXIS, AZIMUTH, COLOUR_A, MAPPING, PICTURE_NUMBER, SCALE
 
 TILED, STRETCHED, UNWRAPPED, PANORAMA, VIEW = range(5)
-"""How a picture lies on a part: side by side on its faces; once over a face; by the shell's own coordinates; as what is far
-behind it, all the way round; the same, a part of the way round, mirrored beyond."""
+"""How an image is mapped: tiled on each face; stretched over a face; by the shell's texture coordinates; as a distant panorama
+behind the part; as a distant view of limited angle, mirrored beyond it."""
 
 _VALUES = np.arange(256) / 255
 LINEAR = np.where(_VALUES <= 0.04045, _VALUES / 12.92, ((_VALUES + 0.055) / 1.055) ** 2.4)
@@ -24,15 +24,15 @@ def picture(pixels, table, material, local, facing, size, direction, uv, foot, s
 
     Args:
         pixels: [n 3] and
-        table: [p 4], the room's pictures (`pictures.Pack`).
-        material: the row.
+        table: [p 4], the room's images (`semgs.rooms.assets.images.Pack`).
+        material: [24].
         local: the point in its part's frame [m] [3].
         facing: absolute values of the normal in that frame [3].
         size: the part's extents [m] [3].
         direction: of the ray, any length [3].
-        uv: the shell's coordinates there, and the width of a pixel in them; for solids the third is a pixel's angle [rad] [3].
+        uv: the shell's texture coordinates there, and the width of a pixel in them [3].
         foot: width of a pixel on the surface [m].
-        shift: moves tiles from part to part [m].
+        shift: offset of the tiles, different for each part [m].
         out: [3].
     """
     number, mapping, scale, aspect = (
@@ -69,9 +69,9 @@ def picture(pixels, table, material, local, facing, size, direction, uv, foot, s
 
 @nb.njit(cache=True)
 def face_axes(facing, size, axis):
-    """The part's axes along which a picture's rows and columns run, on a face that looks along its largest `facing`.
+    """The part's axes along an image's rows and columns, on the face perpendicular to its largest `facing`.
 
-    Columns run upwards on upright faces; rows along `axis` where that lies in the face.
+    Columns are vertical on upright faces. Rows follow `axis` if it is in the face.
     """
     if facing[2] >= facing[0] and facing[2] >= facing[1]:
         across, up = (0, 1) if size[0] >= size[1] else (1, 0)
@@ -86,9 +86,11 @@ def face_axes(facing, size, axis):
 
 @nb.njit(cache=True)
 def lookup(pixels, entry, u, v, wide, repeat, out):
-    """Trilinear look-up in a mip map: linear RGB at (u, v), (0, 0) being the upper left corner of the picture and (1, 1) its
-    lower right one, `wide` the width of a pixel as a share of the picture's width; outside, the picture repeats or its border
-    goes on."""
+    """Trilinear look-up in a mip map: linear RGB at (u, v).
+
+    (0, 0) is the image's upper left corner, (1, 1) its lower right one. `wide` is the width of a pixel as a share of the image's
+    width. Outside, the image repeats or its border continues.
+    """
     start, width, height, levels = entry[0], entry[1], entry[2], entry[3]
     level = min(max(math.log2(max(wide * width, 1e-6)) - 0.5, 0.0), levels - 1.0)
     lower = int(level)

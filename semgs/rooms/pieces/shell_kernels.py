@@ -1,4 +1,4 @@
-"""Kernels for shells: normals of corners, points scattered over triangles, distances to points."""
+"""Kernels for shells: corner normals, points sampled on triangles, distances to points."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 @nb.njit(cache=True)
 def mean_normals(groups, order, faces, crease, normals):
-    """Write the normal of each corner: the sum of the faces of its group that lean less than the crease from its own.
+    """Write the normal of each corner: the sum of the faces in its group that differ by less than the crease angle from its own.
 
-    `groups` numbers the corners that are in one place, `order` sorts them; `faces` holds each triangle's normal times area.
+    `groups` has one number for all corners at one position, `order` sorts it; `faces` has each triangle's normal times its area.
     """
     start = 0
     while start < len(order):
@@ -34,7 +34,7 @@ def mean_normals(groups, order, faces, crease, normals):
 
 @nb.njit(cache=True)
 def distance_to_points(field, corner, step, reach, points):
-    """Lower `field` to each node's distance from the nearest of the points, where that is below `reach` [m]."""
+    """Lower `field` to each node's distance to the nearest point, where that is below `reach` [m]."""
     cells = int(np.ceil(reach / step))
     for p in range(len(points)):
         px, py, pz = (
@@ -56,7 +56,7 @@ def distance_to_points(field, corner, step, reach, points):
 
 @nb.njit(cache=True)
 def scatter(corners, spacing):
-    """Points on triangles no further apart than about `spacing` [m], one for each cell of such a size."""
+    """Points on triangles about `spacing` apart [m], one per grid cell of that size."""
     seen = set()
     points = [(0.0, 0.0, 0.0)]
     points.pop()
@@ -85,7 +85,7 @@ def scatter(corners, spacing):
 
 @nb.njit(cache=True)
 def cover(uv, used):
-    """Set pixels to 1 whose centre lies in one of the triangles of texture coordinates [t 3 2]; `used` is [h w]."""
+    """Set pixels to 1 if their centre is inside a triangle of texture coordinates [t 3 2]; `used` is [h w]."""
     height, width = used.shape
     for t in range(len(uv)):
         ax, ay = uv[t, 0, 0] * width - 0.5, uv[t, 0, 1] * height - 0.5

@@ -1,4 +1,4 @@
-"""Shells: triangles with normals and texture coordinates, for things that are no simple solid."""
+"""Shells: triangle meshes with normals and texture coordinates, for parts that are not simple solids."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from jaxtyping import Float, Float32, Float64, Int64
 from semgs.rooms.pieces import shell_kernels as kernels
 
 CREASE = float(np.cos(np.radians(40)))
-"""Faces that meet at a smaller angle than this are shaded as one round surface."""
+"""Cosine of the crease angle: faces that meet at a smaller angle are shaded as one smooth surface."""
 WELD = 1e-5
-"""Corners nearer than this are one [m]."""
+"""Corners closer than this are merged [m]."""
 
 
 @dataclass(frozen=True)
 class Shell:
-    """Triangles about the middle of the box around them.
+    """Triangles with normals and texture coordinates. Those of a part are centred on their bounding box.
 
     Attributes:
         corners: [m].
         normals: unit normal at each corner.
-        uv: texture coordinates at each corner, (0, 0) at the picture's upper left.
+        uv: texture coordinates at each corner, (0, 0) at the image's upper left.
     """
 
     corners: Float32[np.ndarray, "t 3 3"]
@@ -33,14 +33,14 @@ class Shell:
 
 @dataclass(frozen=True)
 class ShellTriangles:
-    """The triangles of all shells of a room, which come after those of its solids.
+    """The triangles of all shells of a room. In the room's triangle list they follow those of the solids.
 
     Attributes:
-        first: number of the first of them among all triangles.
+        first: index of the first one in that list.
         corners: [m].
         normals: unit normals at the corners.
         uv: texture coordinates at the corners.
-        density: how much of the picture a metre spans (square root of the ratio of areas) [1/m].
+        density: share of the texture that a metre spans (square root of the ratio of areas) [1/m].
         owners: the part that each belongs to.
     """
 
@@ -58,13 +58,13 @@ def place_shells(
     centres: Float64[np.ndarray, "p 3"],
     first: int,
 ) -> ShellTriangles:
-    """Shells where their parts are.
+    """Shells moved to where their parts are in the room.
 
     Args:
-        shells: number of the part, and its shell.
+        shells: index of the part, and its shell.
         rotations: axes of each part in the room (columns).
         centres: of each part [m].
-        first: number of triangles that come before.
+        first: number of triangles of the solids.
     """
     if not shells:
         empty = np.zeros((0, 3, 3))
@@ -80,7 +80,7 @@ def place_shells(
 
 
 def corner_normals(corners: Float[np.ndarray, "t 3 3"]) -> Float32[np.ndarray, "t 3 3"]:
-    """A normal for each corner: the mean, by area, of the faces that meet there at less than the crease angle."""
+    """A normal for each corner: the area-weighted mean of the faces that meet there at less than the crease angle."""
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).astype(np.float64)
     groups = _groups(np.round(corners.reshape(-1, 3) / WELD).astype(np.int64))
     order = np.argsort(groups, kind="stable")
@@ -90,7 +90,7 @@ def corner_normals(corners: Float[np.ndarray, "t 3 3"]) -> Float32[np.ndarray, "
 
 
 def _groups(places: Int64[np.ndarray, "n 3"]) -> Int64[np.ndarray, " n"]:
-    """Equal places as equal numbers."""
+    """Numbers that are equal where positions are."""
     span = places.max(axis=0) - places.min(axis=0) + 1
     x, y, z = (places - places.min(axis=0)).T
     return np.unique((x * span[1] + y) * span[2] + z, return_inverse=True)[1].reshape(-1)

@@ -1,6 +1,6 @@
-"""Solids: the parts that furniture is made of, each a simple shape with a label and a material, and their triangles.
+"""Parts of furniture: simple shapes with a label and a material, and their triangles.
 
-A piece of furniture stands on z = 0 with its back at y = 0, its front towards +y, and x from 0 to its width.
+A piece of furniture has its base at z = 0, its back at y = 0, its front towards +y, and x from 0 to its width.
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from semgs.rooms.pieces.materials import Row
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.shells import Shell
 
 Triple = tuple[float | int, float | int, float | int]
-"""A place or a size (x, y, z) [m]."""
+"""A position or a size (x, y, z) [m]."""
 
 BOX, CYLINDER, BALL, CUSHION, SHELL = range(5)
-"""Shapes, each filling its size: a cuboid; an upright elliptic cylinder; an ellipsoid; |x|^4 + |y|^4 + |z|^4 = 1; triangles of
-its own."""
+"""Shapes, each filling its size: a cuboid; an upright elliptic cylinder; an ellipsoid; |x|^4 + |y|^4 + |z|^4 = 1; a triangle mesh."""
 
 
 @dataclass(frozen=True)
@@ -30,17 +29,17 @@ class Part:
 
     Attributes:
         label: its class, 255 = ignore.
-        material: a row for the texture kernels.
-        centre: in the frame of its piece, or of the room [m].
+        material: numbers for the texture kernels.
+        centre: in the frame of the piece or of the room [m].
         size: full extents along its own axes [m].
         shape: BOX, CYLINDER, BALL, CUSHION or SHELL.
-        yaw: turn about z, and
-        tilt: turn about its own x, applied before the yaw [rad].
-        shell: the triangles of a SHELL, about its centre.
+        yaw: rotation about z [rad].
+        tilt: rotation about its own x axis, applied before the yaw [rad].
+        shell: the triangles of a SHELL, relative to its centre.
     """
 
     label: int
-    material: Row
+    material: Material
     centre: Triple
     size: Triple
     shape: int = BOX
@@ -54,10 +53,10 @@ class Piece:
     """A piece of furniture in its own frame.
 
     Attributes:
-        name: what it is, for the rules of placing.
+        name: what it is; placement and asset rules depend on it.
         size: width (x), depth (y), height (z) [m].
         parts: its solids.
-        surface: height on which things may stand [m], None if there is none.
+        surface: height of a top for small things [m], None if there is none.
     """
 
     name: str
@@ -76,7 +75,7 @@ class Solids:
         sizes: full extents [m].
         shapes: BOX, CYLINDER, BALL, CUSHION or SHELL.
         labels: class of each part, 255 = ignore.
-        materials: rows for the texture kernels.
+        materials: numbers for the texture kernels.
     """
 
     rotations: Float64[np.ndarray, "p 3 3"]
@@ -89,21 +88,27 @@ class Solids:
 
 def block(
     label: int,
-    material: Row,
+    material: Material,
     low: Triple,
     high: Triple,
     shape: int = BOX,
     yaw: float = 0.0,
     tilt: float = 0.0,
 ) -> Part:
-    """A part from two opposite corners, turned about its middle."""
+    """A part from two opposite corners, rotated about its centre."""
     centre = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2)
     size = (high[0] - low[0], high[1] - low[1], high[2] - low[2])
     return Part(label, material, centre, size, shape, yaw, tilt)
 
 
+def post(label: int, material: Material, middle: tuple[float, float], radius: float, low: float, high: float) -> Part:
+    """An upright round cylinder centred at (x, y)."""
+    x, y = middle
+    return block(label, material, (x - radius, y - radius, low), (x + radius, y + radius, high), CYLINDER)
+
+
 def moved(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
-    """Parts turned about z and then shifted."""
+    """Parts rotated about z, then translated."""
     cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))
     result = []
     for part in parts:
@@ -136,7 +141,7 @@ def gather(parts: Sequence[Part]) -> Solids:
 def triangulate(
     solids: Solids,
 ) -> tuple[Float64[np.ndarray, "t 3 3"], Int64[np.ndarray, " t"]]:
-    """Corners of all triangles in the room but those of shells [m], and the part each belongs to."""
+    """Corners of all triangles except those of shells [m], and the part each belongs to."""
     corners, owners = [], []
     for shape in range(4):
         which = np.flatnonzero(solids.shapes == shape)
@@ -152,7 +157,7 @@ def triangulate(
 
 @cache
 def _template(shape: int) -> Float64[np.ndarray, "t 3 3"]:
-    """Triangles of a shape of size 1 about the origin."""
+    """Triangles of a shape of size 1, centred on the origin."""
     if shape == BOX:
         unit = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
         quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -178,7 +183,7 @@ def _template(shape: int) -> Float64[np.ndarray, "t 3 3"]:
 
 
 def _stitched(rows: Sequence[np.ndarray]) -> Float64[np.ndarray, "t 3 3"]:
-    """Triangles between rings of equally many points; those without area (at poles) are left out."""
+    """Triangles between rings of equally many points, without degenerate ones (at poles)."""
     triangles = []
     for below, above in pairwise(rows):
         for i in range(len(below)):

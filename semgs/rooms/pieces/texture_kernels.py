@@ -1,8 +1,8 @@
 """Procedural textures, evaluated at one point of a surface; every pattern fades into its mean before it can alias.
 
-A material is a row of `WIDTH` numbers, laid out by the constants below; colours are linear RGB. A point has solid
-coordinates (x, y, z) in its part's frame and flat ones (u, v) on the face, v upwards on upright faces, all in metres;
-`foot` is the width of a pixel on the surface in metres.
+A material is an array of `WIDTH` numbers, indexed by the constants below; colours are linear RGB. A point has 3D coordinates
+(x, y, z) in its part's frame and 2D coordinates (u, v) on the face, v upwards on upright faces, all in metres. `foot` is the
+width of a pixel on the surface [m].
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ WIDTH = 24
 KIND = 0
 COLOUR_A, COLOUR_B, COLOUR_C = 1, 4, 7
 SCALE, ASPECT, DUTY = 10, 11, 12
-"""Width of the pattern's cell [m], its height as a multiple of that, and the share of the cell that is colour A."""
+"""Width of the pattern's cell [m], its height relative to that, and the share of the cell in colour A."""
 SEED = 13
 FINE, FINE_SCALE, BLOTCH, BLOTCH_SCALE = 14, 15, 16, 17
-"""Relative strength of fine grain and of large blotches, and the size of either [m]."""
+"""Relative strength and size [m] of fine grain, and of large blotches."""
 EMISSION, GLOSS = 18, 19
 AXIS = 20
 """The part's axis along which wood grain runs."""
@@ -28,7 +28,7 @@ VARIATION = 21
 TINT = 22
 """Strength of the colour noise (the rest is brightness noise)."""
 MIRROR = 23
-"""1 for glass that would show the room. Nothing reads it, a picture of it is its colour; plans that are pinned have it."""
+"""1 for mirrors. Nothing reads it, as mirrors are shown in their own colour, but the pinned floor plans contain it."""
 
 PLAIN, STRIPES, CHECKER, TILES, WOOD, PLANKS, WEAVE, MARBLE, DOTS, BOOKS, LANDSCAPE, ABSTRACT, OUTDOOR, PICTURE = range(
     14
@@ -36,9 +36,9 @@ PLAIN, STRIPES, CHECKER, TILES, WOOD, PLANKS, WEAVE, MARBLE, DOTS, BOOKS, LANDSC
 
 
 PICTURE_NUMBER, MAPPING, AZIMUTH = SEED, DUTY, COLOUR_C
-"""Of a PICTURE (see `picture_kernels`): which of the room's; how it lies on the part; for views, what is turned to the x axis
-[shares of its width]. Colour A multiplies it, SCALE is the width of a tile [m] or of a view [rad], ASPECT its height as a
-multiple of that, AXIS the part's axis along which its rows run (-1: whichever)."""
+"""For kind PICTURE (see `picture_kernels`): index of the room's image; how it is mapped; for views, the direction that faces the
+x axis [share of the width]. Colour A multiplies the image, SCALE is the width of a tile [m] or of a view [rad], ASPECT its
+height relative to that, AXIS the part's axis that its rows follow (-1: any)."""
 
 
 @nb.njit(cache=True, inline="never")
@@ -74,14 +74,14 @@ def value_noise(x, y, z, seed):
 
 @nb.njit(cache=True)
 def fade(cells):
-    """What is left of a pattern when a pixel covers that many of its cells: all up to a quarter, nothing from three."""
+    """Remaining contrast of a pattern if a pixel covers that many of its cells: 1 up to a quarter, 0 from three quarters."""
     t = (0.75 - cells) * 2
     return 0.0 if t <= 0 else (1.0 if t >= 1 else t * t * (3 - 2 * t))
 
 
 @nb.njit(cache=True)
 def layered_noise(x, y, z, foot, octaves, seed):
-    """Octaves of value noise, each of half the size and 0.55 of the strength of the one before, faded by `foot`."""
+    """Octaves of value noise, each with half the size and 0.55 times the strength of the previous one, faded by `foot`."""
     total, strength = 0.0, 1.0
     for octave in range(octaves):
         left = fade(foot)
@@ -95,7 +95,7 @@ def layered_noise(x, y, z, foot, octaves, seed):
 
 @nb.njit(cache=True)
 def filtered_band(position, duty, foot):
-    """Mean over `foot` of a wave of period 1 that is 1 in the first `duty` of it, else 0."""
+    """Mean over `foot` of a wave of period 1 that is 1 for the first `duty` of the period, else 0."""
     foot = max(foot, 1e-4)
     left, right = position - 0.5 * foot, position + 0.5 * foot
     a = math.floor(left) * duty + min(left - math.floor(left), duty)
@@ -105,7 +105,7 @@ def filtered_band(position, duty, foot):
 
 @nb.njit(cache=True)
 def texture(material, x, y, z, u, v, foot, shift, out):
-    """Write the linear RGB of a material at a point into `out` [3]; `shift` moves the pattern from part to part."""
+    """Write the linear RGB of a material at a point into `out` [3]; `shift` offsets the pattern, differently for each part."""
     kind = int(material[KIND])
     seed = int(material[SEED])
     scale = material[SCALE]
@@ -192,7 +192,7 @@ def texture(material, x, y, z, u, v, foot, shift, out):
 
 @nb.njit(cache=True)
 def _books(material, u, v, foot, seed, out):
-    """Rows of book spines of varied width and colour; a colour is drawn around the material's three."""
+    """Book spines of varied width, in colours near the material's three."""
     scale = material[SCALE]
     slot = math.floor(u / scale)
     inside = u / scale - slot
@@ -215,7 +215,7 @@ def _books(material, u, v, foot, seed, out):
 
 @nb.njit(cache=True)
 def _patches(u, v, foot, seed):
-    """Patches of three colours with bent borders: shares of colour A and C, and brightness."""
+    """Patches of three colours with curved borders: shares of colours A and C, and brightness."""
     u += 0.35 * layered_noise(u, v, 0.5, foot, 3, seed + 2)
     v += 0.35 * layered_noise(u, v, 9.5, foot, 3, seed + 4)
     cx, cy = math.floor(u), math.floor(v)

@@ -1,1 +1,1 @@
-"""Plans: what stands where in a room, by the rules of each style."""
+"""Floor plans: which furniture is where in a room, by the rules of each style."""

@@ -1,4 +1,4 @@
-"""A room that is being built and furnished: where things may be put, and putting them there."""
+"""Build and furnish a room: find free places and put pieces there."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
 
 Footprint = Float64[np.ndarray, "4 2"]
 Swap = Callable[[Piece], Piece]
-"""Exchanges a piece for another of the same name and footprint; what it gave it gives back unchanged."""
+"""Replaces a piece with another of the same name and footprint. A piece that it returned before, it returns unchanged."""
 
 
 @dataclass(frozen=True)
-class Surface:
-    """What things may stand on: the top of a piece at (x, y), turned by `yaw` [m, rad].
+class Tabletop:
+    """A surface for small things: the top of a piece at (x, y), turned by `yaw` [m, rad].
 
     Attributes:
-        blocked: left, right, near and far edge, in the piece's frame, of what stands on it already [m].
+        blocked: places that are taken: left, right, near and far edge in the piece's frame [m].
     """
 
     x: float
@@ -39,7 +39,7 @@ class Surface:
 
 
 def snug(piece: Piece) -> Piece:
-    """The piece with its frame moved and its size set so that they hold all of its parts, also handles, cushions and tilted backs."""
+    """The piece with its origin and size adjusted to contain all its parts, including handles, cushions and tilted backs."""
     solids = gather(piece.parts)
     half = (np.abs(solids.rotations) * solids.sizes[:, None] / 2).sum(-1)
     low, high = (solids.centres - half).min(axis=0), (solids.centres + half).max(axis=0)
@@ -49,12 +49,12 @@ def snug(piece: Piece) -> Piece:
 
 
 class Builder:
-    """What stands so far, and what must stay free.
+    """A room in progress: what has been placed, and which places must stay free.
 
     Args:
-        rng: draws everything.
+        rng: source of all random choices.
         outline: the shape of the rooms.
-        swap: what exchanges the pieces that are put down; None leaves them.
+        swap: replaces pieces as they are placed; None keeps them.
     """
 
     def __init__(self, rng: np.random.Generator, outline: Outline, swap: Swap | None = None) -> None:
@@ -65,24 +65,26 @@ class Builder:
         self.kept_free: list[Footprint] = list(outline.built)
         self.windows: list[Opening] = []
         self.lamps: list[Lamp] = []
-        self.surfaces: list[Surface] = []
+        self.surfaces: list[Tabletop] = []
 
     def chance(self, share: float) -> bool:
-        """True in that share of the calls."""
+        """True with probability `share`."""
         return bool(self.rng.random() < share)
 
     def exchanged(self, piece: Piece) -> Piece:
-        """The piece that stands in its place, or itself."""
+        """The replacement of a piece, or the piece itself."""
         return piece if self.swap is None else self.swap(piece)
 
     def add(self, parts: list[Part]) -> None:
-        """Put the parts of one piece where they are."""
+        """Add the parts of one piece, already in the room's frame."""
         self.pieces.append((len(self.parts), len(self.parts) + len(parts)))
         self.parts += parts
 
     def shell(self, zone: Zone, wet: bool) -> None:
-        """Floor, ceiling (ignored) and the walls of a room, round their openings: paint, at times another on one wall, tiles or
-        boards on the lower part, and skirting."""
+        """Build floor, ceiling (ignored) and walls of a room, with holes for doors and windows.
+
+        Walls are painted, sometimes one in another colour, and may have skirting, and tiles or boards on their lower part.
+        """
         rng, height = self.rng, self.size[2]
         (left, front), (right, back) = zone.low, zone.high
         low, high = (
@@ -92,7 +94,7 @@ class Builder:
         if left > -self.size[0] / 2:
             low = (left - PARTITION / 2, low[1])
         self.parts.append(block(LABEL["floor"], m.flooring(rng, wet), (*low, -WALL), (*high, 0)))
-        white = m.row(rng, a=m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), fine=rng.uniform(0.01, 0.05), fine_scale=0.02)  # fmt: skip
+        white = m.plain(rng, m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), m.Noise(rng.uniform(0.01, 0.05), 0.02))
         self.parts.append(block(IGNORE, white, (*low, height), (*high, height + WALL)))
         paint = m.wall_paint(rng)
         skirting, tall = m.lacquer(rng) if self.chance(0.6) else m.wood(rng), rng.uniform(0.05, 0.13)
@@ -125,30 +127,30 @@ class Builder:
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
     def fill(self) -> None:
-        """Make solid what is built in from floor to ceiling, a little inside its faces: nobody stands in there."""
-        grey = m.row(self.rng)
+        """Fill the built-in blocks, slightly smaller than their walls, so that no camera starts inside one."""
+        grey = m.plain(self.rng, (0.5, 0.5, 0.5))
         for corners in self.outline.built:
             (left, front), (right, back) = corners.min(axis=0) + 0.01, corners.max(axis=0) - 0.01
             low, high = (float(left), float(front), 0.0), (float(right), float(back), self.size[2])
             self.parts.append(block(LABEL["wall"], grey, low, high))
 
     def hang(self, wall: Wall, piece: Piece, left: float, low: float, recess: float = 0.0) -> None:
-        """Fix a piece to a wall with its lower left corner there, `recess` behind the wall's face."""
+        """Hang a piece on a wall: its lower left corner is at (left, low), its back `recess` behind the wall's face [m]."""
         self.add(moved(self.exchanged(piece).parts, (*wall.at(left, -recess), low), wall.yaw))
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
 
     def fits(self, footprint: Footprint, ignore_free: bool = False) -> bool:
-        """Whether a footprint is inside the outer walls and clear of what stands and, mostly, of what must stay free."""
+        """Whether a footprint is inside the outer walls and overlaps no furniture, nor (unless `ignore_free`) a place to keep free."""
         half = (self.size[0] / 2 - 0.015, self.size[1] / 2 - 0.015)
         others = (*self.footprints, *(self.outline.built if ignore_free else self.kept_free))
         return bool((np.abs(footprint) <= half).all()) and not any(overlap(footprint, other) for other in others)
 
     def fits_structure(self, footprint: Footprint) -> bool:
-        """Whether a footprint touches no wall inside the outer ones."""
+        """Whether a footprint overlaps no inner wall or built-in block."""
         return not any(overlap(footprint, other) for other in self.outline.built)
 
     def stand(self, piece: Piece, x: float, y: float, yaw: float, margin: float = 0.02) -> bool:
-        """Put a piece on the floor with its own (0, 0) at (x, y), if there is room for it."""
+        """Put a piece on the floor with its origin at (x, y). False if there is no room."""
         width, depth, _ = piece.size
         shift_x, shift_y = margin * np.cos(yaw) - margin * np.sin(yaw), margin * np.sin(yaw) + margin * np.cos(yaw)
         wide = rectangle(x - shift_x, y - shift_y, width + 2 * margin, depth + 2 * margin, yaw)
@@ -159,11 +161,11 @@ class Builder:
         piece = self.exchanged(piece)
         self.add(moved(piece.parts, (x, y, 0.0), yaw))
         if piece.surface is not None:
-            self.surfaces.append(Surface(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
+            self.surfaces.append(Tabletop(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
         return True
 
     def beside_wall(self, wall: Wall, piece: Piece, left: float, off: float = 0.03, turn: float = 0.0) -> bool:
-        """Put a piece with its back to a wall at a place of it, if wall and floor are free there."""
+        """Put a piece with its back to a wall, `left` along it. False if wall or floor is taken there."""
         right = left + piece.size[0]
         if left < 0 or right > wall.length or not wall.free(left, right, 0.0, piece.size[2]):
             return False
@@ -174,8 +176,11 @@ class Builder:
         return True
 
     def against_wall(self, zone: Zone, piece: Piece, tries: int = 30, corner: float = 0.5) -> tuple[Wall, float] | None:
-        """Put a piece with its back to some wall, in that share of the tries at an end of it; returns the wall and where on
-        it, None if it found no room."""
+        """Put a piece with its back to a random wall, with probability `corner` at one end of it.
+
+        Returns:
+            The wall and how far along it [m]; None if no try succeeded.
+        """
         rng = self.rng
         for _ in range(tries):
             wall = zone.walls[int(rng.integers(len(zone.walls)))]
@@ -190,7 +195,7 @@ class Builder:
         return None
 
     def in_the_open(self, zone: Zone, piece: Piece, tries: int = 12) -> tuple[float, float, float] | None:
-        """Put a piece somewhere on the floor, the middle first; returns its place and yaw, None if it found no room."""
+        """Put a piece somewhere on the floor, trying the middle first; returns x, y and yaw, None if there is no room."""
         rng = self.rng
         centre = (np.array(zone.low) + zone.high) / 2
         sides = np.array(zone.high) - zone.low
@@ -205,7 +210,7 @@ class Builder:
         return None
 
     def covered(self, zone: Zone) -> float:
-        """Floor that furniture stands on in a room [m2]."""
+        """Floor area under the furniture of a room [m2]."""
         total = 0.0
         for corners in self.footprints:
             middle = corners.mean(axis=0)
@@ -215,7 +220,7 @@ class Builder:
 
 
 def _standing_on(piece: Piece) -> tuple[Span, ...]:
-    """What rises above the surface of a piece, in its frame."""
+    """Footprints of the parts above a piece's surface, in its frame."""
     assert piece.surface is not None
     result = []
     for part in piece.parts:

@@ -1,4 +1,4 @@
-"""What makes a furnished room lived in: curtains, pictures, rugs, lamps, and clutter."""
+"""What makes a room look lived in: curtains, pictures, rugs, lamps and clutter."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from jaxtyping import Float64
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import openings, things
-from semgs.rooms.pieces.solids import CYLINDER, block, moved
+from semgs.rooms.pieces.solids import block, moved, post
 from semgs.rooms.plans.builder import Builder, snug
 from semgs.rooms.plans.floor_plan import Lamp
-from semgs.rooms.plans.footprints import Span, Wall, rectangle
+from semgs.rooms.plans.footprints import Span, Wall, placed, rectangle
 from semgs.rooms.plans.outlines import Zone
 
 
 def curtains(builder: Builder, wall: Wall, window: Span) -> bool:
-    """Drapes beside a window, or drawn over it; returns whether it is closed."""
+    """Hang drapes beside a window or across it; returns whether they cover it."""
     rng, height = builder.rng, builder.size[2]
     left, right, low, high = window
     cloth_seed = int(rng.integers(1 << 30))
@@ -38,7 +38,7 @@ def curtains(builder: Builder, wall: Wall, window: Span) -> bool:
 
 
 def pictures(builder: Builder, zone: Zone) -> None:
-    """Pictures at eye height where a wall is free, some in rows."""
+    """Hang pictures at eye height on free walls, some in rows."""
     rng = builder.rng
     for _ in range(int(rng.integers(1, 8))):
         piece = openings.picture(rng)
@@ -59,46 +59,33 @@ def pictures(builder: Builder, zone: Zone) -> None:
 def rug(
     builder: Builder, zone: Zone, middle: Float64[np.ndarray, " 2"], yaw: float, width: float | None = None
 ) -> None:
-    """A flat rug (ignored) about a place, under whatever stands there, as large as the room allows."""
+    """Lay a flat rug (ignored) around a place, under any furniture there, as large as the room allows."""
     rng = builder.rng
     width = rng.uniform(1.2, 2.4) if width is None else width
     depth = width * rng.uniform(0.6, 0.8)
     turned = abs(np.sin(yaw)) > 0.5
     half = np.array([depth, width] if turned else [width, depth]) / 2
-    low, high = (
-        np.maximum(middle - half, np.array(zone.low) + 0.05),
-        np.minimum(middle + half, np.array(zone.high) - 0.05),
-    )
-    if ((high - low) < 0.5).any():
+    left, front = (float(side) for side in np.maximum(middle - half, np.array(zone.low) + 0.05))
+    right, back = (float(side) for side in np.minimum(middle + half, np.array(zone.high) - 0.05))
+    if right - left < 0.5 or back - front < 0.5:
         return
-    shape = rectangle(float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1]), 0.0)
-    if builder.fits_structure(shape):
-        builder.parts.append(
-            block(IGNORE, m.rug(rng), (float(low[0]), float(low[1]), 0), (float(high[0]), float(high[1]), 0.008))
-        )
+    if builder.fits_structure(rectangle(left, front, right - left, back - front, 0.0)):
+        builder.parts.append(block(IGNORE, m.rug(rng), (left, front, 0), (right, back, 0.008)))
 
 
 def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
-    """A ceiling lamp or spots, at times a floor lamp; `lit` says whether they are on."""
+    """Add a ceiling lamp or spots, sometimes a floor lamp; `lit`: they are on."""
     rng, height = builder.rng, builder.size[2]
     middle = (np.array(zone.low) + zone.high) / 2 + rng.uniform(-0.3, 0.3, 2)
     x, y = float(middle[0]), float(middle[1])
-    glow = m.row(rng, a=m.colour(rng, m.WARM_HUES, (0.0, 0.3), (0.8, 0.97)), emission=1.6 if lit else 0.0)
+    glow = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.3), (0.8, 0.97)), emission=1.6 if lit else 0.0)
     shape = rectangle(x - 0.3, y - 0.3, 0.6, 0.6, 0.0)
     if builder.chance(0.75) and builder.fits_structure(shape):
         pendant = builder.chance(0.55)
         reach, drop = rng.uniform(0.12, 0.3), rng.uniform(0.3, 0.7) if pendant else rng.uniform(0.09, 0.14)
         drop = min(drop, height - 1.95)
         thick = rng.uniform(0.08, 0.22) if pendant else drop - 0.01
-        builder.parts.append(
-            block(
-                IGNORE,
-                glow,
-                (x - reach, y - reach, height - drop),
-                (x + reach, y + reach, height - drop + thick),
-                CYLINDER,
-            )
-        )
+        builder.parts.append(post(IGNORE, glow, (x, y), reach, height - drop, height - drop + thick))
         if pendant:
             builder.parts.append(
                 block(IGNORE, m.metal(rng), (x - 0.01, y - 0.01, height - drop), (x + 0.01, y + 0.01, height))
@@ -113,16 +100,12 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
         place_ = builder.against_wall(zone, piece, corner=0.8)
         if place_ is not None and lit:
             wall, left = place_
-            builder.lamps.append(
-                Lamp(
-                    (*wall.at(left + piece.size[0] / 2, 0.12 + piece.size[1] / 2), piece.size[2] + 0.1),
-                    float(rng.uniform(0.5, 1.5)),
-                )
-            )
+            x, y = wall.at(left + piece.size[0] / 2, 0.12 + piece.size[1] / 2)
+            builder.lamps.append(Lamp((x, y, piece.size[2] + 0.1), float(rng.uniform(0.5, 1.5))))
 
 
 def clutter(builder: Builder, zone: Zone) -> None:
-    """Small things on tables and cabinets, and some on the floor."""
+    """Put small things on tables and cabinets, and some on the floor."""
     rng = builder.rng
     while builder.surfaces:
         top = builder.surfaces.pop()
@@ -136,9 +119,8 @@ def clutter(builder: Builder, zone: Zone) -> None:
             if any(a < right and left < a + wide and b < far and near < b + deep for left, right, near, far in taken):
                 continue
             taken.append((a, a + wide, b, b + deep))
-            cosine, sine = float(np.cos(top.yaw)), float(np.sin(top.yaw))
-            place = (top.x + cosine * a - sine * b, top.y + sine * a + cosine * b, top.height)
-            builder.add(moved(builder.exchanged(thing).parts, place, top.yaw))
+            place = placed((top.x, top.y), top.yaw, a, b)
+            builder.add(moved(builder.exchanged(thing).parts, (*place, top.height), top.yaw))
     low, high = np.array(zone.low) + 0.2, np.array(zone.high) - 0.2
     for _ in range(int(rng.integers(1, 9))):
         thing = snug(things.clutter(rng, rng.uniform(0.15, 0.6)))

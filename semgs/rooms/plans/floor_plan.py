@@ -1,4 +1,4 @@
-"""Plans: what stands where in a room, whichever style drew it."""
+"""Floor plan of a room, the same for every style."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Opening:
     """A window in a wall.
 
     Attributes:
-        middle: where its middle is [m].
-        facing: which way it faces, into the room.
-        half_width: half its width along the wall [m].
+        middle: its centre [m].
+        facing: unit vector into the room.
+        half_width: half its width, as a vector along the wall [m].
         half_height: half its height [m].
-        light: how bright it is, 1 on a fair day, near 0 at night or behind closed curtains.
+        light: brightness: 1 on a fair day, near 0 at night or behind closed curtains.
     """
 
     middle: Triple
@@ -34,7 +34,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A lamp that is on: where its light is [m], and how bright, about 2 for one that lights a room."""
+    """A lamp that is on: its position [m] and brightness, about 2 for one that lights a room."""
 
     place: Triple
     power: float
@@ -42,15 +42,15 @@ class Lamp:
 
 @dataclass(frozen=True)
 class FloorPlan:
-    """A furnished room, or two with an open door. The middle of its floor is the origin, z is up.
+    """A furnished room, or two joined by an opening. The origin is the middle of the floor, z is up.
 
     Attributes:
         kind: what it is used for ("bedroom", "living + dining", ...).
-        size: inner length (x), width (y), height (z) of all rooms together [m].
-        parts: every solid, walls included.
-        windows: where day comes in.
-        footprints: corners of every piece of furniture on the floor, anticlockwise [m].
-        pieces: first part and the one after the last of each piece that was placed: furniture, what hangs on walls, clutter.
+        size: inner length (x), width (y) and height (z) of all rooms together [m].
+        parts: every solid, including walls.
+        windows: where daylight comes in.
+        footprints: corners of each piece of furniture on the floor, anticlockwise [m].
+        pieces: range of parts (first, end) of each furniture piece, wall decoration and clutter.
         lamps: those that are on.
     """
 

@@ -1,4 +1,4 @@
-"""Footprints: what covers which part of a floor or of a wall."""
+"""Footprints on the floor and occupied parts of walls."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ Span = tuple[float, float, float, float]
 """A part of a wall: left, right, lower and upper edge [m]."""
 
 
+def placed(origin: tuple[float, float], yaw: float, along: float, off: float) -> tuple[float, float]:
+    """A point on the floor, given in a frame with this origin and yaw."""
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    return float(origin[0] + along * cosine - off * sine), float(origin[1] + along * sine + off * cosine)
+
+
 def rectangle(x: float, y: float, width: float, depth: float, yaw: float) -> Float64[np.ndarray, "4 2"]:
-    """Corners of a footprint whose own (0, 0) is at (x, y), anticlockwise."""
+    """Corners of a footprint with its origin at (x, y), anticlockwise."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     own = np.array([[0, 0], [width, 0], [width, depth], [0, depth]], dtype=np.float64)
     return own @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
 
 
 def overlap(a: Float64[np.ndarray, "4 2"], b: Float64[np.ndarray, "4 2"]) -> bool:
-    """Whether two rectangles share area: no side of either has all of the other beyond it (separating axes)."""
+    """Whether two rectangles overlap: no side of either separates them (separating axis theorem)."""
     for one, other in ((a, b), (b, a)):
         for start, end in ((one[0], one[1]), (one[1], one[2])):
             axis = end - start
@@ -31,7 +37,7 @@ def overlap(a: Float64[np.ndarray, "4 2"], b: Float64[np.ndarray, "4 2"]) -> boo
 
 
 def around(length: float, low: float, high: float, holes: Sequence[Span]) -> list[Span]:
-    """Rectangles that cover a strip of a wall from `low` to `high` but for its holes, none of which is above another."""
+    """Rectangles that cover a strip of a wall from `low` to `high` except its holes. No hole may be above another."""
     result: list[Span] = []
     start = 0.0
     for left, right, bottom, top in sorted(holes):
@@ -43,17 +49,15 @@ def around(length: float, low: float, high: float, holes: Sequence[Span]) -> lis
 
 @dataclass
 class Wall:
-    """A wall: where its own x axis starts when seen from the room, the yaw of that axis, its length, and what hangs on it.
-
-    A piece set against it keeps its frame: y = 0 on the wall, y into the room.
+    """A wall with its own frame: x along the wall, y = 0 on its face, y into the room.
 
     Attributes:
-        start: [m].
-        yaw: [rad].
+        start: origin of that frame, the wall's left end seen from the room [m].
+        yaw: of its x axis [rad].
         length: [m].
-        outer: whether day may come in through it.
-        built: whether something else is its body already, as for the sides of a projecting block.
-        taken: what hangs on it or stands before it.
+        outer: whether it may have windows and outer doors.
+        built: whether another solid is already behind it, as for the sides of a projecting block.
+        taken: parts covered by what hangs on it or stands in front.
         holes: windows and doors.
     """
 
@@ -66,14 +70,13 @@ class Wall:
     holes: list[Span] = field(default_factory=list)
 
     def at(self, along: float, off: float = 0.0) -> tuple[float, float]:
-        """The floor's point at a place along the wall and a distance off it."""
-        cosine, sine = float(np.cos(self.yaw)), float(np.sin(self.yaw))
-        return self.start[0] + along * cosine - off * sine, self.start[1] + along * sine + off * cosine
+        """The point on the floor at a distance along the wall and a distance away from it [m]."""
+        return placed(self.start, self.yaw, along, off)
 
     def free(self, left: float, right: float, low: float, high: float) -> bool:
-        """Whether nothing is on that part of the wall."""
+        """Whether that part of the wall is free."""
         return all(right <= a or left >= b or high <= c or low >= d for a, b, c, d in self.taken)
 
     def part(self, left: float, right: float) -> Wall:
-        """The wall between two places of it, with nothing on it."""
+        """The stretch of the wall between two places along it, with nothing on it."""
         return Wall(self.at(left), self.yaw, right - left, self.outer, self.built)

@@ -1,4 +1,4 @@
-"""The style `home`: rooms furnished by the rules that people follow."""
+"""The style `home`: rooms furnished as people do."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from semgs.rooms.pieces.solids import Piece, moved
 from semgs.rooms.plans import dressing
 from semgs.rooms.plans.builder import Builder, Swap, snug
 from semgs.rooms.plans.floor_plan import FloorPlan, Opening
-from semgs.rooms.plans.footprints import Wall, rectangle
+from semgs.rooms.plans.footprints import Wall, placed, rectangle
 from semgs.rooms.plans.outlines import (
     PARTITION,
     Outline,
@@ -37,25 +37,27 @@ BIG: dict[str, tuple[Maker, ...]] = {
         fittings.island, fittings.refrigerator, fittings.other, furniture.armchair,
     ),
 }  # fmt: skip
-"""What each kind of room is furnished with, most important first; of `mixed` (a studio), a random choice."""
+"""Furniture of each kind of room, most important first; `mixed` (a studio) gets a random selection."""
 
 SHARES = {
     "bedroom": 0.19, "living": 0.14, "kitchen": 0.15, "dining": 0.06, "bathroom": 0.23, "office": 0.06, "study": 0.05,
     "hallway": 0.03, "mixed": 0.09,
 }  # fmt: skip
-"""How often each kind of room is drawn; classes that fill few pixels decide it."""
+"""How frequent each kind of room is, chosen so that classes of small objects occur often enough."""
 
 PAIRS = (("living", "dining"), ("living", "kitchen"), ("dining", "kitchen"), ("bedroom", "study"), ("bedroom", "bathroom"), ("living", "bedroom"))  # fmt: skip
 TWO_ROOMS = 0.16
-"""Share of plans that are two rooms with an opening between them."""
+"""Share of plans with two rooms joined by an opening."""
 
 FREE_STANDING = ("table", "island")
 WET = ("bathroom", "kitchen")
 
 
 def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
-    """A random home: one room, or two joined by an opening, with furniture, light and clutter; `swap` may exchange each piece
-    for another of the same footprint."""
+    """A random home: one room, or two joined by an opening, with furniture, light and clutter.
+
+    `swap` may replace each piece with another of the same footprint.
+    """
     outline = _outline(rng)
     builder = Builder(rng, outline, swap)
     evening = builder.chance(0.3)
@@ -67,7 +69,7 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
         _windows(builder, zone, light)
     for zone in outline.zones:
         builder.shell(zone, zone.kind in WET)
-    if outline.passage is None:  # a partition is a wall of its own, with a hole
+    if outline.passage is None:  # with a passage, the only built-in block is the partition, which has a hole
         builder.fill()
     for zone in outline.zones:
         _furnish(builder, zone)
@@ -103,7 +105,7 @@ def _outline(rng: np.random.Generator) -> Outline:
 
 
 def open_door(builder: Builder, outline: Outline) -> None:
-    """The opening between two rooms, with its lining and most often a leaf that stands open in one of them."""
+    """Add the opening between two rooms: its lining and usually a door leaf that stands open in one of them."""
     rng = builder.rng
     assert outline.passage is not None
     wide = rng.uniform(0.8, 1.0) if builder.chance(0.6) else rng.uniform(1.2, 1.8)
@@ -125,7 +127,7 @@ def open_door(builder: Builder, outline: Outline) -> None:
 
 
 def _doors(builder: Builder, zone: Zone) -> None:
-    """Closed doors, whose swing stays free: one or two, in a hallway up to four."""
+    """Add one or two closed doors, in a hallway up to four, and keep the floor in front of them free."""
     rng, height = builder.rng, builder.size[2]
     count = int(rng.integers(2, 5)) if zone.kind == "hallway" else 1 + int(builder.chance(0.35))
     for _ in range(count):
@@ -143,7 +145,7 @@ def _doors(builder: Builder, zone: Zone) -> None:
 
 
 def _windows(builder: Builder, zone: Zone, light: float) -> None:
-    """Up to three windows in outer walls, set into them; blinds, curtains beside or over them, a radiator below."""
+    """Add up to three windows in outer walls, with blinds, curtains, and a radiator below."""
     rng, height, bath = builder.rng, builder.size[2], zone.kind == "bathroom"
     count = {"bathroom": (0, 1, 1), "hallway": (0, 0, 1)}.get(zone.kind, (0, 1, 1, 2, 2, 3, 3))
     sill = float(rng.choice([0.1, rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.1)])) if not bath else rng.uniform(1.1, 1.4)
@@ -179,7 +181,7 @@ def _windows(builder: Builder, zone: Zone, light: float) -> None:
 
 
 def _furnish(builder: Builder, zone: Zone) -> None:
-    """The furniture of a kind of room, each piece with what goes with it, up to 45 % of the floor."""
+    """Add the furniture for the kind of room, each piece with its companions, on at most 45 % of the floor."""
     rng = builder.rng
     makers: Sequence[Maker] = BIG[zone.kind]
     if zone.kind == "mixed":
@@ -198,7 +200,7 @@ def _furnish(builder: Builder, zone: Zone) -> None:
 
 
 def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
-    """Put a piece where its kind belongs, with its companions."""
+    """Put a piece where its kind belongs, and its companions around it."""
     if piece.name in FREE_STANDING and builder.chance(0.85):
         found = builder.in_the_open(zone, piece)
         if found and piece.name != "island":
@@ -231,7 +233,7 @@ def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
 
 
 def _continue_the_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
-    """Put a kitchen piece right beside one that stands at a wall already; False if there is none or no room."""
+    """Put a kitchen piece directly beside one already at a wall. False if there is none or no room."""
     for wall in zone.walls:
         for left, right, low, high in list(wall.taken):
             if (
@@ -248,7 +250,7 @@ def _continue_the_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
 
 
 def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: Piece) -> None:
-    """Nightstands at one or both sides, often a rug that looks out from under the bed."""
+    """Add nightstands at one or both sides, and often a rug that extends from under the bed."""
     rng = builder.rng
     if builder.chance(0.8):
         stand = snug(fittings.nightstand(rng) if builder.chance(0.7) else furniture.side_table(rng))
@@ -256,17 +258,12 @@ def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: 
             if builder.chance(0.85):
                 builder.beside_wall(wall, stand, side)
     if builder.chance(0.45):
-        dressing.rug(
-            builder,
-            zone,
-            np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75)),
-            wall.yaw,
-            bed.size[0] + rng.uniform(0.6, 1.2),
-        )
+        middle = np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75))
+        dressing.rug(builder, zone, middle, wall.yaw, bed.size[0] + rng.uniform(0.6, 1.2))
 
 
 def _chair_at_the_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
-    """A chair that faces the desk, pushed back or a little turned."""
+    """Add a chair that faces the desk, pushed back or slightly turned."""
     rng = builder.rng
     seat = snug(furniture.chair(rng))
     x, y = wall.at(
@@ -278,13 +275,12 @@ def _chair_at_the_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -
 
 
 def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa: Piece) -> None:
-    """A low table on a rug, and where the other wall is free a sideboard with a television."""
+    """Add a coffee table, a rug, and a sideboard with a television at the opposite wall if it is free."""
     rng = builder.rng
     middle = left + sofa.size[0] / 2
     if builder.chance(0.6):
-        dressing.rug(
-            builder, zone, np.array(wall.at(middle, sofa.size[1] + 0.5)), wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3)
-        )
+        place = np.array(wall.at(middle, sofa.size[1] + 0.5))
+        dressing.rug(builder, zone, place, wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3))
     if builder.chance(0.8):
         low = snug(furniture.coffee_table(rng))
         x, y = wall.at(middle - low.size[0] / 2, sofa.size[1] + rng.uniform(0.35, 0.55))
@@ -306,7 +302,7 @@ def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa
 
 
 def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
-    """A shower curtain along the open side of a tub that was just put down."""
+    """Add a shower curtain along the open side of the tub that was placed last."""
     rng = builder.rng
     if not builder.chance(0.8):
         return
@@ -321,7 +317,7 @@ def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
 
 
 def _chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: float) -> None:
-    """Chairs of one make at the sides of a table, facing it, some pulled out or a little turned."""
+    """Add identical chairs around a table, some pulled out or slightly turned."""
     rng = builder.rng
     seat = snug(furniture.chair(rng))
     width, depth, _ = table.size
@@ -336,10 +332,4 @@ def _chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: floa
         out = np.array([np.sin(turn), -np.cos(turn)])
         back = np.array([along, across]) + out * (seat.size[1] + gap)
         corner = back - np.array([np.cos(own), np.sin(own)]) * seat.size[0] / 2
-        cosine, sine = np.cos(yaw), np.sin(yaw)
-        builder.stand(
-            seat,
-            float(x + cosine * corner[0] - sine * corner[1]),
-            float(y + sine * corner[0] + cosine * corner[1]),
-            yaw + own,
-        )
+        builder.stand(seat, *placed((x, y), yaw, *corner), yaw + own)

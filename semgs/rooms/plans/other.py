@@ -1,7 +1,7 @@
-"""The world that is held out: long rooms furnished in zones, in few colours that go together; see `docs/rooms.md`.
+"""The style `other`, held out for testing: long rooms furnished in zones, in a few matching colours. See `docs/rooms.md`.
 
-It shares the parametric pieces with `home` and nothing else: other proportions, walls, windows and lamps, other rules for
-what stands where, other choices of colour. Choices are made by it, so that no training may see it.
+It shares only the parametric pieces with `home`. Proportions, walls, windows, lamps, placement and colours differ. Models are
+selected on it, so nothing may be trained on it.
 """
 
 from __future__ import annotations
@@ -17,27 +17,28 @@ from semgs.rooms.pieces import fittings, furniture, openings, things
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
-from semgs.rooms.pieces.materials import Row
-from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, block, moved
+from semgs.rooms.pieces.materials import Material
+from semgs.rooms.pieces.solids import Part, Piece, block, moved, post
 from semgs.rooms.plans.builder import Swap
 from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
-from semgs.rooms.plans.footprints import Wall, around, overlap, rectangle
+from semgs.rooms.plans.footprints import Wall, around, overlap, placed, rectangle
+from semgs.rooms.plans.outlines import rectangular
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
 ZONE_LENGTH = 2.3
-"""About what a zone takes of the length of a room [m]."""
+"""Approximate length of a zone [m]."""
 ALONG, OPPOSITE = 0, 2
 """The long walls."""
 
 
 @dataclass(frozen=True)
 class Palette:
-    """The few materials of a room.
+    """The few colours of a room.
 
     Attributes:
-        wood, dark: the colours of its wood.
-        paint: of its painted furniture.
-        walls: of its walls, and of the wall at its end.
+        wood, dark: colours of the wood.
+        paint: colour of painted furniture.
+        walls: colours of the long walls and of the end walls.
     """
 
     wood: tuple[float, float, float]
@@ -60,7 +61,7 @@ def draw_palette(rng: np.random.Generator) -> Palette:
 
 
 def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
-    """A random long room; `swap` may exchange each piece for another of the same footprint."""
+    """A random long room; `swap` may replace each piece with another of the same footprint."""
     length, width = rng.uniform(4.6, 8.2), rng.uniform(2.7, 4.0)
     loft = _Loft(rng, (length, width, rng.uniform(2.5, 3.7)), swap)
     loft.openings()
@@ -72,18 +73,12 @@ def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
     loft.row_of_pictures()
     loft.lamps()
     loft.things()
-    return FloorPlan(
-        " + ".join(zones),
-        loft.size,
-        tuple(loft.parts),
-        tuple(loft.windows),
-        tuple(loft.footprints),
-        lamps=tuple(loft.lit),
-    )
+    return FloorPlan(" + ".join(zones), loft.size, tuple(loft.parts), tuple(loft.windows), tuple(loft.footprints),
+                lamps=tuple(loft.lit))  # fmt: skip
 
 
 class _Loft:
-    """A long room that is being furnished; the middle of its floor is the origin."""
+    """A long room in progress. The origin is the middle of its floor."""
 
     def __init__(self, rng: np.random.Generator, size: tuple[float, float, float], swap: Swap | None) -> None:
         self.rng, self.size, self.swap = rng, size, swap
@@ -95,24 +90,18 @@ class _Loft:
         self.lit: list[Lamp] = []
         self.rail = 0.0  # top of the panels [m]
         self.tops: list[tuple[float, float, float, float, float, float]] = []
-        x, y = size[0] / 2, size[1] / 2
-        self.walls = [
-            Wall((-x, -y), 0.0, size[0]),
-            Wall((x, -y), np.pi / 2, size[1]),
-            Wall((x, y), np.pi, size[0]),
-            Wall((-x, y), -np.pi / 2, size[1]),
-        ]
+        self.walls = rectangular("", size).zones[0].walls
 
     def shell(self) -> None:
-        """Floor, ceiling with beams, walls of two colours, panelled to the waist or tiled to the shoulder at times."""
+        """Build floor, ceiling (with beams) and walls in two colours, sometimes panelled or tiled on their lower part."""
         rng, (x, y, z) = self.rng, self.size
         a, b = x / 2 + WALL, y / 2 + WALL
         self.parts.append(block(LABEL["floor"], self._floor(), (-a, -b, -WALL), (a, b, 0)))
         self.parts.append(
-            block(IGNORE, m.row(rng, a=(0.8, 0.79, 0.76), fine=0.03, fine_scale=0.03), (-a, -b, z), (a, b, z + WALL))
+            block(IGNORE, m.plain(rng, (0.8, 0.79, 0.76), m.Noise(fine_scale=0.03)), (-a, -b, z), (a, b, z + WALL))
         )
         if rng.random() < 0.6:
-            beam = m.row(rng, t.WOOD, self.palette.dark, None, self.palette.dark, axis=1, fine=0.05)
+            beam = m.patterned(rng, m.Pattern(t.WOOD, self.palette.dark, axis=1), m.Noise(fine=0.05))
             for along in np.arange(-x / 2 + rng.uniform(0.3, 0.8), x / 2 - 0.2, rng.uniform(0.7, 1.1)):
                 self.parts.append(block(IGNORE, beam, (along, -b, z - 0.16), (along + 0.12, b, z)))
         own, look, split = LABEL["wall"], rng.random(), rng.uniform(0.85, 1.5)
@@ -123,15 +112,8 @@ class _Loft:
             lower = m.tiles(rng, small=True)
         self.rail = 0.0 if lower is None else split + 0.03
         for number, wall in enumerate(self.walls):
-            colour = self.palette.walls[number % 2]
-            paint = m.row(
-                rng,
-                a=colour,
-                fine=rng.uniform(0.02, 0.07),
-                fine_scale=0.02,
-                blotch=rng.uniform(0.04, 0.12),
-                blotch_scale=0.5,
-            )
+            noise = m.Noise(rng.uniform(0.02, 0.07), 0.02, rng.uniform(0.04, 0.12), 0.5)
+            paint = m.plain(rng, self.palette.walls[number % 2], noise)
             parts = []
             for left, right, bottom, top in around(wall.length, 0.0, z, wall.holes):
                 # The ends reach into the corners, behind the faces of the neighbours.
@@ -139,7 +121,7 @@ class _Loft:
                 end = right + WALL if right == wall.length else right
                 parts.append(block(own, paint, (start, -WALL, bottom), (end, 0, top)))
             if lower is not None:
-                rail = m.row(rng, a=self.palette.paint)
+                rail = m.plain(rng, self.palette.paint)
                 for cover, thick, floor, ceiling in ((lower, 0.006, 0.0, split), (rail, 0.025, split, split + 0.03)):
                     parts += [
                         block(own, cover, (left, 0, bottom), (right, thick, top))
@@ -147,7 +129,7 @@ class _Loft:
                     ]
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
-    def _floor(self) -> Row:
+    def _floor(self) -> Material:
         rng, look = self.rng, self.rng.random()
         if look < 0.3:
             return m.stone(rng)
@@ -155,12 +137,15 @@ class _Loft:
             return m.tiles(rng)
         if look < 0.8:
             dark, wood = self.palette.dark, self.palette.wood
-            return m.row(rng, t.PLANKS, wood, dark, dark, scale=rng.uniform(0.18, 0.3), aspect=rng.uniform(3, 6), duty=0.985,
-                         variation=0.2, tint=0.6, gloss=0.2)  # fmt: skip
-        return m.row(rng, a=self.palette.walls[1], fine=0.2, fine_scale=0.015, blotch=0.1, blotch_scale=0.2)
+            scale, aspect = rng.uniform(0.18, 0.3), rng.uniform(3, 6)
+            planks = m.Pattern(
+                t.PLANKS, wood, dark, dark, scale=scale, aspect=aspect, duty=0.985, variation=0.2, tint=0.6
+            )
+            return m.patterned(rng, planks, gloss=0.2)
+        return m.plain(rng, self.palette.walls[1], m.Noise(0.2, 0.015, 0.1, 0.2))
 
     def openings(self) -> None:
-        """A door in an end wall, and a band of equal windows in a long wall or one large one in the other end."""
+        """Add a door in one end wall, and equal windows in a long wall or one large window in the other end wall."""
         rng, (_, width, height) = self.rng, self.size
         door = openings.door(rng, height)
         end = self.walls[1]
@@ -197,12 +182,12 @@ class _Loft:
                     self.hang(wall, drape, start, 0.0)
 
     def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
-        """Fix a piece to a wall with its lower left corner there."""
+        """Hang a piece on a wall with its lower left corner at (left, low) [m]."""
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
         self.parts += moved(self.toned(piece).parts, (*wall.at(left), low), wall.yaw)
 
     def stand(self, piece: Piece, x: float, y: float, yaw: float) -> bool:
-        """Put a piece on the floor with its own (0, 0) at (x, y), if there is room for it."""
+        """Put a piece on the floor with its origin at (x, y). False if there is no room."""
         width, depth, _ = piece.size
         shape = rectangle(x, y, width, depth, yaw)
         if (np.abs(shape) > (self.size[0] / 2 - 0.03, self.size[1] / 2 - 0.03)).any():
@@ -217,11 +202,11 @@ class _Loft:
         return True
 
     def toned(self, piece: Piece) -> Piece:
-        """The piece, or what is exchanged for it, its wood and its paint in the room's colours."""
+        """The piece, or its replacement, with wood and paint in the room's colours."""
         piece = piece if self.swap is None else self.swap(piece)
         return replace(piece, parts=tuple(replace(part, material=self._toned(part.material)) for part in piece.parts))
 
-    def _toned(self, material: Row) -> Row:
+    def _toned(self, material: Material) -> Material:
         kind = int(material[t.KIND])
         if kind == t.WOOD:
             colours = self.palette.wood, self.palette.dark
@@ -235,13 +220,13 @@ class _Loft:
         return material
 
     def zone(self, zone: str, start: float, length: float) -> None:
-        """Furnish a stretch of the room, `start` being the smallest x of it [m]."""
+        """Furnish the stretch of the room from x = `start` [m]."""
         middle = start + length / 2
         side = ALONG if self.rng.random() < 0.65 else OPPOSITE
         getattr(self, f"_{zone}")(middle, length, side)
 
     def at_wall(self, maker: Maker | Piece, middle: float, side: int, off: float = 0.04) -> Piece | None:
-        """A piece with its back to a long wall, its middle at an x; None if there was no room."""
+        """Put a piece with its back to a long wall, centred at x = `middle`; None if there is no room."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
         off += 0.1 if piece.name in ("bed", "sofa") else 0.0
         wall = self.walls[side]
@@ -254,14 +239,14 @@ class _Loft:
         return piece
 
     def facing(self, maker: Maker | Piece, middle: float, side: int, off: float) -> None:
-        """A piece that looks at a long wall from a distance [m] of its front."""
+        """Put a piece with its front towards a long wall, `off` away from it [m]."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
         wall = self.walls[side]
         along = (middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle) + piece.size[0] / 2
         self.stand(piece, *wall.at(along, off + piece.size[1]), wall.yaw + np.pi)
 
     def in_line(self, makers: Sequence[Maker], start: float, end: float, side: int) -> None:
-        """Pieces side by side along a long wall, as many as fit."""
+        """Put pieces side by side along a long wall, as many as fit."""
         x = start
         for maker in makers:
             piece = maker(self.rng)
@@ -295,9 +280,8 @@ class _Loft:
     def _working(self, middle: float, length: float, side: int) -> None:
         desk = self.at_wall(furniture.desk, middle, side)
         self.facing(furniture.chair, middle, side, (desk.size[1] if desk else 0.7) + 0.15)
-        self.in_line(
-            (fittings.bookshelf, fittings.bookshelf), middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side
-        )
+        makers = (fittings.bookshelf, fittings.bookshelf)
+        self.in_line(makers, middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
 
     def _eating(self, middle: float, length: float, side: int) -> None:
         table = furniture.dining_table(self.rng)
@@ -309,12 +293,8 @@ class _Loft:
         self.at_wall(fittings.cabinet, middle, side)
 
     def _cooking(self, middle: float, length: float, side: int) -> None:
-        self.in_line(
-            (fittings.refrigerator, fittings.counter, fittings.other),
-            middle - length / 2 + 0.05,
-            middle + length / 2,
-            side,
-        )
+        makers = (fittings.refrigerator, fittings.counter, fittings.other)
+        self.in_line(makers, middle - length / 2 + 0.05, middle + length / 2, side)
         self.at_wall(fittings.island, middle, OPPOSITE - side)
 
     def _bathing(self, middle: float, length: float, side: int) -> None:
@@ -324,12 +304,8 @@ class _Loft:
             wall = self.walls[side]
             along = middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle
             self.stand(drape, *wall.at(along - tub.size[0] / 2, tub.size[1] + 0.06), wall.yaw)
-        self.in_line(
-            (fittings.toilet, fittings.washbasin, fittings.cabinet),
-            middle - length / 2 + 0.1,
-            middle + length / 2,
-            OPPOSITE - side,
-        )
+        makers = (fittings.toilet, fittings.washbasin, fittings.cabinet)
+        self.in_line(makers, middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
 
     def _storing(self, middle: float, length: float, side: int) -> None:
         makers = (fittings.cabinet, fittings.bookshelf, fittings.cabinet)
@@ -337,7 +313,7 @@ class _Loft:
         self.at_wall(furniture.armchair, middle, OPPOSITE - side)
 
     def row_of_pictures(self) -> None:
-        """Pictures of one size in a row, on each wall that has room at eye height."""
+        """Hang pictures of one size in a row at eye height, on each wall that has room."""
         rng = self.rng
         for wall in self.walls:
             piece = openings.picture(rng)
@@ -353,32 +329,24 @@ class _Loft:
                 left = right + gap
 
     def _other_art(self, part: Part) -> Part:
-        """The part, with another picture if it is one."""
+        """The part; if it is a picture, with other art."""
         art = part.material[t.KIND] in (t.LANDSCAPE, t.ABSTRACT)
         return replace(part, material=m.artwork(self.rng)) if art else part
 
     def lamps(self) -> None:
-        """Globes in a row along the middle of the ceiling."""
+        """Hang globes in a row along the middle of the ceiling."""
         rng, (x, _, z) = self.rng, self.size
         lit = rng.random() < 0.5
-        shade = m.row(rng, a=(0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
+        shade = m.plain(rng, (0.9, 0.87, 0.8), emission=1.2 if lit else 0.25)
         radius, drop = rng.uniform(0.08, 0.16), rng.uniform(0.35, 0.7)
         for along in np.linspace(-x / 2, x / 2, int(rng.integers(3, 5)))[1:-1]:
-            self.parts.append(
-                block(
-                    IGNORE,
-                    shade,
-                    (along - radius, -radius, z - drop),
-                    (along + radius, radius, z - drop + 2 * radius),
-                    CYLINDER,
-                )
-            )
+            self.parts.append(post(IGNORE, shade, (along, 0.0), radius, z - drop, z - drop + 2 * radius))
             if lit:
                 self.lit.append(Lamp((float(along), 0.0, z - drop - 0.08), float(rng.uniform(1.0, 3.0))))
             self.parts.append(block(IGNORE, m.metal(rng), (along - 0.006, -0.006, z - drop), (along + 0.006, 0.006, z)))
 
     def things(self) -> None:
-        """Small things in rows on flat tops, a few on the floor along the walls."""
+        """Put small things in rows on furniture, and a few on the floor along the walls."""
         rng = self.rng
         for x, y, yaw, width, depth, height in self.tops:
             left = 0.05
@@ -387,13 +355,9 @@ class _Loft:
                 if left + thing.size[0] > width - 0.05 or thing.size[1] > depth - 0.06:
                     break
                 a, b = left, (depth - thing.size[1]) * rng.uniform(0.2, 0.8)
-                cosine, sine = np.cos(yaw), np.sin(yaw)
                 thing = thing if self.swap is None else self.swap(thing)
-                self.parts += moved(thing.parts, (x + cosine * a - sine * b, y + sine * a + cosine * b, height), yaw)
+                self.parts += moved(thing.parts, (*placed((x, y), yaw, a, b), height), yaw)
                 left += thing.size[0] + rng.uniform(0.04, 0.25)
         for _ in range(int(rng.integers(0, 4))):
-            self.at_wall(
-                things.clutter(rng, rng.uniform(0.2, 0.5)),
-                rng.uniform(-0.45, 0.45) * self.size[0],
-                int(rng.choice([ALONG, OPPOSITE])),
-            )
+            thing, middle = things.clutter(rng, rng.uniform(0.2, 0.5)), rng.uniform(-0.45, 0.45) * self.size[0]
+            self.at_wall(thing, middle, int(rng.choice([ALONG, OPPOSITE])))

@@ -1,4 +1,4 @@
-"""Outlines: the shape of a dwelling's floor. A rectangle, one with a corner or a breast built in, or two rooms and a door."""
+"""Shape of the floor: a rectangle, an L, a rectangle with a chimney breast, or two rooms joined by an opening."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Zone:
     Attributes:
         kind: what it is used for.
         low, high: corners of its rectangle [m].
-        walls: what furniture stands against.
-        free_area: of its floor [m2].
+        walls: where furniture may be placed.
+        free_area: floor area [m2].
     """
 
     kind: str
@@ -33,13 +33,13 @@ class Zone:
 
 @dataclass
 class Outline:
-    """Rooms inside one rectangle, whose middle is the origin.
+    """Rooms inside one rectangle centred on the origin.
 
     Attributes:
         size: inner length, width, height [m].
         zones: one or two rooms.
-        built: footprints of what is solid from floor to ceiling inside the rectangle [m].
-        passage: where the wall between two rooms has its opening, on the first room's face and on the second's.
+        built: footprints of built-in blocks, solid from floor to ceiling [m].
+        passage: place of the opening between two rooms, along the wall of the first room and that of the second.
     """
 
     size: tuple[float, float, float]
@@ -57,7 +57,7 @@ def rectangular(kind: str, size: tuple[float, float, float]) -> Outline:
 
 
 def with_corner_built_in(rng: np.random.Generator, kind: str, size: tuple[float, float, float]) -> Outline:
-    """An L: one corner is not part of the room."""
+    """An L: one corner is built in."""
     outline = rectangular(kind, size)
     (zone,) = outline.zones
     number = int(rng.integers(4))
@@ -75,7 +75,7 @@ def with_corner_built_in(rng: np.random.Generator, kind: str, size: tuple[float,
 
 
 def with_breast(rng: np.random.Generator, kind: str, size: tuple[float, float, float]) -> Outline:
-    """A chimney breast or a duct: a block that projects from a wall and leaves alcoves at its sides."""
+    """A chimney breast or a duct: a block that projects from a wall, with alcoves on both sides."""
     outline = rectangular(kind, size)
     (zone,) = outline.zones
     number = int(rng.integers(4))

@@ -1,4 +1,4 @@
-"""Plans of every style, and how much of them is from assets."""
+"""Floor plans of every style, and how many of them use assets."""
 
 from __future__ import annotations
 
@@ -6,31 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from semgs.rooms.assets.coverings import Coverings, Shares
-from semgs.rooms.assets.gallery import Gallery
+from semgs.rooms.assets.coverings import ALL, HUNG, Coverings
 from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
+from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.home import draw_home
 from semgs.rooms.plans.other import draw_other
 from semgs.rooms.plans.style import STYLES, Style
 
-DRAWN = {"home": draw_home, "other": draw_other}
-"""What makes the plans of each style."""
+PLANNERS = {"home": draw_home, "other": draw_other}
 MESHES = {"home": 0.5, "other": 0.9}
-"""Share of the rooms with meshes, where there is a library."""
-PICTURES = {"home": 0.75, "other": 1.0}
-"""Share of the rooms with pictures on their surfaces, where there is a library."""
-ALL = Shares()
-HUNG = Shares(floor=0.0, wall=0.0, plaster=0.0, wood=0.0, cloth=0.0, stone=0.0, rug=0.0)
-"""Pictures in frames and views through windows only: what the others have as well."""
+"""If there is a library: share of rooms that use its meshes."""
+IMAGES = {"home": 0.75, "other": 1.0}
+"""If there is a library: share of rooms that use its images on all surfaces."""
 
 
-def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, Gallery]:
-    """A plan of a style and the pictures that its materials are of.
+def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> tuple[FloorPlan, UsedAssets]:
+    """A floor plan of a style, and the assets that it uses.
 
-    What comes from the library is drawn by numbers of its own: furniture stands where it would without. Only the small
-    things on it, and what is drawn after them, follow the tops of the meshes.
+    Assets are chosen with a random generator of their own, so furniture is where it would be without a library. Only small things
+    on furniture, and whatever is placed after them, depend on the tops of the meshes.
 
     Raises:
         ValueError: there is no such style.
@@ -38,12 +34,12 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
     """
     if style not in STYLES:
         raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
-    gallery = Gallery()
+    used = UsedAssets()
     if library is None:
-        return DRAWN[style](rng), gallery
+        return PLANNERS[style](rng), used
     own = rng.spawn(1)[0]
-    coverings = Coverings(own, library, gallery)
-    swap = Swaps(own, library, coverings) if own.random() < MESHES[style] else None
-    coverings.shares = ALL if own.random() < PICTURES[style] else HUNG
-    plan = DRAWN[style](rng, swap)
-    return replace(plan, parts=tuple(coverings.cover(plan.parts))), gallery
+    has_meshes = own.random() < MESHES[style]
+    coverings = Coverings(own, library, used, ALL if own.random() < IMAGES[style] else HUNG)
+    swap = Swaps(own, library, coverings) if has_meshes else None
+    plan = PLANNERS[style](rng, swap)
+    return replace(plan, parts=tuple(coverings.cover(plan.parts))), used

@@ -1,1 +1,1 @@
-"""Sets: cameras on their way through rooms, and samples, scenes and data sets of what they see."""
+"""Cameras in rooms, and the samples, scenes and data sets that they produce."""

@@ -1,4 +1,4 @@
-"""Cameras that people and robots carry through a room: where they are, where they look, what lens they have."""
+"""Cameras carried through a room by people and robots: intrinsics, and paths with position and orientation."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ from semgs.rooms.drawing.room import Room
 from semgs.rooms.drawing.shading import centres, look, pixel_directions
 
 PROBE = (12, 16)
-"""Rays (down, across) with which a view is judged."""
+"""Probe rays (rows, columns) from which a view is scored."""
 CANDIDATES = 10
-"""How many free ways are judged."""
+"""Number of collision-free paths that are scored."""
 CLEARANCE = 0.5
-"""Least distance to solids in the distance field [m]; the field errs by less than 0.1 m."""
+"""Minimum distance to solids in the distance field, whose error is below 0.1 m [m]."""
 NEAREST = 0.5
-"""Least z-depth of a probe ray [m]."""
+"""Minimum z-depth of a probe ray [m]."""
 LOWEST = 0.3
-"""Least height above the floor [m]."""
+"""Minimum height above the floor [m]."""
 ROBOT, HAND = (0.32, 0.6), (1.0, 1.8)
-"""Heights at which robots and people carry cameras [m]."""
+"""Camera heights on robots and in people's hands [m]."""
 ROBOTS = 0.2
-"""Share of the ways that are a robot's."""
+"""Share of robot paths."""
 SMALL = (12, 16, 17, 18)
-"""Classes of small things in few rooms (desk, toilet, sink, bathtub); a view is liked better the more it shows of them."""
+"""Classes of small things in few rooms (desk, toilet, sink, bathtub); the more of them a view shows, the higher its score."""
 RARE = (5, 9, 10, 12, 14, 16, 17, 19)
-"""Classes that fill few pixels (sofa, bookshelf, picture, desk, refrigerator, toilet, sink, otherfurniture); a view that
-shows one is liked better."""
+"""Classes that fill few pixels (sofa, bookshelf, picture, desk, refrigerator, toilet, sink, otherfurniture); showing one raises
+a view's score."""
 WALL_LABEL, FLOOR_LABEL = 0, 1
 
 
 @dataclass(frozen=True)
-class Path:
-    """A smooth way of a camera, as a function of s.
+class CameraPath:
+    """A smooth camera path, as a function of s.
 
     Attributes:
-        middle: place at s = 0 [m].
+        middle: position at s = 0 [m].
         travel: displacement per unit of s [m].
         bend: displacement per s squared [m].
         yaw, pitch, roll: at s = 0 [rad]; yaw from x towards y, pitch positive upwards.
         yaw_rate, pitch_rate, roll_rate: change per unit of s [rad].
-        tremor: amplitude of the hand's shaking [rad].
-        phase: where the shaking starts.
+        tremor: amplitude of camera shake [rad].
+        phase: of the shake [rad].
     """
 
-    middle: tuple[float, float, float]
-    travel: tuple[float, float, float]
-    bend: tuple[float, float, float]
+    middle: Float64[np.ndarray, 3]
+    travel: Float64[np.ndarray, 3]
+    bend: Float64[np.ndarray, 3]
     yaw: float
     pitch: float
     roll: float
@@ -60,17 +60,15 @@ class Path:
     phase: float
 
     def place(self, s: float) -> Float64[np.ndarray, 3]:
-        """Where the camera is [m]."""
-        return np.array(self.middle) + s * np.array(self.travel) + s * s * np.array(self.bend)
+        """Camera position [m]."""
+        return self.middle + s * self.travel + s * s * self.bend
 
     def pose(self, s: float) -> Float64[np.ndarray, "4 4"]:
         """world_from_camera, OpenCV axes."""
         shake = self.tremor * np.sin(np.array([5.1, 6.7, 4.3]) * s + self.phase + np.array([0.0, 2.0, 4.0]))
-        yaw, pitch, roll = (
-            self.yaw + self.yaw_rate * s + shake[0],
-            self.pitch + self.pitch_rate * s + shake[1],
-            self.roll + self.roll_rate * s + shake[2],
-        )
+        yaw = self.yaw + self.yaw_rate * s + shake[0]
+        pitch = self.pitch + self.pitch_rate * s + shake[1]
+        roll = self.roll + self.roll_rate * s + shake[2]
         forward = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
         right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
         down = np.cross(forward, right)
@@ -81,22 +79,17 @@ class Path:
         result[:3, 3] = self.place(s)
         return result
 
-    def paced(self, factor: float) -> Path:
-        """The same way about the same middle, with everything changing `factor` times as fast."""
-        x, y, z = (factor * c for c in self.travel)
-        a, b, c = (factor * factor * d for d in self.bend)
+    def paced(self, factor: float) -> CameraPath:
+        """The same path around the same middle, `factor` times as fast."""
         return replace(
-            self,
-            travel=(x, y, z),
-            bend=(a, b, c),
-            yaw_rate=factor * self.yaw_rate,
-            pitch_rate=factor * self.pitch_rate,
-            roll_rate=factor * self.roll_rate,
-        )
+            self, travel=factor * self.travel, bend=factor * factor * self.bend, yaw_rate=factor * self.yaw_rate,
+            pitch_rate=factor * self.pitch_rate, roll_rate=factor * self.roll_rate,
+        )  # fmt: skip
 
 
 def draw_intrinsics(rng: np.random.Generator, size: tuple[int, int]) -> Float64[np.ndarray, "3 3"]:
-    """A pinhole of focal length 0.7 to 1.3 of the longer side, principal point off the centre, at times fx and fy up to a third apart [px]."""
+    """Random pinhole intrinsics [px]: focal length 0.7 to 1.3 of the longer side, principal point off the centre, sometimes fx and
+    fy up to a third apart."""
     height, width = size
     focal = rng.uniform(0.7, 1.3) * max(height, width)
     if rng.random() < 0.5:
@@ -113,25 +106,22 @@ def draw_path(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
     reach: float,
-) -> Path:
-    """A way through free space that shows much of what is in the room.
+) -> CameraPath:
+    """A random collision-free path that shows much of the room.
 
     Args:
-        rng: draws the way.
+        rng: source of all random choices.
         room: the room.
         intrinsics: of the camera [px].
         size: image (height, width) [px].
-        reach: the way must be free from s = -reach to s = reach.
+        reach: the path must be free from s = -reach to s = reach.
     """
-    paths: list[Path] = []
+    paths: list[CameraPath] = []
     heights = ROBOT if rng.random() < ROBOTS else HAND
-    for _ in range(6):
-        for middle in _free_places(rng, room, heights, 150)[:60]:
-            path = _draw(rng, room, middle, reach)
-            if free(room, path, reach):
-                paths.append(path)
-            if len(paths) == CANDIDATES:
-                break
+    for middle in (place for _ in range(6) for place in _free_places(rng, room, heights, 150)[:60]):
+        path = _draw(rng, room, middle, reach)
+        if free(room, path, reach):
+            paths.append(path)
         if len(paths) == CANDIDATES:
             break
     if not paths:
@@ -140,8 +130,8 @@ def draw_path(
     return paths[int(scores.argmax())]
 
 
-def free(room: Room, path: Path, reach: float) -> bool:
-    """Whether the way keeps its distance from everything between s = -reach and s = reach."""
+def free(room: Room, path: CameraPath, reach: float) -> bool:
+    """Whether the path keeps its clearance between s = -reach and s = reach."""
     length = 2 * reach * float(np.linalg.norm(path.travel))
     steps = np.linspace(-reach, reach, max(9, int(np.ceil(length / 0.15)) + 1))
     places = np.array([path.place(float(s)) for s in steps])
@@ -156,7 +146,7 @@ def overlap(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
 ) -> float:
-    """The share of what the first camera sees that the second sees as well, 0..1."""
+    """Share of what the first camera sees that the second sees too, 0..1."""
     directions = pixel_directions(first, intrinsics, _probe_pixels(size))
     _, depths = look(room, first, directions)
     points = first[:3, 3] + directions * depths[:, None]
@@ -177,7 +167,7 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
 def _free_places(
     rng: np.random.Generator, room: Room, heights: tuple[float, float], count: int
 ) -> Float64[np.ndarray, "n 3"]:
-    """Those of `count` random places between two heights that keep their distance."""
+    """`count` random places between two heights, without those too close to something."""
     x, y, z = room.plan.size
     height = rng.uniform(heights[0], min(heights[1], z - 0.6), count)
     across = rng.uniform(-0.5, 0.5, (count, 2)) * (x - 1.0, y - 1.0)
@@ -185,9 +175,11 @@ def _free_places(
     return places[room.clearance(places) >= CLEARANCE]
 
 
-def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float) -> Path:
-    """Any way: sideways round something, forwards or backwards; s = 1 is a step of 5-40 cm (less where the room would not
-    hold twice the reach) and 1-15 degrees."""
+def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float) -> CameraPath:
+    """A random path through a place, not yet checked: usually sideways, else forwards or backwards.
+
+    A unit of s is 5-40 cm (less if the room is too short for twice the reach) and 1-15 degrees.
+    """
     x, y, _ = room.plan.size
     aim = np.array([rng.uniform(-0.5, 0.5) * x, rng.uniform(-0.5, 0.5) * y, rng.uniform(0.2, 1.3)])
     if room.plan.footprints and rng.random() < 0.8:
@@ -200,12 +192,8 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
     rise = 0.2 if middle[2] > ROBOT[1] else 0.02  # robots roll
     longest = min(0.4, 0.3 * float(np.hypot(x, y)) / (2 * reach))
     step = float(np.exp(rng.uniform(np.log(min(0.05, longest / 2)), np.log(longest))))
-    look_way = rng.random()
-    heading = (
-        yaw
-        + (np.pi / 2 * rng.choice([-1, 1]) if look_way < 0.65 else rng.choice([0.0, np.pi]))
-        + rng.uniform(-0.5, 0.5)
-    )
+    turned = np.pi / 2 * rng.choice([-1, 1]) if rng.random() < 0.65 else rng.choice([0.0, np.pi])
+    heading = yaw + turned + rng.uniform(-0.5, 0.5)
     travel = step * np.array([np.cos(heading), np.sin(heading), rng.uniform(-rise, rise)])
     sideways = float(-np.sin(yaw) * travel[0] + np.cos(yaw) * travel[1])
     turn = -sideways / distance * rng.uniform(-0.2, 1.2) + rng.uniform(-0.06, 0.06)
@@ -213,10 +201,10 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
     if abs(turn) < 0.0175:
         turn = 0.0175 if turn >= 0 else -0.0175
     bend = step * rng.uniform(-0.06, 0.06, 3) * (1, 1, rise)
-    return Path(
-        middle=(float(middle[0]), float(middle[1]), float(middle[2])),
-        travel=(float(travel[0]), float(travel[1]), float(travel[2])),
-        bend=(float(bend[0]), float(bend[1]), float(bend[2])),
+    return CameraPath(
+        middle=middle,
+        travel=travel,
+        bend=bend,
         yaw=yaw,
         pitch=float(np.clip(pitch, -0.75, 0.25)),
         roll=float(rng.normal(0, 0.035)),
@@ -231,12 +219,12 @@ def _draw(rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"
 def _score(
     rng: np.random.Generator,
     room: Room,
-    path: Path,
+    path: CameraPath,
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
     reach: float,
 ) -> float:
-    """How much a way shows: classes, rare ones more, walls and ceilings less; far less where something is too near."""
+    """Score of a path: higher for more classes, above all rare ones; lower for walls and ceilings, or if something is too close."""
     directions = pixel_directions(np.eye(4), intrinsics, _probe_pixels(size))
     score = float(rng.uniform(0, 1.5))
     for s in (-reach, 0.0, reach):
@@ -255,8 +243,8 @@ def _score(
     return score
 
 
-def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> Path:
-    """The way through the freest place of the room, as slow as it must be to stay free."""
+def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> CameraPath:
+    """A path through the place with the most clearance, slowed down until it is free."""
     x, y, z = room.plan.size
     places = rng.uniform((-x / 2 + 0.3, -y / 2 + 0.3, 0.5), (x / 2 - 0.3, y / 2 - 0.3, z - 0.5), (4000, 3))
     path = _draw(rng, room, places[int(room.clearance(places).argmax())], reach)

@@ -1,4 +1,4 @@
-"""Data sets of rooms: a folder of scenes that is filled by worker processes and goes on where it was left."""
+"""Data sets of rooms: folders of scenes, written by worker processes and resumable."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import re
 import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from semgs import __version__
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import ATTRIBUTION
 from semgs.data.workers import outcomes
@@ -18,57 +16,10 @@ from semgs.files.atomic import write_bytes, write_json
 from semgs.files.claims import is_begun
 from semgs.files.folders import alone, check_writable
 from semgs.files.strict_json import read_json
-from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.lock import attribution
-from semgs.rooms.plans.style import STYLES, Style
-from semgs.rooms.sets.scenes import ROOM, SHADED, write_scene
+from semgs.rooms.sets.scenes import ROOM, SHADED, Recipe, write_scene
 
 SETTINGS, INDEX = "settings.json", "index.json"
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """All that decides the bytes of scene k; how many scenes there are, where and by whom they are drawn does not.
-
-    Attributes:
-        seed: the stream of rooms.
-        size: image (height, width) [px].
-        frames: of each scene.
-        style: the world that the rooms are of.
-        library: meshes and pictures to draw from, None for none. Wherever its folders are, their locks name it.
-
-    Raises:
-        ValueError: a field is out of its range.
-    """
-
-    seed: int
-    size: tuple[int, int]
-    frames: int = 12
-    style: Style = "home"
-    library: Library | None = None
-
-    def __post_init__(self) -> None:
-        checks = {
-            "seed": (self.seed >= 0, "0 or more"),
-            "size": (min(self.size) >= 1, "positive height and width"),
-            "frames": (self.frames >= 2, "2 or more"),
-            "style": (self.style in STYLES, f"one of {', '.join(STYLES)}"),
-        }
-        for name, (holds, expected) in checks.items():
-            if not holds:
-                raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
-
-    def as_json(self) -> dict:
-        """As `settings.json` keeps it, with the version that drew it: another one may draw other rooms."""
-        return {
-            "semgs": __version__,
-            "seed": self.seed,
-            "size": list(self.size),
-            "frames": self.frames,
-            "style": self.style,
-            "render": SHADED,
-            "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
-        }
 
 
 def write_dataset(
@@ -79,31 +30,29 @@ def write_dataset(
     workers: int = 0,
     done: Callable[[int], None] = lambda count: None,
 ) -> dict:
-    """Draw scenes 0 .. scenes - 1 that a folder does not hold yet, then write its index, and whose assets are in them.
+    """Write those of scenes 0 .. scenes - 1 that are missing in a folder, then its index and the attribution of its assets.
 
-    Every scene appears complete or not at all, so the same call goes on where an earlier one was cut short, and a larger
-    number of scenes adds to those that are there. The bytes do not depend on `workers`.
+    Each scene appears only once it is complete. To resume, repeat the call; a larger number of scenes adds scenes. The bytes do
+    not depend on `workers`.
 
     Args:
-        out: a new or empty folder, or one that holds scenes of the same recipe.
-        recipe: what to draw.
-        scenes: how many.
-        workers: processes that draw; 0 draws in this one.
-        done: told how many scenes are there, at the start and after each.
+        out: a new or empty folder, or one with scenes of the same recipe.
+        recipe: what to generate.
+        scenes: number of scenes.
+        workers: worker processes; 0 works in this process.
+        done: called with the number of finished scenes, at the start and after each.
 
     Returns:
-        What `index.json` holds.
+        The content of `index.json`.
 
     Raises:
-        ValueError: the number of scenes or workers is too small, or the folder holds scenes of another recipe, or more scenes.
-        InputError: the folder is not ours, another process is filling it, or a file of the assets cannot be read.
+        ValueError: the number of scenes or workers is too small, or the folder has scenes of another recipe, or more scenes.
+        InputError: the folder is not ours, another process is writing to it, or a file of the assets cannot be read.
         OSError: the disk is full.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
     if scenes < 1 or workers < 0:
-        raise ValueError(
-            f"scenes is {scenes} and workers {workers}; expected at least one scene and no negative number"
-        )
+        raise ValueError(f"scenes is {scenes} and workers {workers}; expected at least 1 and at least 0")
     folder = Path(out)
     claim(folder, recipe, scenes)
     with _alone(folder):
@@ -111,16 +60,12 @@ def write_dataset(
 
 
 def _alone(folder: Path) -> AbstractContextManager[None]:
-    """Be the only one that draws rooms into a folder.
-
-    Raises:
-        InputError: another process does.
-    """
-    return alone(folder / SETTINGS, "a folder that nobody draws rooms into", "one that another process is filling")
+    """Lock a folder; an InputError if another process is writing rooms into it."""
+    return alone(folder / SETTINGS, "a folder that no other process is using", "one that another process is filling")
 
 
 def _filled(folder: Path, recipe: Recipe, scenes: int, workers: int, done: Callable[[int], None]) -> dict:
-    """Draw what is missing, and write the index; what it holds."""
+    """Write the missing scenes, then the index; returns its content."""
     missing = [index for index in range(scenes) if not (folder / scene_name(index) / ROOM).is_file()]
     count = scenes - len(missing)
     done(count)
@@ -144,11 +89,11 @@ def scene_name(index: int) -> str:
 
 
 def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
-    """Make the folder a data set of this recipe, and clear away scenes of it that were cut short.
+    """Make the folder a data set of this recipe, and remove incomplete scenes from it.
 
     Raises:
-        ValueError: it holds scenes of another recipe, which is told, or more of them.
-        InputError: it holds something else, nothing can be written there, or another process is filling it.
+        ValueError: it has scenes of another recipe (the message lists the differences), or more scenes.
+        InputError: it contains something else, cannot be written to, or another process is writing to it.
     """
     if not is_begun(folder / SETTINGS, recipe.as_json(), "a data set of rooms"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -157,7 +102,7 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
     more = [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
     if more:
         raise ValueError(
-            f"{folder} holds {max(more)}, so more than the {scenes} scenes asked for; ask for as many or name another folder"
+            f"{folder} contains {max(more)}, which is more than the {scenes} requested scenes; request more or name another folder"
         )
     with _alone(folder):
         for path in folder.glob(".scene_*.part"):
@@ -171,21 +116,17 @@ def _number(name: str) -> str:
 
 
 def _draw(folder: Path, recipe: Recipe, index: int) -> None:
-    """Draw and write one scene."""
-    write_scene(
-        folder / scene_name(index), recipe.seed, index=index, size=recipe.size, frames=recipe.frames,
-        library=recipe.library, style=recipe.style,
-    )  # fmt: skip
+    write_scene(folder / scene_name(index), recipe, index)
 
 
 def _files(folder: Path, scenes: int) -> set[str]:
-    """The files of the assets that are in any scene."""
+    """The asset files used in any scene."""
     rooms = (read_json(folder / scene_name(index) / ROOM) for index in range(scenes))
     return {file for room in rooms for file in room["assets"]}
 
 
 def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
-    """What is in the data set: its recipe, its scenes, and the pixels of each class in each and in all."""
+    """Contents of the data set: its recipe, its scenes, and pixel counts of each class per scene and in total."""
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
         room = read_json(folder / scene_name(index) / ROOM)

@@ -1,4 +1,4 @@
-"""The embedded scene: a room that comes with the package, so that everything can be tried without data."""
+"""The included scene: a room that ships with the package, to try everything without data."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from importlib.resources import files
 from pathlib import Path
 
 SEED = 2026
-"""The stream that the scene is from, its room 412; nothing is trained or validated in it."""
+"""Seed of the scene, which is room 412; nothing is trained or validated on this seed."""
 
 
 def demo_scene() -> Path:
-    """The folder of the embedded scene: eight frames of a living room at 240x320, with depths and labels.
+    """Folder of the included scene: eight frames of a living room at 240x320, with depths and labels.
 
     Raises:
-        FileNotFoundError: the package was installed without it.
+        FileNotFoundError: the installed package does not contain it.
     """
     folder = Path(str(files("semgs.rooms.sets"))) / "demo"
     if not (folder / "transforms.json").is_file():
-        raise FileNotFoundError(f"{folder} holds no scene: the package is incomplete; install it again")
+        raise FileNotFoundError(f"{folder} contains no scene; the package is incomplete, install it again")
     return folder

@@ -1,4 +1,4 @@
-"""Rooms as folders that any reader of `transforms.json` opens."""
+"""Write rooms as scene folders in the `transforms.json` layout."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from semgs import __version__
 from semgs.data.classes import IGNORE
 from semgs.data.terms import ROOM
 from semgs.data.views import Views
@@ -18,24 +19,24 @@ from semgs.files.pictures import jpeg_bytes, write_png
 from semgs.rooms.assets.library import Library
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.plans.floor_plan import FloorPlan
-from semgs.rooms.plans.style import Style
+from semgs.rooms.plans.style import STYLES, Style
 from semgs.rooms.sets.cameras import draw_intrinsics, draw_path
 from semgs.rooms.sets.stream import fitted, generator, shoot
 
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
 SHADED = "shaded"
-"""How rooms are lit. Data sets of releases that could also trace rooms differ by this entry, so files still have it."""
+"""Lighting method. Earlier releases also had another one and wrote this entry, so files still contain it."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """What a camera saw on its way through a room.
+    """The views of a camera on its path through a room.
 
     Attributes:
         views: with labels and depths.
         plan: of the room.
-        files: of the assets that are in the room.
+        files: of the assets in the room.
     """
 
     views: Views
@@ -43,106 +44,114 @@ class Walk:
     files: tuple[str, ...] = ()
 
 
-def draw_scene(
-    seed: int,
-    index: int,
-    *,
-    size: tuple[int, int],
-    frames: int,
-    library: Library | None = None,
-    style: Style = "home",
-) -> Walk:
-    """A walk through the room of sample (seed, index) of the stream; the same arguments give the same bits.
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that determines the bytes of scene k. The number of scenes, their folder and the workers have no influence.
 
-    Raises:
-        ValueError: fewer than two frames, a side that is not positive, a negative seed or index, or no such style.
-        InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
-    """
-    if frames < 2 or min(size) < 1:
-        raise ValueError(f"frames = {frames}, size = {size}; expected at least two frames and positive sides")
-    rng = generator(seed, index)
-    room = build_room(rng, library, style)
-    intrinsics = draw_intrinsics(rng, size)
-    reach = (frames - 1) / 2
-    path = fitted(rng, room, draw_path(rng, room, intrinsics, size, reach), intrinsics, size)
-    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, frames)]
-    return Walk(shoot(rng, room, poses, intrinsics, size), room.plan, room.files)
-
-
-def write_scene(
-    folder: str | Path,
-    seed: int,
-    *,
-    size: tuple[int, int],
-    frames: int = 12,
-    index: int = 0,
-    library: Library | None = None,
-    style: Style = "home",
-    quality: int = 92,
-    overwrite: bool = False,
-) -> None:
-    """Write a room as a `transforms.json` folder, complete or not at all.
-
-    Pictures are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20
-    classes in `labels/`, 255 = ignore. `room.json` says which room it is and how many pixels each class has, and
-    with a library which of its files are in it.
-
-    Args:
-        folder: where; a new folder, or with `overwrite` one of ours.
-        seed: the stream of rooms.
+    Attributes:
+        seed: of the rooms.
         size: image (height, width) [px].
-        frames: number of frames, at least 2.
-        index: which room of the stream.
-        library: meshes and pictures to draw from, None for none.
-        style: the world that the room is of.
-        quality: of the JPEGs, 1 to 95.
-        overwrite: replace a scene that was written there before.
+        frames: of each scene.
+        style: of the rooms.
+        library: meshes and images to use, None for none. It is identified by the locks of its folders, not by their paths.
 
     Raises:
-        ValueError: as `draw_scene`.
-        InputError: the folder is not ours, or is there already and `overwrite` is not set.
+        ValueError: a field is out of range.
+    """
+
+    seed: int
+    size: tuple[int, int]
+    frames: int = 12
+    style: Style = "home"
+    library: Library | None = None
+
+    def __post_init__(self) -> None:
+        checks = {
+            "seed": (self.seed >= 0, "0 or more"),
+            "size": (min(self.size) >= 1, "positive height and width"),
+            "frames": (self.frames >= 2, "2 or more"),
+            "style": (self.style in STYLES, f"one of {', '.join(STYLES)}"),
+        }
+        for name, (holds, expected) in checks.items():
+            if not holds:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
+
+    def as_json(self) -> dict:
+        """The content of `settings.json`. It includes the version of SemGS, as another version may make other rooms."""
+        return {
+            "semgs": __version__,
+            "seed": self.seed,
+            "size": list(self.size),
+            "frames": self.frames,
+            "style": self.style,
+            "render": SHADED,
+            "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
+        }
+
+
+def draw_scene(recipe: Recipe, index: int) -> Walk:
+    """Generate room `index` of a recipe and render a walk through it. The same arguments give the same bits.
+
+    Raises:
+        ValueError: the index is negative.
+        InputError: a file of the library cannot be read.
+        ImportError: embreex is not installed; the message names the extra to install.
+    """
+    rng = generator(recipe.seed, index)
+    room = build_room(rng, recipe.library, recipe.style)
+    intrinsics = draw_intrinsics(rng, recipe.size)
+    reach = (recipe.frames - 1) / 2
+    path = fitted(rng, room, draw_path(rng, room, intrinsics, recipe.size, reach), intrinsics, recipe.size)
+    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
+    return Walk(shoot(rng, room, poses, intrinsics, recipe.size), room.plan, room.files)
+
+
+def write_scene(folder: str | Path, recipe: Recipe, index: int = 0) -> None:
+    """Write room `index` of a recipe as a `transforms.json` folder. The folder appears only once it is complete.
+
+    Images are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20 classes in
+    `labels/`, 255 = ignore. `room.json` says which room it is, how many pixels each class has and, with a library, which of its
+    files are in the room.
+
+    Raises:
+        ValueError: the index is negative.
+        InputError: the folder already exists, or a file of the library cannot be read.
+        ImportError: embreex is not installed; the message names the extra to install.
         OSError: the disk is full.
     """
-    walk = draw_scene(seed, index, size=size, frames=frames, library=library, style=style)
-    length, width, height = (round(float(side), 3) for side in walk.plan.size)
+    walk = draw_scene(recipe, index)
     record: dict[str, Any] = {
-        "style": style,
-        "render": SHADED,
-        "seed": seed,
-        "index": index,
-        "kind": walk.plan.kind,
-        "size_m": [length, width, height],
-        "pixels": class_pixels(walk.views),
-    }
-    if library is not None:
+        "style": recipe.style, "render": SHADED, "seed": recipe.seed, "index": index, "kind": walk.plan.kind,
+        "size_m": [round(float(side), 3) for side in walk.plan.size], "pixels": class_pixels(walk.views),
+    }  # fmt: skip
+    if recipe.library is not None:
         record["assets"] = list(walk.files)
-    with own_folder(folder, overwrite) as fresh:
-        write_views(fresh, walk.views, quality)
+    with own_folder(folder) as fresh:
+        write_views(fresh, walk.views)
         write_json(fresh / ROOM, record)
 
 
 def class_pixels(views: Views) -> dict[str, int]:
-    """Number of pixels of each class, and of those without one as "ignored".
+    """Number of pixels of each class, and of pixels without a class as "ignored".
 
     Raises:
         ValueError: the views have no labels.
     """
     if views.labels is None:
-        raise ValueError("the views have no labels; expected some to count")
+        raise ValueError("the views have no labels")
     counts = torch.bincount(views.labels.flatten().long(), minlength=IGNORE + 1)
     named = {name: int(counts[label]) for label, name in enumerate(views.classes.names)}
     return {**named, "ignored": int(counts[IGNORE])}
 
 
-def write_views(folder: Path, views: Views, quality: int) -> None:
+def write_views(folder: Path, views: Views, quality: int = 92) -> None:
     """Write unbatched views with labels and depths into an existing folder.
 
     Raises:
         ValueError: labels or depths are missing.
     """
     if views.labels is None or views.depths is None:
-        raise ValueError("the views have no labels or no depths; expected both")
+        raise ValueError("the views have no labels or no depths; both are needed")
     for name in ("images", "depth", "labels"):
         (folder / name).mkdir()
     listed = []

@@ -1,4 +1,4 @@
-"""Contact sheets: random frames of many rooms beside their labels, to be looked at."""
+"""Contact sheets: random frames of many rooms next to their labels."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def contact_sheet(
     *,
     done: Callable[[int], None] = lambda count: None,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """48 frames of 48 rooms, eight rows of six, each with its labels to its right, over a legend of the classes.
+    """48 frames of 48 rooms in eight rows of six, each with its labels to the right, above a legend of the classes.
 
     Args:
-        seed: the stream of rooms, of which the first 48 are shown.
-        style: the world that they are of.
-        library: meshes and pictures to draw from, None for none.
-        done: told how many frames are drawn, after each.
+        seed: of the rooms; the first 48 are shown.
+        style: of the rooms.
+        library: meshes and images to use, None for none.
+        done: called with the number of finished frames.
 
     Raises:
         ValueError: the seed is negative.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
     colours = np.zeros((IGNORE + 1, 3), np.uint8)
     colours[: len(SCANNET20)] = SCANNET20.colours

@@ -1,12 +1,13 @@
-"""An endless stream of labelled views of rooms, each a pure function of (seed, index).
+"""Endless labelled samples of rooms, each a pure function of (seed, index).
 
-Streams of different seeds have nothing in common: rooms, ways and cameras are drawn from a hash of (seed, index). So
-training and validation differ by their seeds alone; neither may use the other's.
+Different seeds have nothing in common: rooms, paths and cameras depend on a hash of (seed, index). So training and validation need
+only different seeds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -20,10 +21,10 @@ from semgs.rooms.drawing.film import develop, draw_film
 from semgs.rooms.drawing.room import Room, build_room
 from semgs.rooms.drawing.shading import photograph
 from semgs.rooms.plans.style import Style
-from semgs.rooms.sets.cameras import Path, draw_intrinsics, draw_path, overlap
+from semgs.rooms.sets.cameras import CameraPath, draw_intrinsics, draw_path, overlap
 
 OVERLAP = (0.6, 0.9)
-"""What neighbouring context views share of what they see, where the way allows it."""
+"""Target range for the overlap of neighbouring input views."""
 
 Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
@@ -39,29 +40,28 @@ def sample(
     library: Library | None = None,
     style: Style = "home",
 ) -> tuple[Views, Views]:
-    """Context and target views of one room, with labels and depths.
+    """Input and target views of one room, with labels and depths.
 
-    Contexts are one to four steps of a hand-held camera apart, fewer where neighbours would share less than 60 to 90 % of
-    what they see; targets lie between them and a little beyond. The same arguments give the same bits.
+    Input views are one to four steps of a hand-held camera apart, or closer if neighbours would overlap by less than 60 to 90 %.
+    Target views are between them and slightly beyond. The same arguments give the same bits.
 
     Args:
-        seed: the stream.
-        index: which sample of it.
+        seed: of the samples.
+        index: of the sample.
         size: image (height, width) [px].
-        contexts: number of context views, at least 1.
+        contexts: number of input views, at least 1.
         targets: number of target views, may be 0.
-        library: meshes and pictures to draw from, None for none.
-        style: the world that the room is of.
+        library: meshes and images to use, None for none.
+        style: of the room.
 
     Raises:
         ValueError: a count or a side is too small, seed or index is negative, or there is no such style.
         InputError: a file of the library cannot be read.
-        ImportError: embreex is not installed; names the extra that brings it.
+        ImportError: embreex is not installed; the message names the extra to install.
     """
     if contexts < 1 or targets < 0 or min(size) < 1:
         raise ValueError(
-            f"contexts = {contexts}, targets = {targets}, size = {size}; expected at least one context, no negative number "
-            "of targets and positive sides"
+            f"contexts is {contexts}, targets {targets} and size {size}; expected contexts >= 1, targets >= 0 and positive sides"
         )
     rng = generator(seed, index)
     room = build_room(rng, library, style)
@@ -86,14 +86,18 @@ def generator(seed: int, index: int) -> np.random.Generator:
         ValueError: seed or index is negative.
     """
     if seed < 0 or index < 0:
-        raise ValueError(f"seed is {seed} and index {index}; expected numbers from 0")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+        raise ValueError(f"seed is {seed} and index {index}; expected 0 or more")
+    return np.random.default_rng((seed, index))
 
 
 def fitted(
-    rng: np.random.Generator, room: Room, path: Path, intrinsics: Float64[np.ndarray, "3 3"], size: tuple[int, int]
-) -> Path:
-    """The way, slowed down until views one unit of s apart share enough of what they see."""
+    rng: np.random.Generator,
+    room: Room,
+    path: CameraPath,
+    intrinsics: Float64[np.ndarray, "3 3"],
+    size: tuple[int, int],
+) -> CameraPath:
+    """The path, slowed down until views one unit of s apart overlap enough."""
     wanted = rng.uniform(*OVERLAP)
     for _ in range(6):
         if overlap(room, path.pose(-0.5), path.pose(0.5), intrinsics, size) >= wanted:
@@ -109,7 +113,7 @@ def shoot(
     intrinsics: Float64[np.ndarray, "3 3"],
     size: tuple[int, int],
 ) -> Views:
-    """Views from poses, all with one camera whose exposure suits the first."""
+    """Views from poses, with one camera whose exposure suits the first."""
     frames = [photograph(room, pose, intrinsics, size) for pose in poses]
     film = draw_film(rng, frames[0].radiance)
     pictures = np.stack([develop(rng, film, frame.radiance) for frame in frames])
@@ -123,46 +127,51 @@ def shoot(
     )
 
 
+@dataclass(frozen=True, eq=False)
 class RoomSamples(Dataset):
-    """The first `length` samples of a stream as a data set for loaders; item k is (context, target), a pure function of k.
+    """The first `length` samples of a seed as a data set for loaders. Item k is (input views, target views), a pure function of k.
 
-    Args:
-        seed: the stream.
+    Attributes:
+        seed: of the samples.
         size: image (height, width) [px].
-        contexts: number of context views, or a (lowest, highest) range.
+        contexts: number of input views, or a (lowest, highest) range.
         targets: number of target views, or a range.
         length: number of samples.
-        group: samples k with equal k // group have equal counts of views, so that they can be stacked; set it to the
-            size of a batch that is filled in order.
-        library: meshes and pictures to draw from, None for none.
+        group: samples k with equal k // group have equal numbers of views, so that they can be stacked. Set it to the size of
+            a batch that is filled in order.
+        library: meshes and images to use, None for none.
 
     Raises:
         ValueError: a range is empty, or length or group is not positive.
     """
 
-    def __init__(
-        self,
-        seed: int,
-        size: tuple[int, int],
-        contexts: Count,
-        targets: Count,
-        length: int,
-        group: int = 1,
-        library: Library | None = None,
-    ) -> None:
-        self.seed, self.size, self.length, self.group, self.library = seed, size, length, group, library
-        self.contexts, self.targets = ranged(contexts), ranged(targets)
-        if length < 1 or group < 1:
-            raise ValueError(f"length is {length} and group {group}; expected positive numbers")
-        for name, (low, high) in (("contexts", self.contexts), ("targets", self.targets)):
-            if low > high:
-                raise ValueError(f"{name} goes from {low} to {high}; expected (lowest, highest)")
+    seed: int
+    size: tuple[int, int]
+    contexts: Count
+    targets: Count
+    length: int
+    group: int = 1
+    library: Library | None = None
+
+    def __post_init__(self) -> None:
+        if self.length < 1 or self.group < 1:
+            raise ValueError(f"length is {self.length} and group {self.group}; expected positive numbers")
+        if any(low > high for low, high in self.ranges):
+            raise ValueError(f"contexts are {self.contexts} and targets {self.targets}; expected (lowest, highest)")
+
+    @property
+    def ranges(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Lowest and highest number of input views, and of target views."""
+        contexts, targets = (
+            (count, count) if isinstance(count, int) else count for count in (self.contexts, self.targets)
+        )
+        return contexts, targets
 
     def __len__(self) -> int:
         return self.length
 
     def __getitem__(self, k: int) -> tuple[Views, Views]:
-        """Context and target views of sample k.
+        """Input and target views of sample k.
 
         Raises:
             IndexError: k is not in 0 .. length - 1.
@@ -171,18 +180,13 @@ class RoomSamples(Dataset):
         return sample(self.seed, k, size=self.size, contexts=contexts, targets=targets, library=self.library)
 
     def counts(self, k: int) -> tuple[int, int]:
-        """How many context and target views sample k has.
+        """Number of input and target views of sample k.
 
         Raises:
             IndexError: k is not in 0 .. length - 1.
         """
         if not 0 <= k < self.length:
             raise IndexError(f"sample {k} of {self.length}")
-        draws = np.random.Generator(np.random.PCG64(np.random.SeedSequence((self.seed, k // self.group, 1))))
-        contexts, targets = (int(draws.integers(low, high + 1)) for low, high in (self.contexts, self.targets))
+        draws = np.random.default_rng((self.seed, k // self.group, 1))
+        contexts, targets = (int(draws.integers(low, high + 1)) for low, high in self.ranges)
         return contexts, targets
-
-
-def ranged(count: Count) -> tuple[int, int]:
-    """Lowest and highest value."""
-    return (count, count) if isinstance(count, int) else count

@@ -4,8 +4,17 @@ from pathlib import Path
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.catalogue import read_catalogue
-from semgs.rooms.assets.lock import LockRow, attribution, lock_digest, lock_of, make_lock, read_lock, verify, write_lock
+from semgs.rooms.assets.catalogue import Origin, read_catalogue
+from semgs.rooms.assets.lock import (
+    LockEntry,
+    attribution,
+    lock_digest,
+    lock_of,
+    make_lock,
+    read_lock,
+    verify,
+    write_lock,
+)
 
 REAL = Path(__file__).parents[3].parent / "shared" / "assets"
 
@@ -69,7 +78,7 @@ def test_a_folder_with_a_lock_of_its_own_is_held_to_it(copied):
 
 def test_a_lock_must_not_lead_out_of_its_folder(tmp_path):
     path = tmp_path / "lock.json"
-    write_lock(path, [LockRow("../secret", "s", "c", "p", "CC0-1.0", "", "0" * 64)])
+    write_lock(path, [LockEntry("../secret", Origin("s", "c", "p", "CC0-1.0"), "0" * 64)])
     with pytest.raises(InputError, match="leads out of the folder"):
         read_lock(path)
 
@@ -90,10 +99,10 @@ def test_every_row_of_the_packages_lock_says_where_from_and_under_which_licence(
     rows = read_lock()
     assert len({row.file for row in rows}) == len(rows) > 2000
     for row in rows[2:]:
-        assert row.source
-        assert row.commit
-        assert row.path
-        assert row.licence
+        assert row.origin.source
+        assert row.origin.commit
+        assert row.origin.path
+        assert row.origin.licence
         assert len(row.sha256) == 64
 
 
@@ -101,4 +110,4 @@ def test_every_row_of_the_packages_lock_says_where_from_and_under_which_licence(
 def test_the_collected_assets_satisfy_the_packages_lock():
     verify(REAL)
     catalogue = read_catalogue(REAL)
-    assert len(read_lock()) == 2 + len(catalogue.meshes) + len(catalogue.pictures)
+    assert len(read_lock()) == 2 + len(catalogue.meshes) + len(catalogue.images)

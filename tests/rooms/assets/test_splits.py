@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semgs.rooms.assets.catalogue import EXCLUDED, read_catalogue, usable
-from semgs.rooms.assets.splits import family, split_meshes, split_pictures
+from semgs.rooms.assets.splits import family, split_images, split_meshes
 
 REAL = Path(__file__).parents[3].parent / "shared" / "assets"
 
@@ -30,11 +30,11 @@ def test_every_mesh_is_in_one_list_and_the_lists_are_about_60_20_and_20_per_cent
 def test_lists_do_not_depend_on_the_order_of_the_rows(asset_folder):
     catalogue = read_catalogue(asset_folder)
     rng = np.random.default_rng(0)
-    meshes, pictures = list(catalogue.meshes), list(catalogue.pictures)
-    expected = split_meshes(meshes), split_pictures(pictures)
+    meshes, pictures = list(catalogue.meshes), list(catalogue.images)
+    expected = split_meshes(meshes), split_images(pictures)
     rng.shuffle(meshes)
     rng.shuffle(pictures)
-    assert (split_meshes(meshes), split_pictures(pictures)) == expected
+    assert (split_meshes(meshes), split_images(pictures)) == expected
 
 
 def test_no_family_is_both_in_training_and_in_other(asset_folder):
@@ -58,26 +58,26 @@ def test_a_class_of_several_families_has_pieces_to_hold_out():
 
 
 def read_and_name(counts):
-    from semgs.rooms.assets.catalogue import MeshRow
+    from semgs.rooms.assets.catalogue import MeshEntry
 
-    blank = MeshRow("", "shower curtain", "shower_curtain", "", (1.0, 0.1, 2.0), "ceiling", (), "", "", "", "", "")
+    blank = MeshEntry("", "shower curtain", "shower_curtain", "", (1.0, 0.1, 2.0), "ceiling")
     return [replace(blank, name=f"{stem}_{k}") for stem, count in counts.items() for k in range(count)]
 
 
-def test_baked_pieces_are_one_family_a_class_and_never_held_out():
-    """Whoever trains bakes his own: none may be in the world by which choices are made, alone or with others."""
-    baked = [replace(row, name=row.name.replace("ig", "bake")) for row in read_and_name({"ig_a_3": 9, "ig_b_4": 7})]
-    assert {family(row) for row in baked} == {"bake shower curtain"}
-    assert set(split_meshes(baked).values()) == {"training", "validation"}
+def test_generated_pieces_are_one_family_a_class_and_never_held_out():
+    """Everyone generates their own to train on, so none may be in the world by which choices are made, alone or with others."""
+    generated = [replace(row, name=row.name.replace("ig", "bake")) for row in read_and_name({"ig_a_3": 9, "ig_b_4": 7})]
+    assert {family(row) for row in generated} == {"bake shower curtain"}
+    assert set(split_meshes(generated).values()) == {"training", "validation"}
     others = read_and_name({"ig_shower_curtain": 6, "proc_shower_curtain": 8})
-    lists = split_meshes([*baked, *others])
-    assert {lists[row.name] for row in baked} == {"training", "validation"}
+    lists = split_meshes([*generated, *others])
+    assert {lists[row.name] for row in generated} == {"training", "validation"}
     assert "other" in {lists[row.name] for row in others}
 
 
 def test_pictures_of_each_kind_are_held_out(asset_folder):
-    rows = read_catalogue(asset_folder).pictures
-    split = split_pictures(rows)
+    rows = read_catalogue(asset_folder).images
+    split = split_images(rows)
     counts = Counter((row.kind, split[row.name]) for row in rows)
     for kind in {row.kind for row in rows}:
         assert [counts[kind, name] for name in ("training", "validation", "other")] == [3, 1, 1]

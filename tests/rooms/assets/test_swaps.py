@@ -11,9 +11,9 @@ pytest.importorskip("embreex")
 from semgs.data.classes import IGNORE
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
-from semgs.rooms.assets.gallery import Gallery
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
+from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.drawing.shading import look
 from semgs.rooms.pieces import fittings, furniture, openings
@@ -31,8 +31,8 @@ def library(asset_folder):
 
 
 def swaps(library, seed=0):
-    rng, gallery = np.random.default_rng(seed), Gallery()
-    return Swaps(rng, library, Coverings(rng, library, gallery), share=1.0)
+    rng, used = np.random.default_rng(seed), UsedAssets()
+    return Swaps(rng, library, Coverings(rng, library, used), share=1.0)
 
 
 def test_a_mesh_that_stands_in_stays_in_the_footprint_and_keeps_the_name(library):
@@ -156,7 +156,7 @@ def test_about_half_of_the_homes_have_meshes_and_all_name_the_files_they_use(lib
     rooms = [build_room(generator(12, index), library) for index in range(30)]
     share = np.mean([len(room.shells.corners) > 0 for room in rooms])
     assert 0.25 < share < 0.75
-    names = {row.file for row in (*library.meshes, *library.pictures)}
+    names = {row.file for row in (*library.meshes, *library.images)}
     assert all(set(room.files) <= names for room in rooms)
     for room in rooms:
         assert bool(len(room.shells.corners)) == any(file.startswith("models/") for file in room.files)
@@ -179,7 +179,7 @@ def test_only_what_is_an_own_part_of_a_mesh_is_a_shell(library):
 
 def test_splits_have_no_mesh_and_no_picture_in_common(asset_folder):
     libraries = [Library(asset_folder, split, check=False) for split in ("training", "validation", "other")]
-    for kind in ("meshes", "pictures"):
+    for kind in ("meshes", "images"):
         names = [{row.name for row in getattr(library, kind)} for library in libraries]
         assert all(names)
         assert not names[0] & names[1]
@@ -242,7 +242,7 @@ def hung_library(tmp_path, write_mesh, box_mesh):
 
 def test_kitchen_cabinets_are_cabinets_below_their_top(hung_library):
     panels = hung_library.panels(next(row for row in hung_library.meshes if row.label == "counter"))
-    heights = {panel.label: panel.corners[..., 2] for panel in panels}
+    heights = {panel.label: panel.shell.corners[..., 2] for panel in panels}
     assert heights.keys() == {None, "cabinet"}
     assert heights[None].min() == pytest.approx(0.86, abs=1e-6)
     assert heights["cabinet"].max() == pytest.approx(0.86, abs=1e-6)

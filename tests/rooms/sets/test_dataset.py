@@ -108,7 +108,7 @@ def test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not
 
 
 def test_fewer_scenes_than_are_there_are_refused(whole):
-    with pytest.raises(ValueError, match="holds scene_00003"):
+    with pytest.raises(ValueError, match="contains scene_00003"):
         write_dataset(whole, RECIPE, 2)
 
 

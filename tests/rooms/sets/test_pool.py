@@ -5,7 +5,8 @@ pytest.importorskip("embreex")
 
 from semgs.rooms.sets import pool
 from semgs.rooms.sets.pool import PooledSamples
-from semgs.rooms.sets.scenes import draw_scene
+from semgs.rooms.sets.scenes import Recipe, draw_scene
+from semgs.rooms.sets.stream import RoomSamples
 
 SIZE = (24, 32)
 
@@ -20,8 +21,8 @@ def same(one, other) -> bool:
 def test_a_sample_is_the_same_whatever_the_pool_holds(tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "WINDOW", 3)
     monkeypatch.setattr(pool, "FRAMES", 6)
-    first = PooledSamples(tmp_path / "one", 5, SIZE, (2, 3), 2, length=20, served=4)
-    other = PooledSamples(tmp_path / "two", 5, SIZE, (2, 3), 2, length=20, served=4)
+    first = PooledSamples(tmp_path / "one", RoomSamples(5, SIZE, (2, 3), 2, length=20), served=4)
+    other = PooledSamples(tmp_path / "two", RoomSamples(5, SIZE, (2, 3), 2, length=20), served=4)
     expected = [first[k] for k in range(4)]
     assert same(other[3], expected[3])
     assert same(other[0], expected[0])
@@ -31,17 +32,17 @@ def test_a_sample_is_the_same_whatever_the_pool_holds(tmp_path, monkeypatch):
 def test_a_sample_shows_frames_of_its_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "WINDOW", 2)
     monkeypatch.setattr(pool, "FRAMES", 6)
-    samples = PooledSamples(tmp_path, 5, SIZE, 2, 1, length=9)
+    samples = PooledSamples(tmp_path, RoomSamples(5, SIZE, 2, 1, length=9))
     scene, contexts, targets = samples.choice(8)
     context, target = samples[8]
-    views = draw_scene(5, scene, size=SIZE, frames=pool.FRAMES).views
+    views = draw_scene(Recipe(5, SIZE, pool.FRAMES), scene).views
     assert torch.equal(context.labels, views.labels[contexts])
     assert torch.equal(target.labels, views.labels[targets])
     assert torch.equal(context.depth_range, views.depth_range[contexts])
 
 
 def test_every_scene_serves_the_samples_that_were_asked_for_on_average_and_frames_are_never_both_context_and_target():
-    samples = PooledSamples("unused", 7, SIZE, (1, 4), (0, 3), length=2000, served=8, group=2)
+    samples = PooledSamples("unused", RoomSamples(7, SIZE, (1, 4), (0, 3), length=2000, group=2), served=8)
     scenes = []
     for k in range(2000):
         scene, contexts, targets = samples.choice(k)
@@ -58,7 +59,7 @@ def test_every_scene_serves_the_samples_that_were_asked_for_on_average_and_frame
 def test_scenes_that_the_window_has_passed_are_removed(tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "WINDOW", 1)
     monkeypatch.setattr(pool, "FRAMES", 2)
-    samples = PooledSamples(tmp_path, 5, (12, 16), 2, 0, length=6, served=1)
+    samples = PooledSamples(tmp_path, RoomSamples(5, (12, 16), 2, 0, length=6), served=1)
     for k in range(6):
         samples[k]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene_00004", "scene_00005"]
@@ -66,5 +67,7 @@ def test_scenes_that_the_window_has_passed_are_removed(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("named", [{"served": 0}, {"length": 0}, {"contexts": (2, 12)}])
 def test_pools_that_cannot_be_are_refused(named):
+    served = named.get("served", 8)
+    named = {key: value for key, value in named.items() if key != "served"}
     with pytest.raises(ValueError, match="expected"):
-        PooledSamples("unused", 1, SIZE, **{"contexts": 2, "targets": 1, "length": 3, **named})
+        PooledSamples("unused", RoomSamples(1, SIZE, **{"contexts": 2, "targets": 1, "length": 3, **named}), served)

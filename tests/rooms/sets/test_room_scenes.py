@@ -11,18 +11,20 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
 from semgs.rooms.sets.demo import demo_scene
-from semgs.rooms.sets.scenes import draw_scene, write_scene
+from semgs.rooms.sets.scenes import Recipe, draw_scene, write_scene
+
+RECIPE = Recipe(7, (48, 64), frames=4)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("rooms") / "room"
-    write_scene(path, 7, size=(48, 64), frames=4, index=2)
+    write_scene(path, RECIPE, 2)
     return path
 
 
 def test_a_written_room_reads_back_as_it_was_drawn(folder):
-    drawn = draw_scene(7, 2, size=(48, 64), frames=4).views
+    drawn = draw_scene(RECIPE, 2).views
     scene = open_scene(folder)
     read = scene.read(range(4))
     assert scene.unit == "metric"
@@ -43,27 +45,27 @@ def test_poses_are_written_with_opengl_axes(folder):
 
 
 def test_the_same_seed_writes_the_same_bytes(folder, tmp_path):
-    write_scene(tmp_path / "again", 7, size=(48, 64), frames=4, index=2)
+    write_scene(tmp_path / "again", RECIPE, 2)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     assert len(names) == 3 * 4 + 3
     for name in names:
         assert (folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 
-def test_a_folder_that_is_there_is_kept_unless_it_may_be_replaced(folder, tmp_path):
+def test_a_folder_that_is_there_is_never_replaced(folder, tmp_path):
     foreign = tmp_path / "photos"
     foreign.mkdir()
     (foreign / "mine.jpg").write_bytes(b"1")
     with pytest.raises(InputError):
-        write_scene(foreign, 1, size=(8, 12), frames=2, overwrite=True)
+        write_scene(foreign, Recipe(1, (8, 12), 2))
     with pytest.raises(InputError):
-        write_scene(folder, 7, size=(48, 64), frames=4, index=2)
+        write_scene(folder, RECIPE, 2)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["photos"]
 
 
 def test_one_frame_is_no_scene(tmp_path):
-    with pytest.raises(ValueError, match="two frames"):
-        write_scene(tmp_path / "room", 1, size=(8, 12), frames=1)
+    with pytest.raises(ValueError, match="frames is 1; expected 2 or more"):
+        write_scene(tmp_path / "room", Recipe(1, (8, 12), 1))
     assert not (tmp_path / "room").exists()
 
 

@@ -35,7 +35,8 @@ def python(tmp_path: Path):
 
 def test_it_is_made_once_and_what_it_takes_is_said_before(tmp_path, python):
     folder, said = tmp_path / "env", []
-    assert prepare(folder, python(pip="test ! -e $(dirname $0)/../../said"), said.append) == python_of(folder)
+    prepare(folder, python(pip="test ! -e $(dirname $0)/../../said"), said.append)
+    assert python_of(folder).exists()
     (line,) = said
     assert str(folder) in line
     assert f"{environment.DOWNLOAD_MB} MB to download" in line
@@ -45,7 +46,7 @@ def test_it_is_made_once_and_what_it_takes_is_said_before(tmp_path, python):
     assert "--only-binary :all:" in log
     assert "requirements.txt" in log
     assert is_ready(folder)
-    assert prepare(folder, python(pip="exit 1"), said.append) == python_of(folder)
+    prepare(folder, python(pip="exit 1"), said.append)
     assert len(said) == 1
 
 

@@ -35,7 +35,7 @@ def environment_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.long
-def test_it_bakes_tells_what_there_is_and_rooms_take_it(
+def test_it_generates_reports_what_there_is_and_rooms_take_it(
     tmp_path: Path, environment_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "furniture"

@@ -12,7 +12,7 @@ pytest.importorskip("embreex")
 from semgs.files.errors import InputError
 from semgs.rooms.assets.library import Library
 from tools.furniture import environment
-from tools.furniture.baking import bake, record_of
+from tools.furniture.generation import generate, record_of
 from tools.furniture.kinds import make_job
 
 SEED = next(seed for seed in range(1000) if make_job(seed, 0).kind == "desk")
@@ -24,11 +24,11 @@ def test_infinigen_makes_a_desk_and_again_the_same(tmp_path: Path) -> None:
     named = os.environ.get("SEMGS_INFINIGEN")
     folder = Path(named) if named else environment.default_folder()
     try:
-        python = environment.prepare(folder)
+        environment.prepare(folder)
     except InputError as error:
         pytest.skip(f"Infinigen's environment cannot be made: {error}")
     for name in ("one", "two"):
-        bake(tmp_path / name, SEED, 1, python=python, environment=folder)
+        generate(tmp_path / name, SEED, 1, environment=folder)
     record = record_of(tmp_path / "one", make_job(SEED, 0))
     assert record.read_bytes() == record_of(tmp_path / "two", make_job(SEED, 0)).read_bytes()
     (row,) = Library(tmp_path / "one").meshes

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from semgs.rooms.assets.lock import LockRow, attribution, read_lock
+from semgs.rooms.assets.catalogue import Origin
+from semgs.rooms.assets.lock import LockEntry, attribution, read_lock
 from tools.release.notice import HEAD, notice
 
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def row(file: str, licence: str, author: str = "") -> LockRow:
-    return LockRow(file, f"owner/{file[0]}", "0123456789abcdef", f"in/{file}", licence, author, "")
+def row(file: str, licence: str, author: str = "") -> LockEntry:
+    return LockEntry(file, Origin(f"owner/{file[0]}", "0123456789abcdef", f"in/{file}", licence, author), "")
 
 
 LOCK = (row("a.glb", "CC-BY-4.0", "Ann"), row("b.glb", "CC0-1.0"), row("c.glb", "CC-BY-4.0", "Ann"), row("d.jpg", "CC-BY-3.0"))  # fmt: skip
@@ -41,5 +42,5 @@ def test_the_notice_that_ships_is_of_the_locked_assets():
     text, _, networks = text.partition("\nThe class branch")
     assert "Apache-2.0" in networks
     named = {line.strip("- ").partition(":")[0] for line in text.splitlines() if line.startswith("  - ")}
-    assert named <= {one.file for one in read_lock() if one.licence.startswith("CC-BY")}
+    assert named <= {one.file for one in read_lock() if one.origin.licence.startswith("CC-BY")}
     assert named

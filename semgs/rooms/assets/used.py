@@ -1,12 +1,12 @@
-"""The pictures and files that one room uses, numbered as they come."""
+"""Record the assets that one room uses."""
 
 from __future__ import annotations
 
-from semgs.rooms.assets.pictures import Pack, Pyramid, pack
+from semgs.rooms.assets.images import Pack, Pyramid, pack
 
 
-class Gallery:
-    """Collects the pictures of a room for its kernels, and the files they and its meshes are from for its attribution."""
+class UsedAssets:
+    """The images of a room, for its kernels, and the files of its images and meshes, for attribution."""
 
     def __init__(self) -> None:
         self._pyramids: list[Pyramid] = []
@@ -14,21 +14,21 @@ class Gallery:
         self._files: set[str] = set()
 
     def number(self, pyramid: Pyramid) -> int:
-        """The picture's number in the pack; the same picture has the same one."""
+        """Index of the image in the pack, which is the same for the same image."""
         if id(pyramid) not in self._numbers:
             self._numbers[id(pyramid)] = len(self._pyramids)
             self._pyramids.append(pyramid)
         return self._numbers[id(pyramid)]
 
-    def use(self, file: str) -> None:
-        """Note that a file of the assets is in the room."""
+    def add_file(self, file: str) -> None:
+        """Record that a file is used."""
         self._files.add(file)
 
     @property
     def files(self) -> tuple[str, ...]:
-        """All files that were noted, in order of their names."""
+        """All files that are used, sorted by name."""
         return tuple(sorted(self._files))
 
     def pack(self) -> Pack:
-        """All pictures, for the kernels."""
+        """All images, for the kernels."""
         return pack(self._pyramids)

@@ -1,4 +1,4 @@
-"""Pictures as textures: decoded once, with every smaller version that a distant view needs, packed for the kernels."""
+"""Images as textures: mip maps, packed for the kernels."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from semgs.files.errors import InputError
 from semgs.rooms.pieces import shell_kernels
 
 LONGEST = 1024
-"""Larger pictures are reduced to this [px]."""
+"""Larger images are reduced to this [px]."""
 
 
 @dataclass(frozen=True)
 class Pyramid:
-    """A picture, and halves of it down to one pixel (mip map), sRGB.
+    """The mip map of an image, down to one pixel, sRGB.
 
     Attributes:
-        pixels: of all levels, one after the other, rows from above.
+        pixels: of all levels, one after another, top row first.
         size: width, height of the first level [px]; level k has max(1, size >> k).
     """
 
@@ -32,12 +32,12 @@ class Pyramid:
 
 @dataclass(frozen=True)
 class Pack:
-    """Pictures of one room, for the kernels.
+    """The images of one room, for the kernels.
 
     Attributes:
         pixels: of all pyramids.
-        table: start in `pixels`, width, height and number of levels of each picture.
-        means: of each picture, linear RGB.
+        table: first index in `pixels`, width, height and number of levels of each image.
+        means: of each image, linear RGB.
     """
 
     pixels: UInt8[np.ndarray, "n 3"]
@@ -46,7 +46,7 @@ class Pack:
 
 
 def pyramid(picture: UInt8[np.ndarray, "h w 3"]) -> Pyramid:
-    """All levels of a picture; each pixel is the mean, in linear light, of the area that it covers."""
+    """All levels of an image; each pixel is the mean, in linear light, of the area that it covers."""
     height, width = picture.shape[:2]
     shrink = LONGEST / max(height, width)
     if shrink < 1:
@@ -61,20 +61,20 @@ def pyramid(picture: UInt8[np.ndarray, "h w 3"]) -> Pyramid:
 
 
 def decode(raw: bytes, path: Path, uv: Float32[np.ndarray, "t 3 2"] | None = None) -> Pyramid:
-    """The pyramid of an encoded picture.
+    """The pyramid of an encoded image.
 
     Args:
         raw: the encoded bytes.
-        path: the file that they are from, for errors.
-        uv: corners of the triangles that it is laid on, (0, 0) at the upper left; what none of them covers is filled from
-            beside, so that the gaps of an atlas do not shine through at seams. None keeps it as it is.
+        path: their file, for errors.
+        uv: texture coordinates of the triangles that use the image, (0, 0) at the upper left. Areas outside them are filled with
+            neighbouring colours, so that the gaps of an atlas do not bleed into seams. None leaves the image unchanged.
 
     Raises:
         InputError: it cannot be decoded.
     """
     picture = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_COLOR) if raw else None
     if picture is None:
-        raise InputError(path, "a picture", "bytes that cannot be decoded", advice="fetch it again")
+        raise InputError(path, "an image", "bytes that cannot be decoded", advice="fetch it again")
     picture = np.ascontiguousarray(picture[..., ::-1])
     if uv is not None and uv.min() > -0.01 and uv.max() < 1.01:
         used = np.zeros(picture.shape[:2], np.float32)
@@ -84,7 +84,7 @@ def decode(raw: bytes, path: Path, uv: Float32[np.ndarray, "t 3 2"] | None = Non
 
 
 def fill_gaps(picture: UInt8[np.ndarray, "h w 3"], used: Float32[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
-    """The picture with what is not used (0) replaced by the mean of what is used (1) about it, the nearer the better."""
+    """The image with unused pixels (0) replaced by the mean of nearby used ones (1)."""
     if used.all() or not used.any():
         return picture
     sums, weights = [picture * used[..., None]], [used]
@@ -101,7 +101,7 @@ def fill_gaps(picture: UInt8[np.ndarray, "h w 3"], used: Float32[np.ndarray, "h 
 
 
 def pack(pyramids: Sequence[Pyramid]) -> Pack:
-    """Pictures behind each other; none is a pack too."""
+    """Concatenate any number of pyramids, including none."""
     starts = np.cumsum([0, *(len(p.pixels) for p in pyramids)])
     table = [(start, *p.size, max(p.size).bit_length()) for start, p in zip(starts, pyramids, strict=False)]
     pixels = np.concatenate([p.pixels for p in pyramids]) if pyramids else np.zeros((1, 3), np.uint8)

@@ -1,4 +1,4 @@
-"""Baking with a stand-in for Infinigen: what is resumed, left out, refused, and what the folder is worth."""
+"""Generating with a stand-in for Infinigen: what is resumed, left out, refused, and what the folder is worth."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from semgs.files.errors import InputError
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.lock import lock_digest, lock_of, verify
-from tools.furniture.baking import Baked, bake
+from tools.furniture.generation import Generated, generate
 from tools.furniture.kinds import make_job
 
 SEED = 3
 
 
-def run(folder: Path, stand_in, pieces: int, **options) -> Baked:
-    return bake(folder, SEED, pieces, python=stand_in.python, environment=stand_in.folder, **options)
+def run(folder: Path, stand_in, pieces: int, **options) -> Generated:
+    return generate(folder, SEED, pieces, environment=stand_in.folder, **options)
 
 
 def tree(folder: Path) -> dict[str, bytes]:
@@ -28,17 +28,17 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
-    baked = run(tmp_path / "lib", stand_in, 3)
-    assert (baked.left_out, baked.late) == ({}, {})
+    made = run(tmp_path / "lib", stand_in, 3)
+    assert (made.left_out, made.late) == ({}, {})
     catalogue = read_catalogue(tmp_path / "lib")
-    assert [row.name for row in catalogue.meshes] == [row["name"] for row in baked.rows]
+    assert [row.name for row in catalogue.meshes] == [row["name"] for row in made.rows]
     found = []
     for split in ("training", "validation"):
         library = Library(tmp_path / "lib", split)
         assert all(library.panels(row) for row in library.meshes)
         found += library.meshes
     assert sorted(row.name for row in found) == sorted(row.name for row in catalogue.meshes)
-    with pytest.raises(InputError, match=r"list other, found none; what tools\.furniture makes is for training"):
+    with pytest.raises(InputError, match=r"split other, found none; what tools\.furniture makes is for training"):
         open_library(tmp_path / "lib", "other")
 
 
@@ -60,7 +60,7 @@ def test_pieces_do_not_depend_on_their_number_nor_on_interruptions_nor_on_worker
     run(tmp_path / "grown", stand_in, 2)
     run(tmp_path / "grown", stand_in, 4, workers=2)
     assert tree(tmp_path / "whole") == tree(tmp_path / "cut") == tree(tmp_path / "grown")
-    with pytest.raises(ValueError, match="up to number 3, so more than the 2 asked for"):
+    with pytest.raises(ValueError, match="up to number 3, more than the 2 requested"):
         run(tmp_path / "grown", stand_in, 2)
 
 
@@ -68,18 +68,18 @@ def test_pieces_do_not_depend_on_their_number_nor_on_interruptions_nor_on_worker
     ("way", "reason"),
     [
         ("stray", "stray triangles"),
-        ("hanging", "hangs in the air"),
+        ("hanging", "is detached"),
         ("error", "Infinigen: ValueError: cannot be made"),
         ("crash", "ended with -11"),
     ],
 )
-def test_what_is_torn_is_left_out_and_not_tried_again(stand_in, tmp_path, way, reason):
+def test_an_incomplete_piece_is_left_out_and_not_tried_again(stand_in, tmp_path, way, reason):
     name = make_job(SEED, 0).name
     stand_in.goes_wrong(**{name: way})
-    baked = run(tmp_path / "lib", stand_in, 1)
-    assert reason in baked.left_out[name]
-    assert baked.rows == ()
-    assert run(tmp_path / "lib", stand_in, 1).left_out == baked.left_out
+    made = run(tmp_path / "lib", stand_in, 1)
+    assert reason in made.left_out[name]
+    assert made.rows == ()
+    assert run(tmp_path / "lib", stand_in, 1).left_out == made.left_out
     assert stand_in.calls == [name]
     assert not list((tmp_path / "lib" / "models").iterdir())
 
@@ -87,18 +87,18 @@ def test_what_is_torn_is_left_out_and_not_tried_again(stand_in, tmp_path, way, r
 def test_what_takes_too_long_is_ended_and_tried_again_by_the_next_call(stand_in, tmp_path):
     name = make_job(SEED, 1).name
     stand_in.goes_wrong(**{name: "slow"})
-    baked = run(tmp_path / "lib", stand_in, 2, limit=2.0)
-    assert "not done after 2 s" in baked.late[name]
-    assert {row["name"] for row in baked.rows} == {make_job(SEED, 0).name}
+    made = run(tmp_path / "lib", stand_in, 2, limit=2.0)
+    assert "not finished after 2 s" in made.late[name]
+    assert {row["name"] for row in made.rows} == {make_job(SEED, 0).name}
     stand_in.goes_wrong()
     assert run(tmp_path / "lib", stand_in, 2).late == {}
     assert stand_in.calls.count(name) == 2
 
 
-@pytest.mark.parametrize(("way", "found"), [("wrong", "faces name 1..1000000"), ("pickle", "allow_pickle=False")])
+@pytest.mark.parametrize(("way", "found"), [("wrong", "faces refer to 1..1000000"), ("pickle", "allow_pickle=False")])
 def test_wrong_output_is_refused(stand_in, tmp_path, way, found):
     stand_in.goes_wrong(**{make_job(SEED, 0).name: way})
-    with pytest.raises(InputError, match=f"expected arrays of a baked piece, found .*{found}"):
+    with pytest.raises(InputError, match=f"expected arrays of a generated piece, found .*{found}"):
         run(tmp_path / "lib", stand_in, 1)
 
 
@@ -109,7 +109,7 @@ def test_an_environment_that_does_not_start_is_told_at_once(stand_in, tmp_path):
     assert len(stand_in.calls) == 1
 
 
-def test_a_baked_folder_is_held_to_its_own_lock(stand_in, tmp_path):
+def test_a_generated_folder_is_checked_against_its_own_lock(stand_in, tmp_path):
     folder = tmp_path / "lib"
     run(folder, stand_in, 2)
     assert lock_of(folder) == folder / "lock.json"
@@ -129,11 +129,11 @@ def test_folders_go_together_unless_they_have_files_of_one_name(stand_in, tmp_pa
     both = Library([asset_folder, folder], check=False)
     alone = Library(asset_folder, check=False), Library(folder, check=False)
     assert both.meshes == alone[0].meshes + alone[1].meshes
-    assert both.pictures == alone[0].pictures
+    assert both.images == alone[0].images
     for row in both.meshes:
         assert both.panels(row)
     assert both.lock_digests == (lock_digest(asset_folder), lock_digest(folder))
-    with pytest.raises(InputError, match="files of other names"):
+    with pytest.raises(InputError, match="file names that other folders do not use"):
         Library([folder, tmp_path / "lib" / ".." / "lib"], check=False)
 
 
