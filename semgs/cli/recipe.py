@@ -54,7 +54,7 @@ class Recipe:
     seed: int = 0
     """Random seed of the first stage; each further stage adds one."""
     size: Size = (240, 320)
-    """Height and width of the images; the first part of the first two stages uses half of it."""
+    """Height and width of the images; the first two stages begin at half the size."""
     share: float = 1.0
     """Share of each stage's steps; 0.05 is a quick trial."""
     stage: Literal["all", "classes", "depth", "joint"] = "all"

@@ -267,7 +267,7 @@ def test_an_unknown_protocol_lists_the_known(refused: Refused):
 def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
     assert "unknown reading 'gsnerf'; known: rows-972, gsnerf-labels" in refused("small", "--as-peers", "gsnerf")
     line = refused("small", "--as-peers", "gsnerf-labels", "rows-972")
-    assert "expected a scene that gsnerf-labels is about" in line
+    assert "expected a scene for the reading gsnerf-labels" in line
     assert "found transforms.json" in line
 
 

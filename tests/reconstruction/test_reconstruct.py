@@ -16,6 +16,7 @@ from semgs.data.choice import choose, given
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.export.scene import load_scene, save_scene
+from semgs.objectives.metrics import psnr
 from semgs.reconstruction.reconstruct import Network, reconstruct, strangers
 from semgs.reconstruction.report import Origin, report_numbers
 from semgs.reconstruction.stages import Stages
@@ -144,8 +145,11 @@ def test_a_scene_far_from_its_origin_is_reconstructed_as_well_as_near_it(wall_sc
     network = load("small")
     before, after = (reconstruct(scene, given(scene, [0, 3]), network) for scene in (near, far))
     for mine, theirs in ((after.context, before.context), (after.target, before.target)):
-        for score, wanted in zip(mine.scores, theirs.scores, strict=True):
-            assert score.psnr > 15
+        flat = mine.views.images.mean((-2, -1), keepdim=True).expand_as(mine.views.images)
+        for score, wanted, nothing in zip(mine.scores, theirs.scores, psnr(flat, mine.views.images), strict=True):
+            assert score.psnr > nothing + 2, (
+                "it shows more than the mean colour, at about 11 dB; positions in float32 gave 8.3"
+            )
             assert score.psnr == pytest.approx(wanted.psnr, abs=0.01)
             assert score.depth_error == pytest.approx(wanted.depth_error, abs=1e-3)
     assert any("relative to (5000003, -4000001, 300001). Add this point" in note for note in after.notes)

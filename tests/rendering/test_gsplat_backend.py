@@ -236,7 +236,7 @@ def test_gaussians_on_cuda_are_drawn_there_if_gsplat_is_installed_and_they_are_n
         assert door._backend("auto", OnCuda(dtype)) == (gsplat_backend, torch.device("cuda", 1))
     assert door._backend("auto", OnCuda(torch.float64)) == on_the_cpu
     monkeypatch.setattr(door, "find_spec", lambda name: None)
-    with pytest.warns(UserWarning, match=r"drawn on the CPU, since gsplat is not installed; pip install"):
+    with pytest.warns(UserWarning, match=r"rendered on the CPU, because gsplat is not installed; pip install"):
         assert door._backend("auto", OnCuda(torch.float32)) == on_the_cpu
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert door._backend("auto", OnCuda(torch.float32)) == on_the_cpu

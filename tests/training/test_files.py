@@ -333,7 +333,7 @@ def test_samples_and_frames_of_a_scene_far_from_its_origin_are_near_one(tmp_path
         samples = Samples(3, Mixture(None, (Folder((folder,)),), (1.0,)), Form(SETTINGS.size, (2, 2), 1, SCANNET20), 1)
         drawn.append(samples[0])
         scene = open_scene(folder)
-        frame = read_frame(Task(scene, SETTINGS.size, protocols.Sample((0, 1), 2)), 2, (0.5, 10.0))
+        frame = read_frame(Task(scene, SETTINGS.size, protocols.TargetSample((0, 1), 2)), 2, (0.5, 10.0))
         assert torch.equal(frame.cameras.centres[0], scene.cameras[2].centres - torch.from_numpy(scene.origin))
         assert frame.cameras.centres.abs().max() < 100
     before, after = (torch.cat((one.context.cameras.centres, one.target.cameras.centres)) for one in drawn)

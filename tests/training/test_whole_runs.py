@@ -290,9 +290,9 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
     splits = {}
 
     class Watched(RoomSamples):
-        def __init__(self, seed, *given, library=None, **named):
+        def __init__(self, seed, size, contexts, targets, length, group=1, library=None):
             splits[seed] = library and library.split
-            super().__init__(seed, *given, library=library, **named)
+            super().__init__(seed, size, contexts, targets, length, group, library)
 
     monkeypatch.setattr(batches, "RoomSamples", Watched)
     settings = TrainingSettings(

@@ -120,7 +120,7 @@ def test_an_array_whose_header_lies_or_that_would_be_unpickled_is_refused(plan: 
     with depth.open("wb") as file:
         header = {"descr": "<f4", "fortran_order": False, "shape": (10**6, 10**6)}
         np.lib.format.write_array_header_1_0(file, header)
-    with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers as long as its header says"):
+    with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers, as long as its header says"):
         SavedPredictions(folder, "theirs").read(plan.tasks[0])
     np.save(depth, np.array([{"a": 1}]), allow_pickle=True)
     with pytest.raises(InputError, match=r"001\.depth\.npy: expected an array of numbers"):
