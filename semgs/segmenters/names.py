@@ -128,7 +128,7 @@ def is_ignored(name: str) -> bool:
 
 
 def _forms(name: Any) -> list[str]:
-    """A name as it stands, without endings, and its first synonym, in lower case."""
+    """A name, the name without endings, and its first synonym, all in lower case."""
     plain = str(name).strip().lower().replace("_", " ")
     first = re.split(r"[,;]", plain)[0].strip()
     return [plain, _ENDINGS.sub("", plain), first, _ENDINGS.sub("", first)]

@@ -88,7 +88,7 @@ def alone(out: Path) -> AbstractContextManager[object]:
         return FileLock(out / LOCK).acquire(timeout=0)
     except Timeout as error:
         raise InputError(
-            out, "a run that nobody trains", "one that another process is training",
+            out, "a run that no process is training", "one that another process is training",
             advice="end that first, or name another folder",
         ) from error  # fmt: skip
     except OSError as error:

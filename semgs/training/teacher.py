@@ -1,6 +1,6 @@
 """Teacher: another network's class probabilities for the training images, computed once. An extra head learns them.
 
-    FOLDER/SOURCE/SCENE.npy     probabilities of its k classes [frame rows columns k], float16; all 0 where there are none
+    FOLDER/SOURCE/SCENE.npy     probabilities of its k classes [frame rows columns k], float16; all 0 for a frame without any
 
 SCENE is the name of the scene's folder (or of its archive, without the ending), SOURCE the name of the folder around it. Frames are
 numbered as in `semgs.data.scene.Scene`. The maps cover the full image, at any resolution. `scripts/teach.py` writes them.

@@ -1,1 +1,1 @@
-"""Weights: their file format, what ships, foreign names, loading."""
+"""Weights: their file format, included weights, foreign names, loading."""
