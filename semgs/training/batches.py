@@ -127,8 +127,9 @@ def training_batches(
         weights.insert(0, float(sum(source.weight for source in live)))
         library = _library(settings, "training")
         rooms = RoomSamples(
-            settings.seed, settings.size, settings.contexts, settings.targets, length, settings.batch, library
-        )
+            settings.seed, settings.size, settings.contexts, settings.targets, length,
+            group=settings.batch, library=library,
+        )  # fmt: skip
         if settings.scene_reuse > 1:
             # Only a part of the samples is of rooms: so many more have to pass until a scene has served its number.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
