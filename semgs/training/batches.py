@@ -95,8 +95,9 @@ def training_batches(
         weights.insert(0, float(sum(source.weight for source in live)))
         library = _library(settings, "training")
         rooms = RoomSamples(
-            settings.seed, settings.size, settings.contexts, settings.targets, length, settings.batch, library
-        )
+            settings.seed, settings.size, settings.contexts, settings.targets, length,
+            group=settings.batch, library=library,
+        )  # fmt: skip
         if settings.scene_reuse > 1:
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
