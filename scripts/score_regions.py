@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from semgs.data.classes import IGNORE
 from semgs.data.scenes import open_scene, scene_paths
+from semgs.objectives.metrics import accuracy, confusion_matrix, miou
 from semgs.weights.load import load
 
 SMALL = 38
@@ -49,26 +50,24 @@ def near_border(labels: UInt8[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
 def scores(weights: str, rooms: str) -> dict[str, float]:
     """Scores of one file of weights over all scenes."""
     model = load(weights).eval()
-    count = model.class_count
-    confusion = np.zeros((count, count), np.int64)
+    confusion = torch.zeros(model.class_count, model.class_count, dtype=torch.int64)
     found: list[float] = []
     right, all_ = np.zeros(2), np.zeros(2)
     for path in scene_paths(rooms):
         views = open_scene(path).read([0, 2, 1, 3])
         with torch.inference_mode():
             rendering = model(views.select([0, 1])).render(views.select([2, 3]).cameras)
-        for predicted, true in zip(rendering.semantics.argmax(-3).numpy(), views.labels[2:].numpy(), strict=True):
+        labels, truth = rendering.semantics.argmax(-3).to(torch.uint8), views.labels[2:]
+        confusion += confusion_matrix(labels, truth, model.class_count)
+        for predicted, true in zip(labels.numpy(), truth.numpy(), strict=True):
             known, border = true != IGNORE, near_border(true)
-            np.add.at(confusion, (true[known], predicted[known]), 1)
             found.append(speckle(predicted))
             for place, part in enumerate((known & border, known & ~border)):
                 right[place] += (predicted == true)[part].sum()
                 all_[place] += part.sum()
-    hit, seen = np.diag(confusion), confusion.sum(1) > 0
-    union = confusion.sum(0) + confusion.sum(1) - hit
     return {
-        "mIoU": float((hit[seen] / union[seen]).mean()),
-        "accuracy": float(hit.sum() / confusion.sum()),
+        "mIoU": float(miou(confusion)),
+        "accuracy": float(accuracy(confusion)),
         "speckle": float(np.mean(found)),
         "accuracy at borders": float(right[0] / all_[0]),
         "accuracy inside": float(right[1] / all_[1]),
