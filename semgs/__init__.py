@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from semgs._version import __version__ as __version__
+
 if TYPE_CHECKING:
     from semgs.data.scenes import open_scene
     from semgs.data.views import Views
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from semgs.rendering.render import render
     from semgs.weights.load import load
 
-__version__ = "0.1.0"
 __all__ = [
     "Cameras", "Gaussians", "SavedScene", "Views", "load", "load_scene", "open_scene", "render", "save_ply", "save_scene", "save_semantic_ply",
     "tempered",

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from semgs import __version__
+from semgs._version import __version__
 from semgs.cli.errors import UsageError, line_for
 from semgs.cli.terminal import Plain, open_streams
 from semgs.files.text import printable

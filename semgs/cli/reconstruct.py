@@ -139,7 +139,7 @@ class Reconstruct:
 
     def _model(self, device: str) -> tuple[SemGS, Origin]:
         """The network on its device, and its origin for the report."""
-        from semgs import __version__
+        from semgs._version import __version__
         from semgs.reconstruction.report import Origin
         from semgs.weights.load import load
 

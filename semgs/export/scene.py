@@ -30,7 +30,7 @@ from torch import Tensor
 from semgs.data.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import opened_tensors
 from semgs.geometry.cameras import Cameras
@@ -245,10 +245,8 @@ def load_scene(path: str | Path) -> SavedScene:
 
 def _header(file: Path, text: str | None) -> dict:
     """The JSON header of a scene file, if this version can read it."""
-    try:
+    with input_error(file, "JSON", key="metadata.semgs"):
         header = parse_json(text or "null")
-    except ValueError as error:
-        raise InputError(file, "JSON", str(error), key="metadata.semgs") from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise InputError(file, f"a scene file (format {FORMAT})", "another safetensors file")
     if not isinstance(header.get("version"), int) or header["version"] > FAR_VERSION:

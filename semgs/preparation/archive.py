@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from semgs import __version__
+from semgs._version import __version__
 from semgs.data.classes import IGNORE
 from semgs.data.frames import Frame
 from semgs.data.maps import SATURATED

@@ -30,7 +30,7 @@ import torch
 from rich.console import Console
 
 from semgs.data.views import Batch
-from semgs.files.errors import InputError
+from semgs.files.errors import input_error
 from semgs.files.pictures import write_png
 from semgs.rooms.assets.lock import verify
 from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
@@ -156,11 +156,9 @@ def resume(state: TrainingState, out: Path, console: Console | None = None) -> N
     checkpoint = state.fabric.broadcast(newest_checkpoint(folder) if state.fabric.is_global_zero else None)
     if checkpoint is None:
         return
-    try:
+    advice = "another version of semgs wrote it; resume with that version, or name a new folder"
+    with input_error(folder, "checkpoints of this network", advice=advice):
         state.restore(checkpoint.tensors, checkpoint.numbers)
-    except ValueError as error:
-        advice = "another version of semgs wrote it; resume with that version, or name a new folder"
-        raise InputError(folder, "checkpoints of this network", str(error), advice=advice) from error
     tell(
         console,
         [*(f"{record}: damaged, skipped" for record in checkpoint.damaged), f"resuming from step {state.step}"],

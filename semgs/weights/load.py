@@ -13,7 +13,7 @@ from torch.nn.modules.module import register_module_parameter_registration_hook
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.terms import Terms, TermsWarning, terms_from
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.paths import found_at, typed_path
 from semgs.files.strict_json import parse_json
 from semgs.model import networks
@@ -138,10 +138,8 @@ def trained_scenes(weights: str | Path) -> tuple[str, ...]:
     _, path = find(weights)
     if not is_ours(path):
         return ()
-    try:
+    with input_error(path, "names of scenes as JSON", key=SCENES):
         names = parse_json(read_header(path).metadata.get(SCENES, "[]"))
-    except ValueError as error:
-        raise InputError(path, "names of scenes as JSON", str(error), key=SCENES) from error
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError(path, "a list of names", f"{names!r:.60}", key=SCENES)
     return tuple(names)

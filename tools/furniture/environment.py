@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import subprocess
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
 
 PYTHON = (3, 11)
 """The only version that Blender's package supports."""
@@ -141,4 +141,4 @@ def _reason(log: Path) -> str:
 
 
 def _pins() -> str:
-    return hashlib.sha256((files("tools.furniture") / "requirements.txt").read_bytes()).hexdigest()
+    return sha256(Path(str(files("tools.furniture"))) / "requirements.txt")

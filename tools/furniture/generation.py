@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from threading import Event
 
-from semgs import __version__
+from semgs._version import __version__
 from semgs.files.atomic import write_json, write_text
 from semgs.files.claims import is_begun
 from semgs.files.errors import InputError

@@ -28,7 +28,7 @@ from semgs.figures.comparison import Block, PictureRow, comparison
 from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.colours import depth_limits, depth_picture
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.rooms.sets.dataset import Recipe, write_dataset
 from semgs.training.settings import VALIDATION_SEED
 from semgs.weights.index import SHOWN
@@ -123,10 +123,8 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
         scenes = open_scenes(data or drawn)
         classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
         plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
-        try:
+        with input_error(weights, "weights"):
             candidate = network_candidate(weights, classes, "cpu")
-        except ValueError as error:
-            raise InputError(weights, "weights", str(error)) from error
         found = judged(tuple(FigurePart("", plan, (candidate.method,), classes).compare()))
     if not found:
         raise InputError(data or drawn, "labelled scenes", "none with labels")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.protocols import TargetSample
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import read_json
 from semgs.files.text import listed
 
@@ -219,10 +219,8 @@ def _sample(path: str | Path, scene: Scene, entry: object, place: str) -> Target
     names = [name for name in listed if isinstance(name, str)]
     if len(names) < 3 or len(names) < len(listed):
         raise InputError(path, "a target and two or more contexts, by name", f"{entry!r:.60}", key=place)
-    try:
+    with input_error(path, f"frames of {scene.name}", key=place):
         positions = [scene.index(name) for name in names]
-    except ValueError as error:
-        raise InputError(path, f"frames of {scene.name}", str(error), key=place) from error
     if len(set(positions)) != len(positions):
         raise InputError(path, "different frames", ", ".join(names), key=place)
     return TargetSample(tuple(positions[1:]), positions[0])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from semgs import __version__
+from semgs._version import __version__
 
 LIBRARIES = ("torch", "numpy", "scipy", "torchmetrics", "numba", "opencv-python-headless", "pillow")
 """Libraries that affect the numbers."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
 from semgs.files.strict_json import parse_json
 from semgs.files.text import listed
 from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, Origin, inside, read_catalogue
@@ -93,7 +93,7 @@ def lock_of(folder: str | Path) -> Path:
 
 def lock_digest(folder: str | Path) -> str:
     """The first digits of the SHA-256 of a folder's lock, which identify its assets."""
-    return hashlib.sha256(lock_of(folder).read_bytes()).hexdigest()[:16]
+    return sha256(lock_of(folder))[:16]
 
 
 def verify(folder: str | Path, lock: Sequence[LockEntry] | None = None) -> None:
@@ -164,7 +164,7 @@ def attribution(used: Iterable[str], lock: Sequence[LockEntry] | None = None) ->
 
 def _digest(folder: Path, name: str) -> str:
     try:
-        return hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        return sha256(folder / name)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         raise InputError(
             folder / name, "a file of the assets", "no such file", advice="fetch the assets again"

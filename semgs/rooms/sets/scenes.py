@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from semgs import __version__
+from semgs._version import __version__
 from semgs.data.classes import IGNORE
 from semgs.data.terms import ROOM
 from semgs.data.views import Views
