@@ -12,6 +12,7 @@ from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.segmenter_options import SegmenterOptions
 from semgs.cli.types import AutoSize, Device, Views, WeightsOrRandom
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from semgs.model.semgs import SemGS
     from semgs.reconstruction.report import Origin
 
+
+SEGMENTER = "segmenter"
+"""Folder in the output for the maps of a segmentation network."""
 
 MOST_VIEWS = 4
 """The models were trained with at most this many input views."""
@@ -52,6 +56,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --context 3 7 --size 480x640
     - semgs reconstruct recording --out out/robot --camera /camera/color --world map
     - semgs reconstruct scans/office --out out/office --weights re10k.ckpt
+    - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -78,6 +83,7 @@ class Reconstruct:
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete."""
+    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
@@ -104,8 +110,11 @@ class Reconstruct:
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
-            with what_fits():
-                result = reconstruct(scene, choice, model, self.size, stages=stages, notes=self._notes())
+            labelling = self.segmenting.labelling(scene, folder / SEGMENTER, self.out / SEGMENTER)
+            with what_fits(), what_the_user_gave():
+                result = reconstruct(
+                    scene, choice, model, self.size, labelling=labelling, stages=stages, notes=self._notes()
+                )
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
 
@@ -114,6 +123,7 @@ class Reconstruct:
         existing_folder(self.scene)
         check_folder(self.out, self.overwrite)
         self.reading.check()
+        self.segmenting.check()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
 

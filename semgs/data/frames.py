@@ -87,18 +87,15 @@ class Frame:
             InputError: a file is missing or damaged, or has another size than the camera; a label is outside the table.
             ImportError: labels or depth come from a mesh, and embreex or trimesh is not installed.
         """
-        image, maps = self.read_image(), _maps(self.lens)
-        if maps is not None:
-            image = self.lens.undistorted(image, maps)
         view = Views.trusted(
-            images=torch.from_numpy(image).permute(2, 0, 1)[None].float() / 255,
+            images=torch.from_numpy(self.read_undistorted()).permute(2, 0, 1)[None].float() / 255,
             cameras=Cameras(self.world_from_camera[None], self.lens.intrinsics[None], self.lens.size),
             depth_range=torch.tensor([depth_range], dtype=torch.float64),
             classes=classes or SCANNET20,
         )
         if size is not None:
             view = (reframed if crop else resized)(view, size)
-        pixels = Pixels(self.lens, view.cameras[0], maps, crop)
+        pixels = Pixels(self.lens, view.cameras[0], _maps(self.lens), crop)
         depths = None if self.depth is None else torch.from_numpy(self.depth.read(pixels))[None]
         labels = None if self.labels is None or classes is None else torch.from_numpy(self.labels.read(pixels))[None]
         if self.mask is not None:
@@ -114,6 +111,15 @@ class Frame:
             InputError: it is missing or damaged, or has another size than the camera.
         """
         return read_rgb(self.picture, self.lens.size)
+
+    def read_undistorted(self) -> UInt8[np.ndarray, "h w 3"]:
+        """The image as a pinhole camera sees it, RGB, at its full size.
+
+        Raises:
+            InputError: as `read_image`.
+        """
+        image, maps = self.read_image(), _maps(self.lens)
+        return image if maps is None else self.lens.undistorted(image, maps)
 
     def measured(self) -> Float32[np.ndarray, "h w"] | None:
         """The undistorted z-depths from a file [m], 0 where unknown; None if there is no depth file.

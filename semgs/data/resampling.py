@@ -36,7 +36,7 @@ def resized(views: Views, size: Sequence[int]) -> Views:
     if new_size == views.size:
         return views
     stretch = torch.diag(torch.tensor([width / views.size[1], height / views.size[0], 1.0], dtype=torch.float64))
-    rows, columns = (_resampling(old, new).to(views.images) for old, new in zip(views.size, new_size, strict=True))
+    rows, columns = (resampling(old, new).to(views.images) for old, new in zip(views.size, new_size, strict=True))
     return views.map(
         lambda maps: nearest(maps, new_size),
         images=lambda images: (rows @ images @ columns.mT).clamp(0, 1),
@@ -128,7 +128,7 @@ def default_size(size: Sequence[int]) -> tuple[int, int]:
     return height, width
 
 
-def _resampling(old: int, new: int) -> Float64[Tensor, "new old"]:
+def resampling(old: int, new: int) -> Float64[Tensor, "new old"]:
     """The matrix that resamples an axis of `old` pixels to `new`: area means if it shrinks, linear interpolation if it grows."""
     pixels = torch.arange(old, dtype=torch.float64)
     if new <= old:

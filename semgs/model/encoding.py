@@ -105,6 +105,21 @@ class Encoding:
             self, gaussians=replace(self.gaussians, semantic=replace(shape, features=features)), classes=classes
         )
 
+    def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
+        """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.
+
+        Raises:
+            ValueError: the Gaussians have no classes.
+        """
+        if self.gaussians.semantic is None:
+            raise ValueError("the Gaussians have no classes")
+        views, height, width = self.depths.shape[-3:]
+        stride = _stride(len(self.gaussians), views, height, width)
+        rows, columns = -(-height // stride), -(-width // stride)
+        features = self.gaussians.semantic.features
+        maps = features.reshape(*features.shape[:-2], views, rows, columns, features.shape[-1]).movedim(-1, -3)
+        return maps.repeat_interleave(stride, -2).repeat_interleave(stride, -1)[..., :height, :width]
+
     def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
         """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
         return replace(

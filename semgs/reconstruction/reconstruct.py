@@ -21,6 +21,7 @@ from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
+from semgs.segmenters.labelling import Labelling
 
 GRID = 24
 """Grid points along each side of an image for the test whether views can overlap."""
@@ -68,6 +69,7 @@ class Reconstruction:
         target: the held-out frames; None if there are none.
         notes: for the user, a sentence each.
         plan: how memory was used; None for a network that `memory_plan` does not support.
+        segmenter: where the classes come from, in a sentence; None for the model.
     """
 
     scene: Scene
@@ -80,6 +82,7 @@ class Reconstruction:
     target: Shown | None
     notes: tuple[str, ...]
     plan: MemoryPlan | None = None
+    segmenter: str | None = None
 
     @property
     def depth_range(self) -> DepthRange:
@@ -108,6 +111,7 @@ def reconstruct(
     model: Network,
     size: Sequence[int] | None = None,
     *,
+    labelling: Labelling | None = None,
     stages: Stages | None = None,
     notes: Sequence[str] = (),
 ) -> Reconstruction:
@@ -120,13 +124,14 @@ def reconstruct(
         choice: input frames and held-out frames.
         model: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
-        stages: shows and times the stages read, encode and render.
+        labelling: gives the Gaussians their classes; None for those of the model.
+        stages: shows and times the stages read, encode, segment and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
         InputError: a frame cannot be read.
         NotEnoughMemoryError: it would not fit in memory.
-        ValueError: fewer than two context frames, or a position outside the scene.
+        ValueError: fewer than two context frames, or a position outside the scene; or as `Labelling`.
     """
     stages = stages or Stages()
     native = scene.frames[choice.context[0]].lens.size
@@ -137,7 +142,10 @@ def reconstruct(
         target = scene.read(choice.targets, wanted, choice.depth_range) if choice.targets else None
     with stages("encode", f"Encoding {len(context)} views with {model.name}"):
         encoded = encode(model, context, target)
-        encoding = encoded.encoding
+        encoding, classes = encoded.encoding, model.classes
+    if labelling is not None:
+        with stages("segment", f"Classes of {len(context)} photos from {labelling.source.title}"):
+            encoding, classes = labelling(encoding, scene, choice.context, context), labelling.source.classes
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
         own = encoding.render(context.cameras)
         held_out = encoding.render(target.cameras) if target is not None else None
@@ -146,21 +154,20 @@ def reconstruct(
         choice=choice,
         native_size=native,
         encoding=encoding,
-        classes=model.classes,
+        classes=classes,
         model=model.name,
-        context=_shown(scene, choice.context, context, own, model.classes),
-        target=None
-        if target is None or held_out is None
-        else _shown(scene, choice.targets, target, held_out, model.classes),
+        context=_shown(scene, choice.context, context, own, classes),
+        target=None if target is None or held_out is None else _shown(scene, choice.targets, target, held_out, classes),
         notes=(
             *notes,
             *scene.notes,
             *_note_of_aspect(scene, choice, context.size),
             *choice.notes,
-            *_notes(scene, choice, context, model.classes),
+            *_notes(scene, choice, context, classes),
             *_note_of_memory(encoded.plan),
         ),
         plan=encoded.plan,
+        segmenter=None if labelling is None else labelling.description,
     )
 
 

@@ -74,6 +74,7 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             "weights": origin.weights,
             "parameters": origin.parameters,
             "classes": result.classes and result.classes.name,
+            "segmenter": result.segmenter,
             "device": origin.device,
         },
         "size": dict(zip(("height", "width"), result.size, strict=True)),

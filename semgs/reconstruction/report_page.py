@@ -152,6 +152,8 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
         ("Model", f"{result.model}, {origin.parameters:,} parameters, on {origin.device}"),
         ("Weights", origin.weights),
     ]
+    if result.segmenter is not None:
+        rows.append(("Classes from", result.segmenter))
     if result.classes is not None:
         rows.append(("Class table", f"{result.classes.name}, {len(result.classes)} classes"))
     return page.Facts(tuple(rows))

@@ -1,0 +1,84 @@
+"""Segmentation networks, and the distributions that they give the frames of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, final
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, UInt8
+from torch import Tensor
+
+from semgs.data.classes import ClassTable
+from semgs.data.frames import Frame
+from semgs.segmenters.files import MadeBy, MapFiles, save_map
+from semgs.segmenters.maps import to_view
+
+
+class Segmenter(Protocol):
+    """A network that gives every pixel of a single image a distribution over classes."""
+
+    @property
+    def classes(self) -> ClassTable:
+        """The network's own table."""
+        ...
+
+    @property
+    def made_by(self) -> MadeBy:
+        """Which network it is."""
+        ...
+
+    def __call__(self, image: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "class rows columns"]:
+        """The distribution over the classes, at any resolution; it covers the whole image and sums to 1.
+
+        Args:
+            image: RGB.
+        """
+        ...
+
+
+@final
+@dataclass(frozen=True)
+class Photos:
+    """What a network says about the undistorted photos of a scene, each at its own size.
+
+    Attributes:
+        segmenter: the network.
+        save: folder to write its maps to; None for nowhere.
+        earlier: maps from an earlier run of the same network, which are not computed again; None if there are none.
+    """
+
+    segmenter: Segmenter
+    save: Path | None = None
+    earlier: MapFiles | None = field(default=None, repr=False)
+
+    @property
+    def title(self) -> str:
+        """Name and licence of the network."""
+        return self.segmenter.made_by.title
+
+    @property
+    def classes(self) -> ClassTable:
+        """The table of the network."""
+        return self.segmenter.classes
+
+    @property
+    def known(self) -> Bool[np.ndarray, " class"]:
+        """All of the table."""
+        return np.ones(len(self.classes), bool)
+
+    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+        """The distribution over the network's classes of every pixel of a frame.
+
+        Raises:
+            InputError: the photo cannot be read, or an earlier map is damaged.
+        """
+        stored = None if self.earlier is None else self.earlier.path_of(frame)
+        if stored is not None and self.earlier is not None:
+            found = self.earlier.probabilities(stored, frame)
+        else:
+            found = self.segmenter(frame.read_undistorted())
+        if self.save is not None:
+            save_map(self.save, frame, found)
+        return to_view(found, frame, size, undistorted=True)

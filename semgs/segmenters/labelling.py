@@ -1,0 +1,81 @@
+"""Gives the Gaussians of a scene classes from elsewhere: what a source says about the input views, made consistent between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from semgs.data.scene import Scene
+from semgs.data.views import Views
+from semgs.model.encoding import Encoding
+from semgs.segmenters.fusion import LEAST, fused
+from semgs.segmenters.source import Source, distributions
+
+
+@dataclass(frozen=True)
+class Labelling:
+    """How Gaussians get their classes.
+
+    Attributes:
+        source: what says the classes of the input views.
+        own: whether the network's own classes vote too.
+        fusion: whether views agree on a class for each point; otherwise each Gaussian has that of its own pixel.
+    """
+
+    source: Source
+    own: bool = False
+    fusion: bool = True
+
+    @property
+    def description(self) -> str:
+        """Where the classes come from, in a sentence."""
+        voters = f"{self.source.title}{', and the model' if self.own else ''}"
+        return f"{voters}; {'fused over the input views' if self.fusion else 'each input view for itself'}"
+
+    def __call__(self, encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views) -> Encoding:
+        """The encoding of frames of a scene, with these classes.
+
+        Args:
+            encoding: of the views.
+            scene: contains the frames.
+            positions: of the frames in the scene.
+            views: the frames as read.
+
+        Raises:
+            InputError: as `Source.of`.
+            ValueError: the network's own classes are to vote, and it has none or another table.
+        """
+        found = distributions(self.source, scene, positions, views.size).to(encoding.depths)
+        if self.own:
+            if encoding.classes != self.source.classes:
+                table = encoding.classes.name if encoding.classes else "no classes"
+                raise ValueError(
+                    f"the network has {table}, the segmenter {self.source.classes.name}; expected one table"
+                )
+            known = torch.from_numpy(self.source.known).to(found.device)
+            found = combined(found, encoding.class_maps(), known)
+        if self.fusion:
+            found = fused(found, encoding.depths, encoding.depth_spread, views.cameras)
+        return encoding.with_classes(found, self.source.classes)
+
+
+def combined(
+    theirs: Float[Tensor, "*batch class h w"], own: Float[Tensor, "*batch class h w"], known: Bool[Tensor, " class"]
+) -> Float[Tensor, "*batch class h w"]:
+    """The product of two distributions; for a class that the first cannot say, it votes neither way.
+
+    Not voting means: the mean of the log probabilities that it gives to the classes it knows, weighted by the second distribution.
+
+    Args:
+        theirs: of a segmenter.
+        own: of the network.
+        known: the classes that the segmenter can say.
+    """
+    said = (theirs + LEAST).log()
+    shares = own * known[:, None, None]
+    neutral = (shares * said).sum(-3, keepdim=True) / shares.sum(-3, keepdim=True).clamp(min=LEAST)
+    return ((own + LEAST).log() + torch.where(known[:, None, None], said, neutral)).softmax(-3)

@@ -1,0 +1,30 @@
+"""Class tables from names alone."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+
+from semgs.data.classes import SCANNET20, ClassTable
+
+GOLDEN = 0.618034
+"""Step between hues, so that neighbours in a table differ."""
+
+
+def table_of(name: str, names: Sequence[str]) -> ClassTable:
+    """A class table with colours from a fixed scheme; ScanNet's names keep their colours.
+
+    Raises:
+        ValueError: as `ClassTable`.
+    """
+    if tuple(names) == SCANNET20.names:
+        return SCANNET20
+    known = dict(zip(SCANNET20.names, SCANNET20.colours, strict=True))
+    colours = tuple(known.get(one) or _colour(place) for place, one in enumerate(names))
+    return ClassTable(name, tuple(names), colours, tuple(range(len(names))))
+
+
+def _colour(place: int) -> tuple[int, int, int]:
+    """The colour of a place in a table: hues a golden section apart, in three strengths."""
+    red, green, blue = colorsys.hsv_to_rgb(place * GOLDEN % 1, 0.55 + 0.15 * (place % 3), 0.9 - 0.15 * (place // 3 % 3))
+    return round(255 * red), round(255 * green), round(255 * blue)
