@@ -24,7 +24,7 @@ from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 
 from semgs.data.class_files import LabelSet, read_class_file
-from semgs.data.classes import ClassTable
+from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.frames import Frame
 from semgs.data.maps import ASPECT_TOLERANCE, ClassMap
 from semgs.data.scene import Scene
@@ -90,7 +90,10 @@ class MapFiles:
             InputError: its table of classes is missing or damaged.
         """
         stems = Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
-        return cls(folder, read_class_file(folder / TABLE), stems, _made_by(folder))
+        labels = read_class_file(folder / TABLE)
+        if labels.table.names == SCANNET20.names:
+            labels = replace(labels, table=SCANNET20)
+        return cls(folder, labels, stems, _made_by(folder))
 
     @property
     def title(self) -> str:
