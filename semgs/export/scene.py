@@ -192,7 +192,10 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
             tensors[f"{branch}.scales"] = appearance.scales
             tensors[f"{branch}.features"] = appearance.features
     tensors |= {"depths": scene.depths, "confidences": scene.confidences}
-    tensors = {name: tensor.detach().to("cpu", torch.float32).contiguous() for name, tensor in tensors.items()}
+    # Colour and semantic Gaussians may share their shapes; the file stores each tensor by itself.
+    tensors = {
+        name: tensor.detach().to("cpu", torch.float32, copy=True).contiguous() for name, tensor in tensors.items()
+    }
     tensors |= {
         "cameras.world_from_camera": in_source.world_from_camera.contiguous(),
         "cameras.intrinsics": scene.cameras.intrinsics.contiguous(),

@@ -101,9 +101,8 @@ class Encoding:
         features = places.flatten(-2).mT.reshape(*self.gaussians.opacities.shape, len(classes))
         features = features / features.sum(-1, keepdim=True)
         shape = self.gaussians.semantic or self.gaussians.colour
-        return replace(
-            self, gaussians=replace(self.gaussians, semantic=replace(shape, features=features)), classes=classes
-        )
+        semantic = replace(shape, features=features)
+        return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes)
 
     def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.
