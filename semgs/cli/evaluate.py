@@ -12,16 +12,20 @@ from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
+from semgs.cli.segmenter_options import SegmenterOptions
 from semgs.cli.types import AutoSize, Device, Protocol, SeveralViews, Weights, Workers
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from semgs.data.classes import ClassTable
     from semgs.data.scene import Scene
     from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import Candidate
+    from semgs.segmenters.labelling import Labelling
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,7 @@ class Evaluate:
     - semgs evaluate small --data scenes --out eval/small
     - semgs evaluate runs/mine/weights.safetensors --data scenes --views 2 --out eval/mine
     - semgs evaluate small --data scannet --scenes scannet-sray-test --protocol peers --views 2 3 4 --out eval/peers
+    - semgs evaluate small --segmenter segformer.onnx --data scenes --out eval/segformer
     - semgs evaluate --predictions theirs --data scenes --protocol pinned eval/small/frames.json --out eval/theirs
     """
 
@@ -81,6 +86,7 @@ class Evaluate:
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
+    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
@@ -98,8 +104,9 @@ class Evaluate:
             data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
         plan = self._plan(data.scenes)
         with show_stage("Loading"):
-            candidate = self._candidate(plan, data.classes, chosen_device(self.device))
-            job = Job(data, plan, candidate, self._remarks(plan), self.workers)
+            labelling = self.segmenting.labelling()
+            candidate = self._candidate(plan, data.classes, chosen_device(self.device), labelling)
+            job = Job(data, plan, candidate, self._remarks(plan, labelling), self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
             summary = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
         print(summary)
@@ -116,6 +123,9 @@ class Evaluate:
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
+        self.segmenting.check()
+        if self.segmenting.segmenter is not None and (self.predictions is not None or self.workers):
+            raise UsageError(f"--segmenter cannot go with {'--predictions' if self.predictions else '--workers'}")
         if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
             near, far = self.depth_range
             raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
@@ -130,25 +140,47 @@ class Evaluate:
         plan = plan_of(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
         return with_depth_range(plan, self.depth_range)
 
-    def _candidate(self, plan: FramePlan, classes: ClassTable | None, device: str) -> Candidate:
+    def _candidate(
+        self,
+        plan: FramePlan,
+        classes: ClassTable | None,
+        device: str,
+        labelling: Callable[[Scene], Labelling] | None,
+    ) -> Candidate:
         """The method to evaluate, and its description for the report."""
         from semgs.evaluation.run import network_candidate, saved_candidate
 
         if self.predictions is not None:
             return saved_candidate(self.predictions, plan, device, self.name)
         with what_the_user_gave():
-            return network_candidate(self.weights, classes, device, self.name)
+            if labelling is not None:
+                self._check_table(labelling(plan.scenes[0]).source.classes, classes)
+            name = self.name or (f"{Path(self.weights).stem} + segmenter" if labelling else "")
+            return network_candidate(self.weights, classes, device, name, labelling)
 
-    def _remarks(self, plan: FramePlan) -> tuple[str, ...]:
-        """A remark for the report if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""
+    def _check_table(self, theirs: ClassTable, classes: ClassTable | None) -> None:
+        """Check that a segmenter answers in the classes of the labels."""
+        if classes is not None and theirs != classes:
+            assert self.segmenting.segmenter is not None
+            raise InputError(
+                self.segmenting.segmenter, f"answers in the classes of the labels, {classes.name}", theirs.name
+            )
+
+    def _remarks(self, plan: FramePlan, labelling: Callable[[Scene], Labelling] | None) -> tuple[str, ...]:
+        """Remarks for the report: who gives the classes, and whether the weights were trained on rooms that are scored here.
+
+        Such rooms are refused without --allow-seen.
+        """
         from semgs.data.scene_lists import check_unseen, seen_before
         from semgs.weights.load import trained_scenes
 
+        said = () if labelling is None else (f"The classes are from {labelling(plan.scenes[0]).description}.",)
         if not self.weights:
-            return ()
+            return said
         trained, tested = trained_scenes(self.weights), [scene.name for scene in plan.scenes]
         if self.allow_seen:
             seen = sorted(seen_before(trained, tested))
-            return (f"The weights were trained on rooms that are scored here: {', '.join(seen)}.",) if seen else ()
+            where = f"The weights were trained on rooms that are scored here: {', '.join(seen)}."
+            return (*said, *((where,) if seen else ()))
         check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or use --allow-seen")
-        return ()
+        return said

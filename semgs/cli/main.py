@@ -65,6 +65,9 @@ COMMANDS = {
     ),
     "weights verify": Command("semgs.cli.weights", "Verify", "Check weights against the published hashes."),
     "weights calibrate": Command("semgs.cli.calibrate", "Calibrate", "Calibrate confidence on labelled scenes."),
+    "segmenters fit": Command(
+        "semgs.cli.segmenter_fit", "FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
+    ),
     "figure": Command("semgs.cli.figure", "Figure", "Plot the paper's comparison figures for your weights and scenes."),
     "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine."),
 }

@@ -110,10 +110,16 @@ class Reconstruct:
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
-            labelling = self.segmenting.labelling(scene, folder / SEGMENTER, self.out / SEGMENTER)
+            labelling = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
-                    scene, choice, model, self.size, labelling=labelling, stages=stages, notes=self._notes()
+                    scene,
+                    choice,
+                    model,
+                    self.size,
+                    labelling=labelling and labelling(scene),
+                    stages=stages,
+                    notes=self._notes(),
                 )
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))

@@ -11,6 +11,8 @@ import tyro
 from semgs.cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from semgs.data.scene import Scene
     from semgs.segmenters.labelling import Labelling
 
@@ -28,33 +30,44 @@ class SegmenterOptions:
     with_own_classes: bool = False
     """With --segmenter: the model's own classes vote too."""
 
+    correspondence: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """What the segmenter's classes mean, and how much it votes, from semgs segmenters fit; by default class names decide."""
+
     def check(self) -> None:
         """Check what can be checked without importing torch.
 
         Raises:
-            UsageError: an option needs --segmenter.
+            UsageError: an option needs --segmenter, or two exclude each other.
         """
-        if self.segmenter is None and (self.classes or self.with_own_classes):
-            raise UsageError(f"{'--classes' if self.classes else '--with-own-classes'} is for --segmenter")
-        if self.segmenter is not None and self.with_own_classes and self.classes == "own":
-            raise UsageError("--with-own-classes needs the model's class table, so it cannot go with --classes own")
+        given = {
+            "--classes": self.classes,
+            "--with-own-classes": self.with_own_classes,
+            "--correspondence": self.correspondence,
+        }
+        if self.segmenter is None and (alone := [name for name, value in given.items() if value]):
+            raise UsageError(f"{alone[0]} is for --segmenter")
+        if self.classes == "own" and (self.with_own_classes or self.correspondence):
+            raise UsageError(
+                "--classes own keeps the segmenter's table, so it cannot go with --with-own-classes or --correspondence"
+            )
 
-    def labelling(self, scene: Scene, save: Path, earlier: Path) -> Labelling | None:
+    def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.
 
         Args:
-            scene: to reconstruct.
-            save: new folder for the maps of a network.
+            save: new folder for the maps of a network; None for none.
             earlier: folder in which an earlier run may have saved maps.
 
         Raises:
-            InputError: the segmenter cannot be used.
+            InputError: the segmenter cannot be used. So does the returned function.
             ImportError: the library that runs it is not installed.
         """
         if self.segmenter is None:
             return None
+        from semgs.segmenters.fitting import read_fit
         from semgs.segmenters.labelling import Labelling
-        from semgs.segmenters.opening import open_source
+        from semgs.segmenters.opening import sources
 
-        source = open_source(self.segmenter, scene, self.classes, save, earlier)
-        return Labelling(source, own=self.with_own_classes)
+        opened = sources(self.segmenter, self.classes, self.correspondence, save, earlier)
+        votes = None if self.correspondence is None else read_fit(self.correspondence).votes
+        return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)

@@ -35,6 +35,7 @@ from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
+from semgs.segmenters.labelling import Labelling
 from semgs.weights.load import find, load, table_of
 
 VIEWS = (2, 3, 4)
@@ -146,7 +147,13 @@ def plan_of(
     return make_plan("peers", peers, scenes, views or VIEWS, size)
 
 
-def network_candidate(weights: str | Path, classes: ClassTable | None, device: str, name: str = "") -> Candidate:
+def network_candidate(
+    weights: str | Path,
+    classes: ClassTable | None,
+    device: str,
+    name: str = "",
+    labelling: Callable[[Scene], Labelling] | None = None,
+) -> Candidate:
     """Weights to evaluate.
 
     Args:
@@ -154,16 +161,17 @@ def network_candidate(weights: str | Path, classes: ClassTable | None, device: s
         classes: the class table of the truth; None for that of the weights.
         device: to encode on.
         name: in tables; by default that of the network.
+        labelling: gives the Gaussians of a scene their classes, instead of the network; the network then needs none.
 
     Raises:
         ValueError: there are no included weights of that name.
         InputError: the file cannot be used, or has another class table.
     """
     network, path = find(weights)
-    model = load(network, path, classes=classes or table_of(path))
+    model = load(network, path, classes=(None if labelling else classes) or table_of(path))
     parameters = sum(parameter.numel() for parameter in model.parameters())
     subject = Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
-    return Candidate(NetworkMethod(model.eval(), device, subject.name), subject, device)
+    return Candidate(NetworkMethod(model.eval(), device, subject.name, labelling), subject, device)
 
 
 def saved_candidate(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:

@@ -83,14 +83,19 @@ class MapFiles:
     made_by: MadeBy | None = None
 
     @classmethod
-    def opened(cls, folder: Path, scene: Scene) -> MapFiles:
+    def opened(cls, folder: Path, scene: Scene, table: Path | None = None) -> MapFiles:
         """The maps in a folder.
+
+        Args:
+            folder: of the maps.
+            scene: contains the frames.
+            table: the folder of the class table; None for that of the maps.
 
         Raises:
             InputError: its table of classes is missing or damaged.
         """
         stems = Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
-        labels = read_class_file(folder / TABLE)
+        labels = read_class_file((table or folder) / TABLE)
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
         return cls(folder, labels, stems, _made_by(folder))

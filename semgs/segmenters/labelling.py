@@ -17,17 +17,32 @@ from semgs.segmenters.source import Source, distributions
 
 
 @dataclass(frozen=True)
+class Votes:
+    """How much a segmenter and the network each vote for a class: factors of log probabilities, and what is added.
+
+    Attributes:
+        theirs, own, bias: for each class.
+    """
+
+    theirs: tuple[float, ...]
+    own: tuple[float, ...]
+    bias: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Labelling:
     """How Gaussians get their classes.
 
     Attributes:
         source: what says the classes of the input views.
         own: whether the network's own classes vote too.
+        votes: how much each of the two votes then; None for equal votes, where a class that the source cannot say gets none from it.
         fusion: whether views agree on a class for each point; otherwise each Gaussian has that of its own pixel.
     """
 
     source: Source
     own: bool = False
+    votes: Votes | None = None
     fusion: bool = True
 
     @property
@@ -56,8 +71,10 @@ class Labelling:
                 raise ValueError(
                     f"the network has {table}, the segmenter {self.source.classes.name}; expected one table"
                 )
-            known = torch.from_numpy(self.source.known).to(found.device)
-            found = combined(found, encoding.class_maps(), known)
+            if self.votes is None:
+                found = combined(found, encoding.class_maps(), torch.from_numpy(self.source.known).to(found.device))
+            else:
+                found = weighed(found, encoding.class_maps(), self.votes)
         if self.fusion:
             found = fused(found, encoding.depths, encoding.depth_spread, views.cameras)
         return encoding.with_classes(found, self.source.classes)
@@ -79,3 +96,11 @@ def combined(
     shares = own * known[:, None, None]
     neutral = (shares * said).sum(-3, keepdim=True) / shares.sum(-3, keepdim=True).clamp(min=LEAST)
     return ((own + LEAST).log() + torch.where(known[:, None, None], said, neutral)).softmax(-3)
+
+
+def weighed(
+    theirs: Float[Tensor, "*batch class h w"], own: Float[Tensor, "*batch class h w"], votes: Votes
+) -> Float[Tensor, "*batch class h w"]:
+    """The weighted product of two distributions."""
+    factors = [torch.tensor(row).to(own)[:, None, None] for row in (votes.theirs, votes.own, votes.bias)]
+    return (factors[0] * (theirs + LEAST).log() + factors[1] * (own + LEAST).log() + factors[2]).softmax(-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, final
@@ -16,6 +17,7 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.segmenters.files import RECORD, TABLE, MapFiles, save_table
+from semgs.segmenters.fitting import Fit, read_fit
 from semgs.segmenters.images import Photos, Segmenter
 from semgs.segmenters.maps import resized_map
 from semgs.segmenters.names import Correspondence, scannet20_of
@@ -92,29 +94,57 @@ def network(name: str | Path) -> Segmenter:
     raise InputError(path, expected, "something else" if path.exists() else "nothing")
 
 
-def open_source(
-    name: str, scene: Scene, classes: Table | None = None, save: Path | None = None, earlier: Path | None = None
-) -> Source:
-    """Open a segmenter for the frames of a scene.
+def sources(
+    name: str,
+    classes: Table | None = None,
+    correspondence: Path | None = None,
+    save: Path | None = None,
+    earlier: Path | None = None,
+) -> Callable[[Scene], Source]:
+    """Open a segmenter once, for the frames of any scene.
+
+    Class maps of several scenes are in a folder for each, by the scene's name, inside the one that is named; the class table is beside the maps or
+    in that one.
 
     Args:
         name: a folder of class maps (`semgs.segmenters.files`), or as for `open_segmenter`.
-        scene: contains the frames.
         classes: the table of the answers; None keeps that of class maps, and is "scannet20" for networks and their maps.
+        correspondence: a file of `semgs segmenters fit`, used instead of class names; None for names.
         save: new folder for the maps of a network; None for none.
         earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
 
     Raises:
-        InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
+        InputError: it cannot be read, is no segmenter, or less than half of its class names are known. So does the returned function.
         ImportError: the library that runs it is not installed.
     """
+    fitted = None if correspondence is None else read_fit(correspondence)
     path = typed_path(name)
-    if not (path / TABLE).is_file():
-        return open_segmenter(name, classes or "scannet20").source(scene, save, earlier)
-    found = MapFiles.opened(path, scene)
-    if classes == "own" or (classes is None and found.made_by is None):
-        return found
-    return Translated(found, _correspondence(name, found.classes))
+    if path.is_dir() and not (path / "config.json").is_file():
+        return lambda scene: _of_files(_folder_of(path, scene), scene, classes, fitted)
+    found = network(name)
+    return lambda scene: _translated(Opened(found).source(scene, save, earlier), name, classes or "scannet20", fitted)
+
+
+def _folder_of(folder: Path, scene: Scene) -> Path:
+    """The folder with the maps of a scene."""
+    return folder / scene.name if (folder / scene.name).is_dir() else folder
+
+
+def _of_files(folder: Path, scene: Scene, classes: Table | None, fitted: Fit | None) -> Source:
+    """Class maps as a source."""
+    table = folder if (folder / TABLE).is_file() or not (folder.parent / TABLE).is_file() else folder.parent
+    found = MapFiles.opened(folder, scene, table)
+    own = found.made_by is None and fitted is None
+    return _translated(found, folder, classes or ("own" if own else "scannet20"), fitted)
+
+
+def _translated(source: Source, name: str | Path, classes: Table, fitted: Fit | None) -> Source:
+    """A source in the table that is wanted."""
+    if fitted is not None:
+        if fitted.theirs != source.classes.names:
+            raise InputError(str(name), f"the classes that {fitted.segmenter} has in the fit", "others")
+        return Translated(source, fitted.correspondence)
+    return source if classes == "own" else Translated(source, _correspondence(name, source.classes))
 
 
 def _correspondence(name: str | Path, classes: ClassTable) -> Correspondence:

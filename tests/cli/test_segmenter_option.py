@@ -66,7 +66,10 @@ def test_a_scene_has_the_classes_of_the_maps_with_every_network(
         (["--with-own-classes"], "--with-own-classes is for --segmenter"),
         (["--classes", "own"], "--classes is for --segmenter"),
         (["--segmenter", "nowhere.onnx"], "nowhere.onnx"),
-        (["--segmenter", "maps", "--with-own-classes", "--classes", "own"], "cannot go with --classes own"),
+        (
+            ["--segmenter", "maps", "--with-own-classes", "--classes", "own"],
+            "--classes own keeps the segmenter's table",
+        ),
     ],
 )
 def test_options_that_do_not_fit_end_with_one_line(

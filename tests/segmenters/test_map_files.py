@@ -16,7 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.segmenters.files import MadeBy, MapFiles, read_probabilities, save_map, save_table
-from semgs.segmenters.opening import open_source
+from semgs.segmenters.opening import sources
 from semgs.segmenters.tables import table_of
 
 
@@ -78,7 +78,7 @@ def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scen
     torch.testing.assert_close(maps.of(scene.frames[2], SIZE)[1], torch.full(SIZE, 0.75))
     # Maps of a network are in ScanNet's classes unless its own are wanted: chair is the fifth of them.
     for classes, place, count in ((None, 4, 20), ("own", 1, 2)):
-        found = open_source(str(tmp_path / "out"), scene, classes).of(scene.frames[2], SIZE)
+        found = sources(str(tmp_path / "out"), classes)(scene).of(scene.frames[2], SIZE)
         assert found.shape[0] == count
         torch.testing.assert_close(found[place], torch.full(SIZE, 0.75))
 
@@ -86,15 +86,15 @@ def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scen
 def test_names_of_scannet_have_its_table(folder: Path, scene: Scene):
     listed = [{"name": name, "colour": [1, 2, 3]} for name in SCANNET20.names]
     (folder / "classes.json").write_text(json.dumps({"name": "mine", "classes": listed}))
-    assert open_source(str(folder), scene).classes is SCANNET20
+    assert sources(str(folder))(scene).classes is SCANNET20
 
 
 def test_a_table_of_unknown_names_is_kept_or_refused(folder: Path, scene: Scene):
     table = {"name": "own", "classes": [{"name": name, "colour": [0, 0, 0]} for name in ("wall", "gizmo", "widget")]}
     (folder / "classes.json").write_text(json.dumps(table))
-    assert open_source(str(folder), scene).classes.names == ("wall", "gizmo", "widget")
+    assert sources(str(folder))(scene).classes.names == ("wall", "gizmo", "widget")
     with pytest.raises(InputError, match=r"2 of 3 class names are unknown \(gizmo, widget\).*--classes own"):
-        open_source(str(folder), scene, "scannet20")
+        sources(str(folder), "scannet20")(scene)
 
 
 def test_bad_maps_are_refused_by_name(folder: Path, scene: Scene):

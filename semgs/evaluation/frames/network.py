@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
+from functools import lru_cache
 
 import torch
 
+from semgs.data.scene import Scene
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.reconstruction.encode import Network, encode, now
 from semgs.rendering.rendering import SEEN_ALPHA, likeliest
+from semgs.segmenters.labelling import Labelling
 
 
 class NetworkMethod:
@@ -18,12 +22,16 @@ class NetworkMethod:
         network: in evaluation mode.
         device: to encode on.
         name: to call it by in tables.
+        labelling: gives the Gaussians of a scene their classes; None for those of the network.
     """
 
-    def __init__(self, network: Network, device: str, name: str) -> None:
+    def __init__(
+        self, network: Network, device: str, name: str, labelling: Callable[[Scene], Labelling] | None = None
+    ) -> None:
         self._network = network
         self._device = device
         self.name = name
+        self._labelling = None if labelling is None else lru_cache(maxsize=1)(labelling)
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
@@ -35,8 +43,13 @@ class NetworkMethod:
         if isinstance(self._network, torch.nn.Module):
             self._network.to(self._device)
         encoded = encode(self._network, inputs.contexts, device=None)  # the GPU back-end renders where the result is
+        encoding = encoded.encoding
+        if self._labelling is not None:
+            task = inputs.task
+            labelling = self._labelling(task.scene)
+            encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts)
         start = now()
-        rendering = encoded.encoding.render(inputs.camera)
+        rendering = encoding.render(inputs.camera)
         seconds = now() - start
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
         return Prediction(
