@@ -67,6 +67,11 @@ def of_layout(name: str, *tests: str) -> tuple[str, ...]:
     return tuple(f"tests/data/layouts/{folder}/test_{reader}.py::test_{test}" for test in tests)
 
 
+def of_segmenters(module: str, name: str) -> tuple[str, ...]:
+    """A test of class maps and segmenters."""
+    return (f"tests/segmenters/test_{module}.py::test_{name}",)
+
+
 def of_scannet(name: str) -> tuple[str, ...]:
     """A test of ScanNet's reader."""
     return (f"tests/data/layouts/scannet/test_scannet.py::test_{name}",)
@@ -1007,5 +1012,40 @@ MUTANTS = (
         "a run in a world that is given up goes on in homes", "semgs/training/settings.py",
         '(style := saved.pop("style", "home")) != "home"', '(style := saved.pop("style", "home")) == "other"',
         ("tests/training/test_whole_runs.py::test_worlds_that_no_training_may_see_are_refused",),
+    ),
+    Mutant(
+        "maps of distorted photos are taken for undistorted ones", "semgs/segmenters/maps.py",
+        "None if undistorted or frame.lens.is_pinhole else frame.lens.maps()", "None",
+        of_segmenters("maps", "a_map_that_tells_position_lands_where_the_photo_does"),
+    ),
+    Mutant(
+        "maps are cropped from the corner", "semgs/segmenters/maps.py",
+        "[left : left + width]\n    return", "[:width]\n    return",
+        of_segmenters("maps", "a_crop_takes_the_middle_and_halves_are_normalised"),
+    ),
+    Mutant(
+        "a pixel without a label is sure of the first class", "semgs/segmenters/maps.py",
+        "1 / classes, found)", "0.0, found)",
+        of_segmenters("maps", "a_pixel_without_label_is_even"),
+    ),
+    Mutant(
+        "a segmenter votes against what it does not know", "semgs/segmenters/labelling.py",
+        "torch.where(known[:, None, None], said, neutral)", "said",
+        of_segmenters("labelling", "a_class_that_the_segmenter_cannot_say_gets_a_neutral_vote"),
+    ),
+    Mutant(
+        "views vote that see something nearer", "semgs/segmenters/fusion.py",
+        "agrees = inside & (", "agrees = inside | (",
+        of_segmenters("fusion", "fusion_equals_a_loop_over_points_and_views"),
+    ),
+    Mutant(
+        "common classes take what a segmenter says", "semgs/segmenters/fitting.py",
+        "frequency**PRIOR_POWER", "frequency**0",
+        of_segmenters("fitting", "the_class_frequency_is_divided_out_by_its_root"),
+    ),
+    Mutant(
+        "maps of another network are used again", "semgs/segmenters/opening.py",
+        "stored.made_by == made_by else None", "stored.made_by != None else None",
+        of_segmenters("labelling", "a_network_sees_the_photo_at_its_own_size_and_its_maps_are_used_again"),
     ),
 )  # fmt: skip

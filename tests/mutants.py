@@ -226,13 +226,14 @@ def run_tests(copy: Path, tests: Sequence[str], compiled: bool, seconds: int) ->
         "PYTHONPATH": str(copy),
         "NUMBA_CACHE_DIR": str(copy.parent / "compiled"),
         "NUMBA_DISABLE_JIT": "0" if compiled else "1",
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # it would warn of plugins of other libraries that are imported already
     }
     sys.path[:] = [str(copy), *(one for one in sys.path if one not in ("", str(ROOT), str(ROOT / "tests")))]
     import pytest
 
     # The tests of the table itself would notice every error.
     options = ["-x", "-q", "-rfE", "--tb=no", "-p", "no:cacheprovider", "--deselect=tests/test_mutants.py"]
-    sys.exit(int(pytest.main([*options, "-m", "not long and not gpu", *tests])))
+    sys.exit(int(pytest.main([*options, "-p", "pytest_timeout", "-p", "xdist", "-m", "not long and not gpu", *tests])))
 
 
 def end_with_the_run() -> None:
