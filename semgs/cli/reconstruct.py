@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from semgs.data.scene import Scene
     from semgs.model.semgs import SemGS
     from semgs.reconstruction.report import Origin
+    from semgs.segmenters.labelling import Labelling
 
 
 SEGMENTER = "segmenter"
@@ -110,7 +111,7 @@ class Reconstruct:
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
-            labelling = self.segmenting.labelling(scene, folder / SEGMENTER, self.out / SEGMENTER)
+            labelling = self._labelling(scene, folder, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
                     scene, choice, model, self.size, labelling=labelling, stages=stages, notes=self._notes()
@@ -157,6 +158,13 @@ class Reconstruct:
             model = load(*self._named())
         parameters = sum(parameter.numel() for parameter in model.parameters())
         return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
+
+    def _labelling(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
+        """What gives the Gaussians their classes; None for the network's own."""
+        if self.segmenting.segmenter is None:
+            return None
+        with stages("load", f"Loading {self.segmenting.segmenter}"):
+            return self.segmenting.labelling(scene, folder / SEGMENTER, self.out / SEGMENTER)
 
     def _named(self) -> tuple[str, str | None]:
         """The network, and its weights unless they are the included ones, as `load` takes them."""

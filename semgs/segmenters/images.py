@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -12,10 +14,12 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
+from semgs.segmenters.cost import Cost, measured
 from semgs.segmenters.files import MadeBy, MapFiles, save_map
 from semgs.segmenters.maps import to_view
 
 
+@runtime_checkable
 class Segmenter(Protocol):
     """A network that gives every pixel of a single image a distribution over classes."""
 
@@ -74,7 +78,7 @@ class Photos:
         Raises:
             InputError: the photo cannot be read, or an earlier map is damaged.
         """
-        stored = None if self.earlier is None else self.earlier.path_of(frame)
+        stored = self._stored(frame)
         if stored is not None and self.earlier is not None:
             found = self.earlier.probabilities(stored, frame)
         else:
@@ -82,3 +86,19 @@ class Photos:
         if self.save is not None:
             save_map(self.save, frame, found)
         return to_view(found, frame, size, undistorted=True)
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """What the network takes for the frames without an earlier map: that of a grey image of the largest size, for each of them.
+
+        Raises:
+            InputError: the network cannot take the image.
+        """
+        sizes = [frame.lens.size for frame in frames if self._stored(frame) is None]
+        if not sizes:
+            return None
+        grey = np.full((*max(sizes, key=math.prod), 3), 128, np.uint8)
+        return measured(lambda: self.segmenter(grey)).times(len(sizes))
+
+    def _stored(self, frame: Frame) -> Path | None:
+        """The earlier map of a frame; None if there is none."""
+        return None if self.earlier is None else self.earlier.path_of(frame)

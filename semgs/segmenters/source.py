@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 import torch
@@ -15,9 +15,11 @@ from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.geometry.cameras import checked_size
+from semgs.segmenters.cost import Cost, cost_of
 from semgs.segmenters.names import Correspondence
 
 
+@runtime_checkable
 class Source(Protocol):
     """Where the class distributions of frames come from."""
 
@@ -80,6 +82,14 @@ class Translated:
             InputError: as `Source.of`.
         """
         return self.correspondence(self.source.of(frame, size))
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """As `Costly.cost`.
+
+        Raises:
+            InputError: as `Source.of`.
+        """
+        return cost_of(self.source, frames)
 
 
 def distributions(
