@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from semgs.data.scene import Scene
     from semgs.model.semgs import SemGS
     from semgs.reconstruction.report import Origin
+    from semgs.segmenters.labelling import Labelling
 
 
 SEGMENTER = "segmenter"
@@ -110,16 +111,10 @@ class Reconstruct:
         from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
-            labelling = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
+            labelling = self._labelling(scene, folder, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
-                    scene,
-                    choice,
-                    model,
-                    self.size,
-                    labelling=labelling and labelling(scene),
-                    stages=stages,
-                    notes=self._notes(),
+                    scene, choice, model, self.size, labelling=labelling, stages=stages, notes=self._notes()
                 )
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
@@ -163,6 +158,14 @@ class Reconstruct:
             model = load(*self._named())
         parameters = sum(parameter.numel() for parameter in model.parameters())
         return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
+
+    def _labelling(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
+        """What gives the Gaussians their classes; None for the network's own."""
+        if self.segmenting.segmenter is None:
+            return None
+        with stages("load", f"Loading {self.segmenting.segmenter}"):
+            found = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
+            return found and found(scene)
 
     def _named(self) -> tuple[str, str | None]:
         """The network, and its weights unless they are the included ones, as `load` takes them."""

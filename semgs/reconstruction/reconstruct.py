@@ -11,6 +11,7 @@ import torch
 from semgs.data.choice import Choice
 from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange
+from semgs.data.frames import Frame
 from semgs.data.resampling import default_size, kept_size
 from semgs.data.scene import Scene
 from semgs.data.views import Views
@@ -21,6 +22,7 @@ from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
+from semgs.segmenters.cost import cost_of
 from semgs.segmenters.labelling import Labelling
 
 GRID = 24
@@ -137,6 +139,7 @@ def reconstruct(
     native = scene.frames[choice.context[0]].lens.size
     wanted = default_size(native) if size is None else tuple(size)
     count = len(choice.context) + len(choice.targets)
+    cost = "" if labelling is None else _cost(labelling, [scene.frames[place] for place in choice.context], stages)
     with stages("read", f"Reading {count} frames at {wanted[0]}x{wanted[1]} (height x width)"):
         context = scene.read(choice.context, wanted, choice.depth_range)
         target = scene.read(choice.targets, wanted, choice.depth_range) if choice.targets else None
@@ -144,7 +147,7 @@ def reconstruct(
         encoded = encode(model, context, target)
         encoding, classes = encoded.encoding, model.classes
     if labelling is not None:
-        with stages("segment", f"Classes of {len(context)} photos from {labelling.source.title}"):
+        with stages("segment", f"Classes of {len(context)} photos from {labelling.source.title}{cost}"):
             encoding, classes = labelling(encoding, scene, choice.context, context), labelling.source.classes
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
         own = encoding.render(context.cameras)
@@ -169,6 +172,13 @@ def reconstruct(
         plan=encoded.plan,
         segmenter=None if labelling is None else labelling.description,
     )
+
+
+def _cost(labelling: Labelling, frames: Sequence[Frame], stages: Stages) -> str:
+    """What the classes of frames take to compute, for the title of the stage; measured before other stages raise the peak of memory."""
+    with stages("load", f"Trying {labelling.source.title}"):
+        cost = cost_of(labelling.source, frames)
+    return "" if cost is None else f": {cost}"
 
 
 def _shown(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, final, runtime_checkable
@@ -12,6 +14,7 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
+from semgs.segmenters.cost import Cost, measured
 from semgs.segmenters.files import MadeBy, MapFiles, save_map
 from semgs.segmenters.maps import to_view
 
@@ -75,7 +78,7 @@ class Photos:
         Raises:
             InputError: the photo cannot be read, or an earlier map is damaged.
         """
-        stored = None if self.earlier is None else self.earlier.path_of(frame)
+        stored = self._stored(frame)
         if stored is not None and self.earlier is not None:
             found = self.earlier.probabilities(stored, frame)
         else:
@@ -83,3 +86,19 @@ class Photos:
         if self.save is not None:
             save_map(self.save, frame, found)
         return to_view(found, frame, size, undistorted=True)
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """What the network takes for the frames without an earlier map: that of a grey image of the largest size, for each of them.
+
+        Raises:
+            InputError: the network cannot take the image.
+        """
+        sizes = [frame.lens.size for frame in frames if self._stored(frame) is None]
+        if not sizes:
+            return None
+        grey = np.full((*max(sizes, key=math.prod), 3), 128, np.uint8)
+        return measured(lambda: self.segmenter(grey)).times(len(sizes))
+
+    def _stored(self, frame: Frame) -> Path | None:
+        """The earlier map of a frame; None if there is none."""
+        return None if self.earlier is None else self.earlier.path_of(frame)

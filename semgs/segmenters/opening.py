@@ -16,6 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
+from semgs.segmenters.exported import ENDINGS, open_exported
 from semgs.segmenters.files import RECORD, TABLE, MapFiles, save_table
 from semgs.segmenters.fitting import Fit, read_fit
 from semgs.segmenters.images import Photos, Segmenter
@@ -68,7 +69,9 @@ class Opened:
         if save is not None:
             save_table(save, self.segmenter.classes, made_by)
         stored = MapFiles.opened(earlier, scene) if earlier is not None and (earlier / RECORD).is_file() else None
-        photos = Photos(self.segmenter, save, stored if stored is not None and stored.made_by == made_by else None)
+        if stored is not None and (stored.made_by, stored.classes.names) != (made_by, self.segmenter.classes.names):
+            stored = None
+        photos = Photos(self.segmenter, save, stored)
         return photos if self.correspondence is None else Translated(photos, self.correspondence)
 
 
@@ -90,6 +93,8 @@ def open_segmenter(name: str | Path, classes: Table = "scannet20") -> Opened:
 def network(name: str | Path) -> Segmenter:
     """The network of a name, with its own classes; as for `open_segmenter`."""
     path = typed_path(str(name))
+    if path.suffix.lower() in ENDINGS:
+        return open_exported(path)
     expected = f"a segmenter: a folder with {TABLE}, an exported network (.onnx, .tflite), or a model folder"
     raise InputError(path, expected, "something else" if path.exists() else "nothing")
 

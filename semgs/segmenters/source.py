@@ -15,6 +15,7 @@ from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.geometry.cameras import checked_size
+from semgs.segmenters.cost import Cost, cost_of
 from semgs.segmenters.names import Correspondence
 
 
@@ -81,6 +82,14 @@ class Translated:
             InputError: as `Source.of`.
         """
         return self.correspondence(self.source.of(frame, size))
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """As `Costly.cost`.
+
+        Raises:
+            InputError: as `Source.of`.
+        """
+        return cost_of(self.source, frames)
 
 
 def distributions(

@@ -1,0 +1,76 @@
+"""Runs ONNX files with onnxruntime, on the CPU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from semgs.files.errors import InputError
+from semgs.files.text import listed
+
+DTYPES = {
+    "tensor(float)": "float32",
+    "tensor(float16)": "float16",
+    "tensor(uint8)": "uint8",
+    "tensor(int8)": "int8",
+}
+"""Names of number types: onnxruntime's, and NumPy's."""
+
+
+@final
+class OnnxNetwork:
+    """A network with one input, and one of its outputs.
+
+    Args:
+        path: the file.
+        tensor: name of the output; None for the only one.
+        threads: number of threads.
+
+    Attributes:
+        shape: of the input; None along an axis that may have any length.
+        dtype: of the input.
+
+    Raises:
+        InputError: it cannot be read, has several inputs, or does not have that output.
+        ImportError: onnxruntime is not installed; the message names the extra.
+    """
+
+    def __init__(self, path: Path, tensor: str | None, threads: int) -> None:
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise ImportError(
+                f"{path} is an ONNX file; running it needs onnxruntime: pip install '.[onnx]' in SemGS's folder",
+                name="onnxruntime",
+            ) from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.log_severity_level = 4  # errors are raised
+        try:
+            self._session: Any = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # each kind of damage has its own class, without a common one
+            raise InputError(path, "a network that onnxruntime can run", str(error)) from error
+        given = self._session.get_inputs()
+        if len(given) != 1:
+            raise InputError(path, "one input", listed([one.name for one in given]) or "none")
+        names = [one.name for one in self._session.get_outputs()]
+        if tensor is None and len(names) != 1:
+            raise InputError(path, "one output", listed(names), advice='name one in the JSON: "tensor"')
+        if tensor is not None and tensor not in names:
+            raise InputError(path, f'the "tensor" of its JSON, {tensor}, among its outputs', listed(names))
+        self._input, self._output = given[0].name, tensor or names[0]
+        self.shape = tuple(side if isinstance(side, int) and side > 0 else None for side in given[0].shape)
+        self.dtype = DTYPES.get(given[0].type, given[0].type)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """The output for an input.
+
+        Raises:
+            ValueError: the network refuses the input.
+        """
+        try:
+            return np.asarray(self._session.run([self._output], {self._input: values})[0])
+        except Exception as error:  # as above
+            raise ValueError(str(error)) from error
