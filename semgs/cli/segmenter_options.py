@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.errors import UsageError
+from semgs.segmenters.tables import table_of_words
 
 if TYPE_CHECKING:
     from semgs.data.scene import Scene
@@ -25,6 +26,9 @@ class SegmenterOptions:
     classes: Annotated[Literal["scannet20", "own"] | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Classes of the result with --segmenter: ScanNet's 20, found by name, or the segmenter's own. By default class maps keep their own,
     and networks give ScanNet's 20."""
+    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
+    """Classes to look for, with --segmenter and a text-prompted model: chair mug "power socket". What none of them describes becomes
+    "none of these"."""
     with_own_classes: bool = False
     """With --segmenter: the model's own classes vote too."""
 
@@ -32,12 +36,22 @@ class SegmenterOptions:
         """Check what can be checked without importing torch.
 
         Raises:
-            UsageError: an option needs --segmenter.
+            UsageError: an option needs --segmenter, or options contradict each other.
         """
-        if self.segmenter is None and (self.classes or self.with_own_classes):
-            raise UsageError(f"{'--classes' if self.classes else '--with-own-classes'} is for --segmenter")
+        if self.segmenter is None:
+            given = {"--classes": self.classes, "--words": self.words, "--with-own-classes": self.with_own_classes}
+            if stray := [option for option, value in given.items() if value]:
+                raise UsageError(f"{stray[0]} is for --segmenter")
         if self.segmenter is not None and self.with_own_classes and self.classes == "own":
             raise UsageError("--with-own-classes needs the model's class table, so it cannot go with --classes own")
+        if self.words:
+            if self.with_own_classes or self.classes == "scannet20":
+                other = "--with-own-classes" if self.with_own_classes else "--classes scannet20"
+                raise UsageError(f"--words makes the class table, so it cannot go with {other}")
+            try:
+                table_of_words(self.words)
+            except ValueError as error:
+                raise UsageError(f"--words: {error}") from None
 
     def labelling(self, scene: Scene, save: Path, earlier: Path) -> Labelling | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.
@@ -56,5 +70,5 @@ class SegmenterOptions:
         from semgs.segmenters.labelling import Labelling
         from semgs.segmenters.opening import open_source
 
-        source = open_source(self.segmenter, scene, self.classes, save, earlier)
+        source = open_source(self.segmenter, scene, self.classes, save, earlier, self.words)
         return Labelling(source, own=self.with_own_classes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, final
@@ -17,6 +18,7 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.segmenters.exported import ENDINGS, open_exported
 from semgs.segmenters.files import RECORD, TABLE, MapFiles, save_table
+from semgs.segmenters.huggingface import is_model, open_model
 from semgs.segmenters.images import Photos, Segmenter
 from semgs.segmenters.maps import resized_map
 from semgs.segmenters.names import Correspondence, scannet20_of
@@ -73,24 +75,30 @@ class Opened:
         return photos if self.correspondence is None else Translated(photos, self.correspondence)
 
 
-def open_segmenter(name: str | Path, classes: Table = "scannet20") -> Opened:
+def open_segmenter(name: str | Path, classes: Table = "scannet20", words: Sequence[str] = ()) -> Opened:
     """Open a segmentation network.
 
     Args:
         name: an exported network (.onnx or .tflite with a JSON beside it), a model folder of transformers, or hf:OWNER/NAME.
         classes: the table of its answers.
+        words: what a text-prompted model looks for, which makes its own table, whatever `classes` says; () for other models.
 
     Raises:
-        InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
+        InputError: it cannot be read, is no segmenter, needs words or cannot take any, or less than half of its class names are known.
         ImportError: the library that runs it is not installed.
+        ValueError: a word is empty, or two are equal.
     """
-    found = network(name)
-    return Opened(found, None if classes == "own" else _correspondence(name, found.classes))
+    found = network(name, words)
+    return Opened(found, None if words or classes == "own" else _correspondence(name, found.classes))
 
 
-def network(name: str | Path) -> Segmenter:
+def network(name: str | Path, words: Sequence[str] = ()) -> Segmenter:
     """The network of a name, with its own classes; as for `open_segmenter`."""
+    if is_model(str(name)):
+        return open_model(str(name), tuple(words))
     path = typed_path(str(name))
+    if words:
+        raise InputError(path, "a text-prompted model for --words, such as CLIPSeg", "something else")
     if path.suffix.lower() in ENDINGS:
         return open_exported(path)
     expected = f"a segmenter: a folder with {TABLE}, an exported network (.onnx, .tflite), or a model folder"
@@ -98,7 +106,12 @@ def network(name: str | Path) -> Segmenter:
 
 
 def open_source(
-    name: str, scene: Scene, classes: Table | None = None, save: Path | None = None, earlier: Path | None = None
+    name: str,
+    scene: Scene,
+    classes: Table | None = None,
+    save: Path | None = None,
+    earlier: Path | None = None,
+    words: Sequence[str] = (),
 ) -> Source:
     """Open a segmenter for the frames of a scene.
 
@@ -108,14 +121,16 @@ def open_source(
         classes: the table of the answers; None keeps that of class maps, and is "scannet20" for networks and their maps.
         save: new folder for the maps of a network; None for none.
         earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
+        words: as for `open_segmenter`.
 
     Raises:
-        InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
+        InputError: it cannot be read, is no segmenter, needs words or cannot take any, or less than half of its class names are known.
         ImportError: the library that runs it is not installed.
+        ValueError: a word is empty, or two are equal.
     """
     path = typed_path(name)
-    if not (path / TABLE).is_file():
-        return open_segmenter(name, classes or "scannet20").source(scene, save, earlier)
+    if words or not (path / TABLE).is_file():
+        return open_segmenter(name, classes or "scannet20", words).source(scene, save, earlier)
     found = MapFiles.opened(path, scene)
     if classes == "own" or (classes is None and found.made_by is None):
         return found
