@@ -61,7 +61,7 @@ def test_extras_are_named_as_they_are_installed_from_a_clone_since_the_package_i
         for told in re.findall(r"pip install (?:-e )?(\S+\[[\w,]+\])", file.read_text())
         for extra in re.fullmatch(r"""["']\.\[(.+)\]""", told)[1].split(",")
     }
-    assert {"cuda", "hub", "ros", "raycast", "train", "onnx", "litert"} <= named <= extras.keys()
+    assert {"cuda", "hub", "ros", "raycast", "train", "onnx", "litert", "segment"} <= named <= extras.keys()
 
 
 def test_python_m_semgs_is_the_command():

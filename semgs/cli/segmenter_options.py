@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.errors import UsageError
+from semgs.segmenters.tables import table_of_words
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +28,9 @@ class SegmenterOptions:
     classes: Annotated[Literal["scannet20", "own"] | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Classes of the result with --segmenter: ScanNet's 20, found by name, or the segmenter's own. By default class maps keep their own,
     and networks give ScanNet's 20."""
+    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
+    """Classes to look for, with --segmenter and a text-prompted model: chair mug "power socket". What none of them describes becomes
+    "none of these"."""
     with_own_classes: bool = False
     """With --segmenter: the model's own classes vote too."""
 
@@ -37,19 +41,29 @@ class SegmenterOptions:
         """Check what can be checked without importing torch.
 
         Raises:
-            UsageError: an option needs --segmenter, or two exclude each other.
+            UsageError: an option needs --segmenter, or options contradict each other.
         """
         given = {
             "--classes": self.classes,
+            "--words": self.words,
             "--with-own-classes": self.with_own_classes,
             "--correspondence": self.correspondence,
         }
-        if self.segmenter is None and (alone := [name for name, value in given.items() if value]):
-            raise UsageError(f"{alone[0]} is for --segmenter")
+        if self.segmenter is None and (stray := [option for option, value in given.items() if value]):
+            raise UsageError(f"{stray[0]} is for --segmenter")
         if self.classes == "own" and (self.with_own_classes or self.correspondence):
             raise UsageError(
                 "--classes own keeps the segmenter's table, so it cannot go with --with-own-classes or --correspondence"
             )
+        if self.words:
+            others = [option for option in ("--with-own-classes", "--correspondence") if given[option]]
+            if others or self.classes == "scannet20":
+                other = others[0] if others else "--classes scannet20"
+                raise UsageError(f"--words makes the class table, so it cannot go with {other}")
+            try:
+                table_of_words(self.words)
+            except ValueError as error:
+                raise UsageError(f"--words: {error}") from None
 
     def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.
@@ -68,6 +82,6 @@ class SegmenterOptions:
         from semgs.segmenters.labelling import Labelling
         from semgs.segmenters.opening import sources
 
-        opened = sources(self.segmenter, self.classes, self.correspondence, save, earlier)
+        opened = sources(self.segmenter, self.classes, self.correspondence, save, earlier, self.words)
         votes = None if self.correspondence is None else read_fit(self.correspondence).votes
         return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, final
@@ -19,6 +19,7 @@ from semgs.files.paths import typed_path
 from semgs.segmenters.exported import ENDINGS, open_exported
 from semgs.segmenters.files import RECORD, TABLE, MapFiles, save_table
 from semgs.segmenters.fitting import Fit, read_fit
+from semgs.segmenters.huggingface import is_model, open_model
 from semgs.segmenters.images import Photos, Segmenter
 from semgs.segmenters.maps import resized_map
 from semgs.segmenters.names import Correspondence, scannet20_of
@@ -75,24 +76,30 @@ class Opened:
         return photos if self.correspondence is None else Translated(photos, self.correspondence)
 
 
-def open_segmenter(name: str | Path, classes: Table = "scannet20") -> Opened:
+def open_segmenter(name: str | Path, classes: Table = "scannet20", words: Sequence[str] = ()) -> Opened:
     """Open a segmentation network.
 
     Args:
         name: an exported network (.onnx or .tflite with a JSON beside it), a model folder of transformers, or hf:OWNER/NAME.
         classes: the table of its answers.
+        words: what a text-prompted model looks for, which makes its own table, whatever `classes` says; () for other models.
 
     Raises:
-        InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
+        InputError: it cannot be read, is no segmenter, needs words or cannot take any, or less than half of its class names are known.
         ImportError: the library that runs it is not installed.
+        ValueError: a word is empty, or two are equal.
     """
-    found = network(name)
-    return Opened(found, None if classes == "own" else _correspondence(name, found.classes))
+    found = network(name, words)
+    return Opened(found, None if words or classes == "own" else _correspondence(name, found.classes))
 
 
-def network(name: str | Path) -> Segmenter:
+def network(name: str | Path, words: Sequence[str] = ()) -> Segmenter:
     """The network of a name, with its own classes; as for `open_segmenter`."""
+    if is_model(str(name)):
+        return open_model(str(name), tuple(words))
     path = typed_path(str(name))
+    if words:
+        raise InputError(path, "a text-prompted model for --words, such as CLIPSeg", "something else")
     if path.suffix.lower() in ENDINGS:
         return open_exported(path)
     expected = f"a segmenter: a folder with {TABLE}, an exported network (.onnx, .tflite), or a model folder"
@@ -105,6 +112,7 @@ def sources(
     correspondence: Path | None = None,
     save: Path | None = None,
     earlier: Path | None = None,
+    words: Sequence[str] = (),
 ) -> Callable[[Scene], Source]:
     """Open a segmenter once, for the frames of any scene.
 
@@ -117,20 +125,29 @@ def sources(
         correspondence: a file of `semgs segmenters fit`, used instead of class names; None for names.
         save: new folder for the maps of a network; None for none.
         earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
+        words: as for `open_segmenter`.
 
     Raises:
-        InputError: it cannot be read, is no segmenter, or less than half of its class names are known. So does the returned function.
+        InputError: it cannot be read, is no segmenter, needs words or cannot take any, or less than half of its class names are known. So does
+            the returned function.
         ImportError: the library that runs it is not installed.
+        ValueError: a word is empty, or two are equal.
     """
     fitted = None if correspondence is None else read_fit(correspondence)
     path = typed_path(name)
-    if path.is_dir() and not (path / "config.json").is_file():
-        return lambda scene: _of_files(_folder_of(path, scene), scene, classes, fitted)
-    found = network(name)
-    return lambda scene: _translated(Opened(found).source(scene, save, earlier), name, classes or "scannet20", fitted)
+    if is_map_folder(path) and not words:
+        return lambda scene: _of_files(folder_of(path, scene), scene, classes, fitted)
+    found = network(name, words)
+    table: Table = "own" if words else classes or "scannet20"
+    return lambda scene: _translated(Opened(found).source(scene, save, earlier), name, table, fitted)
 
 
-def _folder_of(folder: Path, scene: Scene) -> Path:
+def is_map_folder(path: Path) -> bool:
+    """Whether a path is a folder of class maps, or of such folders for several scenes."""
+    return path.is_dir() and not (path / "config.json").is_file()
+
+
+def folder_of(folder: Path, scene: Scene) -> Path:
     """The folder with the maps of a scene."""
     return folder / scene.name if (folder / scene.name).is_dir() else folder
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 import colorsys
 from collections.abc import Sequence
 
-from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 
 GOLDEN = 0.618034
 """Step between hues, so that neighbours in a table differ."""
+
+
+NOTHING = "none of these"
+"""The class of pixels that no word of a user describes."""
 
 
 def table_of(name: str, names: Sequence[str]) -> ClassTable:
@@ -22,6 +26,23 @@ def table_of(name: str, names: Sequence[str]) -> ClassTable:
     known = dict(zip(SCANNET20.names, SCANNET20.colours, strict=True))
     colours = tuple(known.get(one) or _colour(place) for place, one in enumerate(names))
     return ClassTable(name, tuple(names), colours, tuple(range(len(names))))
+
+
+def table_of_words(words: Sequence[str]) -> ClassTable:
+    """The table of words that a user gave, and of `NOTHING` behind them.
+
+    Raises:
+        ValueError: there are no words, one is empty, or two are equal but for case and spaces.
+    """
+    plain = [" ".join(word.split()).lower() for word in words]
+    if not all(plain):
+        raise ValueError("expected words, found an empty one")
+    twice = next((word for place, word in enumerate([*plain, NOTHING]) if word in plain[:place]), None)
+    if twice is not None:
+        raise ValueError(f"expected different words, found {twice!r} twice")
+    if not 0 < len(plain) < IGNORE:
+        raise ValueError(f"expected 1 to {IGNORE - 1} words, found {len(plain)}")
+    return table_of("words", (*words, NOTHING))
 
 
 def _colour(place: int) -> tuple[int, int, int]:
