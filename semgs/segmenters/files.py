@@ -23,7 +23,7 @@ import torch
 from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 
-from semgs.data.class_files import LabelSet, read_class_file
+from semgs.data.class_files import LabelSet, class_file, read_class_file
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.frames import Frame
 from semgs.data.maps import ASPECT_TOLERANCE, ClassMap
@@ -83,17 +83,23 @@ class MapFiles:
     made_by: MadeBy | None = None
 
     @classmethod
-    def opened(cls, folder: Path, scene: Scene) -> MapFiles:
+    def opened(cls, folder: Path, scene: Scene, shared: Path | None = None) -> MapFiles:
         """The maps in a folder.
+
+        Args:
+            folder: contains them.
+            scene: contains the frames.
+            shared: folder with the table and the record of the maps of several scenes, if their folders have none.
 
         Raises:
             InputError: its table of classes is missing or damaged.
         """
         stems = Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
-        labels = read_class_file(folder / TABLE)
+        about = shared if shared is not None and not (folder / TABLE).is_file() else folder
+        labels = read_class_file(about / TABLE)
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
-        return cls(folder, labels, stems, _made_by(folder))
+        return cls(folder, labels, stems, _made_by(about))
 
     @property
     def title(self) -> str:
@@ -182,10 +188,7 @@ def save_table(folder: Path, classes: ClassTable, made_by: MadeBy) -> None:
         OSError: a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    listed = [
-        {"name": name, "colour": list(colour)} for name, colour in zip(classes.names, classes.colours, strict=True)
-    ]
-    write_json(folder / TABLE, {"name": classes.name, "classes": listed})
+    write_json(folder / TABLE, class_file(classes))
     write_json(folder / RECORD, asdict(made_by))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -16,6 +16,7 @@ from semgs.segmenters.files import MadeBy, MapFiles, save_map
 from semgs.segmenters.maps import to_view
 
 
+@runtime_checkable
 class Segmenter(Protocol):
     """A network that gives every pixel of a single image a distribution over classes."""
 
@@ -57,6 +58,11 @@ class Photos:
     def title(self) -> str:
         """Name and licence of the network."""
         return self.segmenter.made_by.title
+
+    @property
+    def made_by(self) -> MadeBy:
+        """The network."""
+        return self.segmenter.made_by
 
     @property
     def classes(self) -> ClassTable:

@@ -93,7 +93,12 @@ def network(name: str | Path) -> Segmenter:
 
 
 def open_source(
-    name: str, scene: Scene, classes: Table | None = None, save: Path | None = None, earlier: Path | None = None
+    name: str,
+    scene: Scene,
+    classes: Table | None = None,
+    save: Path | None = None,
+    earlier: Path | None = None,
+    shared: Path | None = None,
 ) -> Source:
     """Open a segmenter for the frames of a scene.
 
@@ -103,15 +108,16 @@ def open_source(
         classes: the table of the answers; None keeps that of class maps, and is "scannet20" for networks and their maps.
         save: new folder for the maps of a network; None for none.
         earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
+        shared: folder with the table of class maps, if their own has none; None for no such folder.
 
     Raises:
         InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
         ImportError: the library that runs it is not installed.
     """
     path = typed_path(name)
-    if not (path / TABLE).is_file():
+    if shared is None and not (path / TABLE).is_file():
         return open_segmenter(name, classes or "scannet20").source(scene, save, earlier)
-    found = MapFiles.opened(path, scene)
+    found = MapFiles.opened(path, scene, shared)
     if classes == "own" or (classes is None and found.made_by is None):
         return found
     return Translated(found, _correspondence(name, found.classes))

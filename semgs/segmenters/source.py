@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 import torch
@@ -15,15 +15,22 @@ from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.geometry.cameras import checked_size
+from semgs.segmenters.files import MadeBy
 from semgs.segmenters.names import Correspondence
 
 
+@runtime_checkable
 class Source(Protocol):
     """Where the class distributions of frames come from."""
 
     @property
     def title(self) -> str:
         """What it is, with its licence if that is known."""
+        ...
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """The network that gives them; None if that is unknown."""
         ...
 
     @property
@@ -62,6 +69,11 @@ class Translated:
     def title(self) -> str:
         """That of the source."""
         return self.source.title
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """That of the source."""
+        return self.source.made_by
 
     @property
     def classes(self) -> ClassTable:
