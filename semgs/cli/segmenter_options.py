@@ -58,7 +58,7 @@ class SegmenterOptions:
         if self.segmenter is None:
             return None
         from semgs.segmenters.labelling import Labelling
-        from semgs.segmenters.opening import open_source
+        from semgs.segmenters.opening import sources
 
-        source = open_source(self.segmenter, scene, self.classes, save, earlier)
-        return Labelling(source, own=self.with_own_classes)
+        opened = sources(self.segmenter, self.classes, save=save, earlier=earlier)
+        return Labelling(opened(scene), own=self.with_own_classes)

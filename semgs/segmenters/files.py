@@ -83,23 +83,22 @@ class MapFiles:
     made_by: MadeBy | None = None
 
     @classmethod
-    def opened(cls, folder: Path, scene: Scene, shared: Path | None = None) -> MapFiles:
+    def opened(cls, folder: Path, scene: Scene, table: Path | None = None) -> MapFiles:
         """The maps in a folder.
 
         Args:
-            folder: contains them.
+            folder: of the maps.
             scene: contains the frames.
-            shared: folder with the table and the record of the maps of several scenes, if their folders have none.
+            table: the folder of the class table, and of the record if the maps have none; None for that of the maps.
 
         Raises:
             InputError: its table of classes is missing or damaged.
         """
         stems = Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
-        about = shared if shared is not None and not (folder / TABLE).is_file() else folder
-        labels = read_class_file(about / TABLE)
+        labels = read_class_file((table or folder) / TABLE)
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
-        return cls(folder, labels, stems, _made_by(about))
+        return cls(folder, labels, stems, _made_by(folder) or _made_by(table or folder))
 
     @property
     def title(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, final
@@ -92,35 +93,48 @@ def network(name: str | Path) -> Segmenter:
     raise InputError(path, expected, "something else" if path.exists() else "nothing")
 
 
-def open_source(
-    name: str,
-    scene: Scene,
-    classes: Table | None = None,
-    save: Path | None = None,
-    earlier: Path | None = None,
-    shared: Path | None = None,
-) -> Source:
-    """Open a segmenter for the frames of a scene.
+def sources(
+    name: str, classes: Table | None = None, save: Path | None = None, earlier: Path | None = None
+) -> Callable[[Scene], Source]:
+    """Open a segmenter once, for the frames of any scene.
+
+    Class maps of several scenes are in a folder for each, by the scene's name, inside the one that is named; the class table is beside
+    the maps or in that one.
 
     Args:
         name: a folder of class maps (`semgs.segmenters.files`), or as for `open_segmenter`.
-        scene: contains the frames.
         classes: the table of the answers; None keeps that of class maps, and is "scannet20" for networks and their maps.
         save: new folder for the maps of a network; None for none.
         earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
-        shared: folder with the table of class maps, if their own has none; None for no such folder.
 
     Raises:
-        InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
+        InputError: it cannot be read, is no segmenter, or less than half of its class names are known. So does the returned function.
         ImportError: the library that runs it is not installed.
     """
     path = typed_path(name)
-    if shared is None and not (path / TABLE).is_file():
-        return open_segmenter(name, classes or "scannet20").source(scene, save, earlier)
-    found = MapFiles.opened(path, scene, shared)
+    if is_map_folder(path):
+        return lambda scene: _of_files(folder_of(path, scene), scene, classes)
+    found = open_segmenter(name, classes or "scannet20")
+    return lambda scene: found.source(scene, save, earlier)
+
+
+def is_map_folder(path: Path) -> bool:
+    """Whether a path is a folder of class maps, or of such folders for several scenes."""
+    return path.is_dir() and not (path / "config.json").is_file()
+
+
+def folder_of(folder: Path, scene: Scene) -> Path:
+    """The folder with the maps of a scene."""
+    return folder / scene.name if (folder / scene.name).is_dir() else folder
+
+
+def _of_files(folder: Path, scene: Scene, classes: Table | None) -> Source:
+    """Class maps as a source."""
+    table = folder if (folder / TABLE).is_file() or not (folder.parent / TABLE).is_file() else folder.parent
+    found = MapFiles.opened(folder, scene, table)
     if classes == "own" or (classes is None and found.made_by is None):
         return found
-    return Translated(found, _correspondence(name, found.classes))
+    return Translated(found, _correspondence(folder, found.classes))
 
 
 def _correspondence(name: str | Path, classes: ClassTable) -> Correspondence:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -21,8 +20,7 @@ from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.preparation.prepared_set import Reading, SceneSource
-from semgs.segmenters.files import TABLE
-from semgs.segmenters.opening import Table, open_segmenter, open_source
+from semgs.segmenters.opening import Table, is_map_folder, sources
 from semgs.segmenters.source import Source
 
 MOST_PIXELS = 307_200
@@ -84,14 +82,14 @@ class Relabelling:
 
     Attributes:
         reading: how to read the scenes.
-        source_of: the segmenter of a scene, given its name in the set.
-        segmenter: describes it, for `settings.json`.
+        source_of: the segmenter as a source for a scene's frames.
+        settings: describe the segmenter, for `settings.json`.
         confidence: as for `LikeliestClass`.
     """
 
     reading: Reading
-    source_of: Callable[[Scene, str], Source] = field(repr=False)
-    segmenter: Mapping[str, Any]
+    source_of: Callable[[Scene], Source] = field(repr=False)
+    settings: Mapping[str, str]
     confidence: float = 0.5
 
     def open(self, source: SceneSource) -> Scene:
@@ -101,11 +99,11 @@ class Relabelling:
             InputError: it cannot be opened, or there are no maps of it.
         """
         scene = self.reading.open(source)
-        return relabelled(scene, self.source_of(scene, source.name), self.confidence)
+        return relabelled(scene, self.source_of(scene), self.confidence)
 
     def as_json(self) -> dict[str, Any]:
         """The details for `settings.json`."""
-        return {**self.reading.as_json(), "segmenter": dict(self.segmenter), "confidence": self.confidence}
+        return {**self.reading.as_json(), **self.settings, "confidence": self.confidence}
 
 
 def relabelling(
@@ -113,41 +111,27 @@ def relabelling(
 ) -> Relabelling:
     """Scenes with the labels of a segmenter.
 
-    A folder of class maps has a folder NAME/ for each scene, where NAME.zip will be the prepared scene. If `alone`, its maps may
-    also be in the folder itself. The table of classes is NAME/classes.json, or classes.json in the folder itself for all scenes.
-
     Args:
-        segmenter: such a folder, or as for `semgs.segmenters.opening.open_segmenter`.
+        segmenter: as for `semgs.segmenters.opening.sources`.
         reading: how to read the scenes.
-        classes: the table of the labels, as for `open_source`.
+        classes: the table of the labels, as for `sources`.
         confidence: as for `LikeliestClass`.
-        alone: whether there is one scene only.
+        alone: whether there is one scene only. Then class maps need no folder with its name.
 
     Raises:
         InputError: it cannot be read, is no segmenter, or less than half of its class names are known.
         ImportError: the library that runs it is not installed.
     """
     folder = typed_path(segmenter)
-    table = classes or "automatic"
-    if not _of_maps(folder):
-        network = open_segmenter(segmenter, classes or "scannet20")
-        described = {**asdict(network.segmenter.made_by), "classes": table}
-        return Relabelling(reading, lambda scene, name: network.source(scene), described, confidence)
+    found = sources(segmenter, classes)
 
-    def maps(scene: Scene, name: str) -> Source:
-        inside = folder / name
-        if not inside.is_dir():
-            if not alone:
-                raise InputError(inside, f"a folder with the class maps of scene {name}", "none")
-            inside = folder
-        return open_source(str(inside), scene, classes, shared=folder)
+    def own(scene: Scene) -> Source:
+        if not alone and is_map_folder(folder) and not (folder / scene.name).is_dir():
+            raise InputError(folder / scene.name, f"a folder with the class maps of scene {scene.name}", "none")
+        return found(scene)
 
-    return Relabelling(reading, maps, {"maps": folder.absolute().name, "classes": table}, confidence)
-
-
-def _of_maps(folder: Path) -> bool:
-    """Whether this is a folder of class maps, or of such folders for several scenes."""
-    return folder.is_dir() and ((folder / TABLE).is_file() or any(folder.glob(f"*/{TABLE}")))
+    name = folder.name if folder.exists() else segmenter
+    return Relabelling(reading, own, {"segmenter": name, "classes": classes or "automatic"}, confidence)
 
 
 def _reduced(size: tuple[int, int]) -> tuple[int, int]:

@@ -58,7 +58,7 @@ def scans(tmp_path: Path) -> Path:
 def fake(segmenter: Columns, confidence: float = 0.5) -> Relabelling:
     """Scenes with such labels."""
     opened = Opened(segmenter)
-    return Relabelling(Reading(), lambda scene, name: opened.source(scene), {"name": "columns"}, confidence)
+    return Relabelling(Reading(), opened.source, {"segmenter": "columns"}, confidence)
 
 
 def test_a_pixel_has_a_label_if_one_class_is_likely_enough_and_alone():
