@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, final
@@ -94,7 +95,7 @@ class MapFiles:
         Raises:
             InputError: its table of classes is missing or damaged.
         """
-        stems = Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
+        stems = stems_of(scene)
         labels = read_class_file((table or folder) / TABLE)
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
@@ -136,12 +137,7 @@ class MapFiles:
 
     def path_of(self, frame: Frame) -> Path | None:
         """The file with the map of a frame; None if there is none."""
-        name = PurePosixPath(frame.name)
-        places = [self.folder / name.parent / name.stem]
-        if self.stems[name.stem] == 1:
-            places.append(self.folder / name.stem)
-        candidates = (place.parent / f"{place.name}{ending}" for place in places for ending in (".png", ".npz"))
-        return next((path for path in candidates if path.is_file()), None)
+        return file_of(self.folder, frame, self.stems, (".png", ".npz"))
 
     def probabilities(self, path: Path, frame: Frame) -> Float32[np.ndarray, "class rows columns"]:
         """The probabilities in a `.npz` file.
@@ -159,6 +155,46 @@ class MapFiles:
         return values
 
 
+def stems_of(scene: Scene) -> Counter[str]:
+    """How many frames of a scene have each file name, without folders and ending."""
+    return Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
+
+
+def file_of(folder: Path, frame: Frame, stems: Counter[str], endings: Sequence[str]) -> Path | None:
+    """The file in a folder that belongs to a frame; None if there is none.
+
+    Args:
+        folder: has the same folders as the names of frames, or contains the files itself.
+        frame: the frame.
+        stems: of the scene, as from `stems_of`. Files in the folder itself count for names that are unique.
+        endings: that the file may have, the preferred one first.
+    """
+    name = PurePosixPath(frame.name)
+    places = [folder / name.parent / name.stem]
+    if stems[name.stem] == 1:
+        places.append(folder / name.stem)
+    candidates = (place.parent / f"{place.name}{ending}" for place in places for ending in endings)
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def only_array(path: Path, expected: str) -> np.ndarray:
+    """The only array of a `.npz` file, or that of a `.npy` file.
+
+    Args:
+        path: the file.
+        expected: what it should be, for errors.
+
+    Raises:
+        InputError: it is missing or damaged, or has several arrays.
+    """
+    if path.suffix == ".npy":
+        return read_array(path)
+    found = list(members(path).values())
+    if len(found) != 1:
+        raise InputError(path, expected, f"{len(found)} arrays")
+    return read_array(found[0])
+
+
 def read_probabilities(path: Path) -> Float32[np.ndarray, "class rows columns"]:
     """The only array of a `.npz` file, as probabilities.
 
@@ -166,10 +202,7 @@ def read_probabilities(path: Path) -> Float32[np.ndarray, "class rows columns"]:
         InputError: it is missing or damaged, has several arrays, or these are no probabilities [class height width].
     """
     expected = "one array of probabilities [class height width]"
-    found = list(members(path).values())
-    if len(found) != 1:
-        raise InputError(path, expected, f"{len(found)} arrays")
-    values = read_array(found[0])
+    values = only_array(path, expected)
     if values.ndim != 3 or min(values.shape) < 1 or values.dtype.kind != "f":
         raise InputError(path, expected, f"{values.shape} of {values.dtype}")
     numbers = values.astype(np.float32)
