@@ -51,7 +51,11 @@ COMMANDS = {
     "reconstruct": Command(
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
+    "query": Command("semgs.cli.query", "Query", "Find what looks like an embedding in a reconstructed scene."),
     "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
+    "label": Command(
+        "semgs.cli.label", "Label", "Label scenes with a 2D segmenter, to train a network on its answers."
+    ),
     "rooms": Command("semgs.cli.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."),
     "train": Command("semgs.cli.train", "Train", "Train, or resume training."),
     "recipe": Command("semgs.cli.recipe", "Recipe", "Train as the included weights were: classes, depth, colour."),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -13,6 +14,10 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.types import Count, Size, WorkersOrCores, cores
 from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from semgs.preparation.archive import Preparation
+    from semgs.preparation.prepared_set import Reader, SceneSource
 
 
 @dataclass(frozen=True)
@@ -64,39 +69,50 @@ class Prepare:
             from semgs.preparation.archive import Preparation
 
             found = prepared_set.sources(self.src, read_list(self.scenes) if self.scenes else None)
-        settings, reading = (
-            Preparation(self.size, self.every),
-            prepared_set.Reading(self.reading.as_peers, self.reading.asked),
-        )
-        with what_the_user_gave():
-            prepared_set.check(self.out, settings, reading)
-        with show_stage("Estimating the space"):
-            needed, free = (
-                prepared_set.needed_space(self.out, found, settings, reading),
-                prepared_set.free_space(self.out),
-            )
-        if needed > free:
-            raise UsageError(
-                f"{self.out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
-                "free some space, use fewer scenes (--scenes) or frames (--every), or write elsewhere"
-            )
-        if len(found) == 1:
-            frames = len(reading.open(found[0]).frames[:: self.every])
-            with show_progress("Preparing frames", frames) as done:
-                index = prepared_set.prepare_set(self.out, found, settings, reading, frame_done=done)
-        else:
-            workers = cores() if self.workers is None else self.workers
-            with show_progress("Preparing scenes", len(found)) as done:
-                index = prepared_set.prepare_set(self.out, found, settings, reading, workers=workers, done=done)
-        print(f"{self.out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
-        for one in index["failed"][:3]:
-            print(f"left out: {one['name']}: {one['error']}")
-        if len(index["failed"]) > 3:
-            print(f"left out: {len(index['failed']) - 3} more, see {self.out / prepared_set.INDEX}")
+        reading = prepared_set.Reading(self.reading.as_peers, self.reading.asked)
+        workers = cores() if self.workers is None else self.workers
+        index = prepared(self.out, found, Preparation(self.size, self.every), reading, workers)
         first = self.out / index["scenes"][0]["file"]
         print(
             f"{self.out / prepared_set.INDEX} describes every scene. To look at one: semgs reconstruct {first} --out DIR"
         )
+
+
+def prepared(
+    out: Path, found: Sequence[SceneSource], settings: Preparation, reading: Reader, workers: int
+) -> dict[str, Any]:
+    """Prepare scenes with progress, and print what was done; returns the content of `index.json`.
+
+    Raises:
+        InputError: the folder contains something else, or no scene could be prepared.
+        UsageError: the folder has other settings, or there is not enough space.
+        OSError: the disk is full.
+    """
+    from semgs.preparation import prepared_set
+
+    with what_the_user_gave():
+        prepared_set.check(out, settings, reading)
+    with show_stage("Estimating the space"):
+        needed = prepared_set.needed_space(out, found, settings, reading)
+        free = prepared_set.free_space(out)
+    if needed > free:
+        raise UsageError(
+            f"{out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
+            "free some space, use fewer scenes (--scenes) or frames (--every), or write elsewhere"
+        )
+    if len(found) == 1:
+        frames = len(reading.open(found[0]).frames[:: settings.every])
+        with show_progress("Preparing frames", frames) as done:
+            index = prepared_set.prepare_set(out, found, settings, reading, frame_done=done)
+    else:
+        with show_progress("Preparing scenes", len(found)) as done:
+            index = prepared_set.prepare_set(out, found, settings, reading, workers=workers, done=done)
+    print(f"{out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
+    for one in index["failed"][:3]:
+        print(f"left out: {one['name']}: {one['error']}")
+    if len(index["failed"]) > 3:
+        print(f"left out: {len(index['failed']) - 3} more, see {out / prepared_set.INDEX}")
+    return index
 
 
 def _size(count: int) -> str:

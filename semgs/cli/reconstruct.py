@@ -10,6 +10,7 @@ import tyro
 
 from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
+from semgs.cli.feature_options import FeatureOptions
 from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.segmenter_options import SegmenterOptions
@@ -58,6 +59,7 @@ class Reconstruct:
     - semgs reconstruct recording --out out/robot --camera /camera/color --world map
     - semgs reconstruct scans/office --out out/office --weights re10k.ckpt
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
+    - semgs reconstruct scans/office --out out/office --features clip
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -85,6 +87,7 @@ class Reconstruct:
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
+    featuring: Annotated[FeatureOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=FeatureOptions)
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
@@ -114,7 +117,14 @@ class Reconstruct:
             labelling = self._labelling(scene, folder, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
-                    scene, choice, model, self.size, labelling=labelling, stages=stages, notes=self._notes()
+                    scene,
+                    choice,
+                    model,
+                    self.size,
+                    labelling=labelling,
+                    featuring=self.featuring.featuring(scene),
+                    stages=stages,
+                    notes=self._notes(),
                 )
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
@@ -125,6 +135,7 @@ class Reconstruct:
         check_folder(self.out, self.overwrite)
         self.reading.check()
         self.segmenting.check()
+        self.featuring.check()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
 

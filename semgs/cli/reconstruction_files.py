@@ -15,6 +15,8 @@ from semgs.reconstruction.report import Origin, outputs, report_numbers
 from semgs.reconstruction.report_page import report_page
 from semgs.reconstruction.score_table import score_lines
 from semgs.reconstruction.stages import Stages
+from semgs.segmenters.features import FILE_NAME as FEATURES
+from semgs.segmenters.features import save_features
 
 
 def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> None:
@@ -30,6 +32,8 @@ def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: 
         if result.classes is not None:
             save_semantic_ply(folder / "semantics.ply", result.encoding.gaussians, result.classes)
         save_scene(folder / FILE_NAME, saved(result))
+        if result.features is not None:
+            save_features(folder / FEATURES, result.features)
         (folder / "renders").mkdir()
         write_renders(folder / "renders", result)
     write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
@@ -68,6 +72,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         *((("classes", result.segmenter),) if result.segmenter else ()),
+        *((("features", result.features.description),) if result.features else ()),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
         *(("scores", line) for line in score_lines(result)),
         ("time", ", ".join(f"{name} {duration(value)}" for name, value in seconds.items())),

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from semgs.segmenters.labelling import Labelling
 
 
+Classes = Annotated[Literal["scannet20", "own"] | None, tyro.conf.arg(help_behavior_hint="")]
+"""The table of a segmenter's answers."""
+
+
 @dataclass(frozen=True)
 class SegmenterOptions:
     """Classes from a 2D segmenter instead of the model's own."""
@@ -25,7 +29,7 @@ class SegmenterOptions:
     segmenter: Annotated[str | None, tyro.conf.arg(metavar="SEGMENTER", help_behavior_hint="")] = None
     """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
     transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
-    classes: Annotated[Literal["scannet20", "own"] | None, tyro.conf.arg(help_behavior_hint="")] = None
+    classes: Classes = None
     """Classes of the result with --segmenter: ScanNet's 20, found by name, or the segmenter's own. By default class maps keep their own,
     and networks give ScanNet's 20."""
     words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()

@@ -159,6 +159,18 @@ Workers = Annotated[int, one_word("INT", at_least(0))]
 WorkersOrCores = Annotated[int | None, one_word("INT", at_least(0))]
 """The same; None for one per core."""
 
+
+def _probability(text: str) -> float:
+    with suppress(ValueError):
+        value = float(text)
+        if 0 <= value <= 1:
+            return value
+    raise ValueError(f"expected a number from 0 to 1, found {text!r}")
+
+
+Probability = Annotated[float, one_word("FLOAT", _probability)]
+"""A number from 0 to 1."""
+
 Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 """More than 0; None for no limit."""
 

@@ -82,6 +82,12 @@ def read_class_file(path: str | Stored) -> LabelSet:
     return LabelSet(table, tuple(meaning))
 
 
+def class_file(table: ClassTable) -> dict[str, Any]:
+    """The content of a class file for labels that are positions in the table."""
+    listed = [{"name": name, "colour": list(colour)} for name, colour in zip(table.names, table.colours, strict=True)]
+    return {"name": table.name, "classes": listed}
+
+
 def _numbers(value: Any) -> bool:
     """Whether a value is a list of whole numbers from 0 to 255."""
     return isinstance(value, list) and all(type(one) is int and 0 <= one <= 255 for one in value)

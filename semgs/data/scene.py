@@ -14,6 +14,7 @@ import numpy as np
 from semgs.data.classes import ClassTable
 from semgs.data.depth_range import DepthRange, depth_range
 from semgs.data.frames import Frame
+from semgs.data.labeller import Labeller
 from semgs.data.parallax import Seen
 from semgs.data.resampling import default_size
 from semgs.data.views import FAR_OUT, Views, joined
@@ -44,6 +45,7 @@ class Scene:
         applied_transform: nerfstudio's [3 4], from the original world to that of the poses, which is ours; or None.
         applied_scale: nerfstudio's scale between the two, or None.
         splits: positions of the frames in each split of the data set ("train", "test").
+        labeller: the network that the labels are from; None for the labels of the scene's files.
     """
 
     path: Path
@@ -59,6 +61,7 @@ class Scene:
     applied_transform: np.ndarray | None = None
     applied_scale: float | None = None
     splits: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    labeller: Labeller | None = None
 
     def __post_init__(self) -> None:
         if len(self.frames) < 2:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from semgs.data.labeller import Labeller
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scan as scannet
 from semgs.data.layouts.scannetpp import scan as scannetpp
@@ -58,13 +59,38 @@ REPLICA = Terms(
 
 
 def terms_of(scene: Scene) -> Terms:
-    """The terms of a scene, by its layout or, if it was prepared, by that of its source. Generated rooms are known by their files.
+    """The terms of a scene, and of the network that its labels are from.
+
+    Raises:
+        InputError: an archive is damaged.
+    """
+    own, labeller = terms_of_photos(scene), labeller_of(scene)
+    if labeller is None:
+        return own
+    return Terms(f"{own.text}; labels by {labeller.title}", own.own or labeller.restricted)
+
+
+def labeller_of(scene: Scene) -> Labeller | None:
+    """The network that a scene's labels are from, also if the scene was prepared from such a one; None for labels of its files.
+
+    Raises:
+        InputError: an archive is damaged.
+    """
+    if scene.labeller is None and (record := _record(scene)) and "labeller" in record:
+        return Labeller(**record["labeller"])
+    return scene.labeller
+
+
+def terms_of_photos(scene: Scene) -> Terms:
+    """The terms of a scene without its labels, by its layout or, if it was prepared, by that of its source.
+
+    Generated rooms are known by their files.
 
     Raises:
         InputError: an archive is damaged.
     """
     layout = scene.layout
-    if scene.path.suffix.lower() == ".zip" and (record := read_record(scene.path)):
+    if record := _record(scene):
         if "terms" in record:
             return Terms(**record["terms"])
         layout = str(record.get("source", {}).get("layout", layout))
@@ -88,6 +114,15 @@ def terms_from(text: str) -> tuple[Terms, ...]:
         ValueError, TypeError, KeyError: it is something else.
     """
     return tuple(Terms(str(one["text"]), bool(one["own"])) for one in parse_json(text))
+
+
+def _record(scene: Scene) -> dict[str, Any] | None:
+    """The record of a prepared scene; None for any other.
+
+    Raises:
+        InputError: an archive is damaged.
+    """
+    return read_record(scene.path) if scene.path.suffix.lower() == ".zip" else None
 
 
 def _of_layout(layout: str) -> Terms | None:

@@ -74,6 +74,14 @@ def depth_picture(depths: Float[np.ndarray, "h w"], limits: tuple[float, float])
     return np.where((depths > 0)[..., None], coloured, np.array(NOTHING, np.uint8))
 
 
+def heat_picture(values: Float[np.ndarray, "h w"], limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
+    """Numbers in colours (inferno, high is bright) between two limits; pixels without a number (NaN) are hatched."""
+    low, high = limits
+    steps = np.clip((np.nan_to_num(values) - low) / max(high - low, 1e-12), 0, 1)
+    coloured = opencv_palette(cv2.COLORMAP_INFERNO)[np.rint(255 * steps).astype(np.uint8)]
+    return np.where(np.isnan(values)[..., None], hatching(values.shape), coloured)
+
+
 def depth_palette() -> UInt8[np.ndarray, "256 3"]:
     """The colours of depth from near to far: turbo reversed."""
     return opencv_palette(cv2.COLORMAP_TURBO)[::-1]

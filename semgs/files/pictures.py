@@ -258,6 +258,13 @@ def png_bytes(array: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+def write_tiff(path: str | Path, array: np.ndarray) -> None:
+    """Write a TIFF atomically: 32-bit floats [h w], which may be NaN."""
+    buffer = io.BytesIO()
+    Image.fromarray(array.astype(np.float32)).save(buffer, "TIFF")
+    write_bytes(path, buffer.getvalue())
+
+
 def jpeg_bytes(array: np.ndarray, quality: int) -> bytes:
     """A JPEG of uint8 [h w 3] (RGB); quality 1 to 95."""
     buffer = io.BytesIO()

@@ -87,7 +87,7 @@ class Encoding:
         Raises:
             ValueError: the maps are not of the context views' size, have other classes than the table, or do not sum to 1.
         """
-        views, height, width = self.depths.shape[-3:]
+        height, width = self.depths.shape[-2:]
         expected = (*self.depths.shape[:-2], len(classes), height, width)
         if tuple(distributions.shape) != expected:
             raise ValueError(
@@ -95,14 +95,22 @@ class Encoding:
             )
         if not torch.isfinite(distributions).all() or (distributions.sum(-3) - 1).abs().max() > SUMS_TO_1:
             raise ValueError("the distributions do not sum to 1 over the classes")
-        stride = _stride(len(self.gaussians), views, height, width)
-        maps = distributions.to(self.gaussians.means)
-        places = torch.nn.functional.avg_pool2d(maps.flatten(end_dim=-4), stride, ceil_mode=True)
-        features = places.flatten(-2).mT.reshape(*self.gaussians.opacities.shape, len(classes))
+        features = self.per_gaussian(distributions)
         features = features / features.sum(-1, keepdim=True)
         shape = self.gaussians.semantic or self.gaussians.colour
         semantic = replace(shape, features=features)
         return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes)
+
+    def per_gaussian(self, maps: Float[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
+        """For each Gaussian the mean over the pixels that it stands for.
+
+        Args:
+            maps: of the context views, at their size.
+        """
+        stride = _stride(len(self.gaussians), *self.depths.shape[-3:])
+        values = maps.to(self.gaussians.means)
+        places = torch.nn.functional.avg_pool2d(values.flatten(end_dim=-4), stride, ceil_mode=True)
+        return places.flatten(-2).mT.reshape(*self.gaussians.opacities.shape, maps.shape[-3])
 
     def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.

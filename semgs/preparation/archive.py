@@ -6,7 +6,8 @@ Each scene is a zip archive without further compression, so `open_scene` reads i
     images/NAME.jpg    at one size
     depth/NAME.png     z-depth, 16 bits, millimetres
     labels/NAME.png    class per pixel, 8 bits, 255 = none
-    prepared.json      the source: layout, frames, notes, pixels of each class, terms
+    classes.json       the class table, if it is not one of semgs
+    prepared.json      the source: layout, frames, notes, pixels of each class, terms, and the network that labels are from
 
 Images of another aspect are cropped on two sides, so pixels stay square; differences of up to 1 % are stretched. Cameras are adjusted. The
 bytes depend only on the source and the settings, not on the time or the number of processes.
@@ -26,19 +27,22 @@ from typing import Any
 import numpy as np
 
 from semgs._version import __version__
-from semgs.data.classes import IGNORE
+from semgs.data.class_files import class_file
+from semgs.data.classes import IGNORE, TABLES
 from semgs.data.frames import Frame
 from semgs.data.maps import SATURATED
 from semgs.data.prepared_record import RECORD
 from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
-from semgs.data.terms import terms_of
+from semgs.data.terms import labeller_of, terms_of_photos
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.atomic import new_file
 from semgs.files.errors import InputError
 from semgs.files.pictures import jpeg_bytes, png_bytes
 
 MILLIMETRE = 0.001
+OWN_TABLE = "classes.json"
+"""The file of a class table that is not one of semgs."""
 _MIDNIGHT = (1980, 1, 1, 0, 0, 0)
 """The time of every member: the earliest that a zip archive can store."""
 
@@ -136,6 +140,8 @@ def _fill(
                 done(len(listed))
         record = _record(scene, listed, pixels, settings)
         _write(archive, "transforms.json", _json(_transforms(scene, listed)))
+        if scene.classes is not None and scene.classes not in TABLES:
+            _write(archive, OWN_TABLE, _json(class_file(scene.classes)))
         _write(archive, RECORD, _json(record))
     return record
 
@@ -219,7 +225,8 @@ def _transforms(scene: Scene, listed: list[dict[str, Any]]) -> dict[str, Any]:
     if scene.unit == "metric":
         shared["depth_unit_scale_factor"] = MILLIMETRE
     if scene.classes is not None:
-        shared |= {"label_set": scene.classes.name, "label_ignore": IGNORE}
+        table = scene.classes.name if scene.classes in TABLES else OWN_TABLE
+        shared |= {"label_set": table, "label_ignore": IGNORE}
     if scene.applied_transform is not None:
         shared["applied_transform"] = scene.applied_transform.tolist()
     if scene.applied_scale is not None:
@@ -231,6 +238,7 @@ def _transforms(scene: Scene, listed: list[dict[str, Any]]) -> dict[str, Any]:
 def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, settings: Preparation) -> dict[str, Any]:
     """The content of `prepared.json`."""
     named = {name: int(pixels[label]) for label, name in enumerate(scene.classes.names)} if scene.classes else {}
+    labeller = labeller_of(scene)
     return {
         **settings.as_json(),
         "frames": len(listed),
@@ -240,7 +248,8 @@ def _record(scene: Scene, listed: list[dict[str, Any]], pixels: np.ndarray, sett
         "pixels": {**named, "ignored": int(pixels[IGNORE])} if named else {},
         "notes": list(scene.notes),
         "source": fingerprint(scene),
-        "terms": asdict(terms_of(scene)),
+        "terms": asdict(terms_of_photos(scene)),
+        **({"labeller": asdict(labeller)} if labeller else {}),
     }
 
 

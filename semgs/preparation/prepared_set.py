@@ -17,7 +17,7 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from semgs.data.layouts.parts.recordings import sequence_name
 from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
-from semgs.data.scenes import open_scenes, scene_paths
+from semgs.data.scenes import open_asked, scene_paths
 from semgs.data.workers import outcomes
 from semgs.files.atomic import write_json, write_text
 from semgs.files.claims import is_begun
@@ -56,17 +56,36 @@ class SceneSource:
     name: str
 
 
+@runtime_checkable
+class Reader(Protocol):
+    """How to read the scenes."""
+
+    def open(self, source: SceneSource) -> Scene:
+        """Open a scene.
+
+        Raises:
+            InputError: it cannot be opened.
+        """
+        ...
+
+    def as_json(self) -> dict[str, Any]:
+        """The details for `settings.json`."""
+        ...
+
+
 @dataclass(frozen=True)
 class Reading:
-    """How to read the scenes.
+    """Reads the scenes as they are.
 
     Attributes:
         as_peers: as for `open_scene`.
         asked: details that apply to all scenes.
+        needs_labels: as for `open_scene`.
     """
 
     as_peers: tuple[str, ...] = ()
     asked: Asked = Asked()  # noqa: RUF009
+    needs_labels: bool = True
 
     def open(self, source: SceneSource) -> Scene:
         """Open a scene.
@@ -74,8 +93,7 @@ class Reading:
         Raises:
             InputError: as `open_scene`.
         """
-        (scene,) = open_scenes(source.path, self.as_peers, self.asked)
-        return scene
+        return open_asked(source.path, self.as_peers, self.asked, self.needs_labels)
 
     def as_json(self) -> dict[str, Any]:
         """The given details for `settings.json`."""
@@ -117,7 +135,7 @@ def prepare_set(
     out: Path,
     found: Sequence[SceneSource],
     settings: Preparation,
-    reading: Reading,
+    reading: Reader,
     *,
     workers: int = 0,
     done: Callable[[int], None] = lambda count: None,
@@ -180,7 +198,7 @@ def _prepared(
     return failed
 
 
-def check(out: Path, settings: Preparation, reading: Reading) -> None:
+def check(out: Path, settings: Preparation, reading: Reader) -> None:
     """Check that a folder is, or can become, a prepared set with these settings.
 
     Raises:
@@ -192,12 +210,12 @@ def check(out: Path, settings: Preparation, reading: Reading) -> None:
         check_writable(out)
 
 
-def _settings(settings: Preparation, reading: Reading) -> dict[str, Any]:
+def _settings(settings: Preparation, reading: Reader) -> dict[str, Any]:
     """The content of `settings.json`."""
     return {**settings.as_json(), **reading.as_json()}
 
 
-def needed_space(out: Path, found: Sequence[SceneSource], settings: Preparation, reading: Reading) -> int:
+def needed_space(out: Path, found: Sequence[SceneSource], settings: Preparation, reading: Reader) -> int:
     """Estimate the bytes that the missing scenes will need, from some frames of some of them.
 
     Raises:
@@ -223,7 +241,7 @@ def free_space(out: Path) -> int:
 
 
 def _entry(
-    out: Path, settings: Preparation, reading: Reading, frame_done: Callable[[int], None] | None, source: SceneSource
+    out: Path, settings: Preparation, reading: Reader, frame_done: Callable[[int], None] | None, source: SceneSource
 ) -> dict[str, Any]:
     """The record of a scene, which is prepared if its archive is missing or outdated."""
     target = out / f"{source.name}.zip"
@@ -234,7 +252,7 @@ def _entry(
     return prepare_scene(scene, target, settings, done=frame_done)
 
 
-def _write_index(out: Path, settings: Preparation, reading: Reading, failed: dict[str, InputError]) -> dict[str, Any]:
+def _write_index(out: Path, settings: Preparation, reading: Reader, failed: dict[str, InputError]) -> dict[str, Any]:
     """Write the hashes and index of all archives in a folder; returns the content of the index."""
     known = _sums(out)
     scenes, total, sums = [], Counter[str](), {}

@@ -23,6 +23,7 @@ from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
 from semgs.segmenters.cost import cost_of
+from semgs.segmenters.features import Featuring, SceneFeatures
 from semgs.segmenters.labelling import Labelling
 
 GRID = 24
@@ -72,6 +73,7 @@ class Reconstruction:
         notes: for the user, a sentence each.
         plan: how memory was used; None for a network that `memory_plan` does not support.
         segmenter: where the classes come from, in a sentence; None for the model.
+        features: of the Gaussians; None for none.
     """
 
     scene: Scene
@@ -85,6 +87,7 @@ class Reconstruction:
     notes: tuple[str, ...]
     plan: MemoryPlan | None = None
     segmenter: str | None = None
+    features: SceneFeatures | None = None
 
     @property
     def depth_range(self) -> DepthRange:
@@ -114,6 +117,7 @@ def reconstruct(
     size: Sequence[int] | None = None,
     *,
     labelling: Labelling | None = None,
+    featuring: Featuring | None = None,
     stages: Stages | None = None,
     notes: Sequence[str] = (),
 ) -> Reconstruction:
@@ -127,7 +131,8 @@ def reconstruct(
         model: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
         labelling: gives the Gaussians their classes; None for those of the model.
-        stages: shows and times the stages read, encode, segment and render.
+        featuring: gives the Gaussians features; None for none.
+        stages: shows and times the stages read, encode, segment, features and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
@@ -149,6 +154,10 @@ def reconstruct(
     if labelling is not None:
         with stages("segment", f"Classes of {len(context)} photos from {labelling.source.title}{cost}"):
             encoding, classes = labelling(encoding, scene, choice.context, context), labelling.source.classes
+    features = None
+    if featuring is not None:
+        with stages("features", f"Features of {len(context)} photos from {featuring.source.title}"):
+            features = featuring(encoding, scene, choice.context, context)
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
         own = encoding.render(context.cameras)
         held_out = encoding.render(target.cameras) if target is not None else None
@@ -171,6 +180,7 @@ def reconstruct(
         ),
         plan=encoded.plan,
         segmenter=None if labelling is None else labelling.description,
+        features=features,
     )
 
 

@@ -14,19 +14,16 @@ For a view at position 7 of the scene (`context_007_*` or `target_007_*`):
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from PIL import Image
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.figures.classes import class_picture
 from semgs.figures.views import as_bytes
-from semgs.files.atomic import write_bytes
-from semgs.files.pictures import write_png
+from semgs.files.pictures import write_png, write_tiff
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.rendering.rendering import label_maps
 
@@ -75,6 +72,4 @@ def _write_depth(stem: Path, depths: Tensor, metric: bool) -> None:
     if metric:
         write_png(stem.with_suffix(".png"), millimetres(depths))
         return
-    buffer = io.BytesIO()
-    Image.fromarray(depths.float().numpy()).save(buffer, "TIFF")
-    write_bytes(stem.with_suffix(".tiff"), buffer.getvalue())
+    write_tiff(stem.with_suffix(".tiff"), depths.numpy())

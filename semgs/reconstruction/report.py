@@ -13,6 +13,7 @@ from semgs.figures.page import Link
 from semgs.reconstruction.reconstruct import Reconstruction
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.rendering import label_maps
+from semgs.segmenters.features import SceneFeatures
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,14 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
         Link("gaussians.ply", "the scene in colour, plain 3DGS: opens in every Gaussian splat viewer"),
         Link("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
         Link("scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"),
+        Link("features.safetensors", "the features of the Gaussians, for `semgs query`"),
         Link("renders/", f"images of every view: photo, render, {maps}{depth}, alpha"),
     ]
-    return tuple(one for one in listed if result.classes is not None or one.name != "semantics.ply")
+    absent = {
+        *(() if result.classes is not None else ("semantics.ply",)),
+        *(() if result.features is not None else ("features.safetensors",)),
+    }
+    return tuple(one for one in listed if one.name not in absent)
 
 
 def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
@@ -90,6 +96,7 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             "reason": result.depth_range.reason,
         },
         "gaussians": len(result.encoding.gaussians),
+        "features": result.features and _features(result.features),
         "views": [
             {"role": role, "position": position, "name": name, **_rounded(score)}
             for role, shown in zip(("context", "target"), result.shown, strict=False)
@@ -106,6 +113,20 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
         "unseen": rounded(float((pixels == IGNORE).mean())) if pixels.size else None,
         "seconds": {name: round(value, 3) for name, value in seconds.items()},
         "notes": list(result.notes),
+    }
+
+
+def _features(features: SceneFeatures) -> dict:
+    """The numbers of features and their compression."""
+    book = features.compression.book
+    return {
+        "source": features.source,
+        "numbers": features.numbers,
+        "compression": "components" if book is None else "book",
+        "directions": features.compression.basis.shape[1],
+        "entries": None if book is None else len(book),
+        "kept": rounded(features.kept),
+        "largest_change_of_a_cosine": rounded(features.bound),
     }
 
 

@@ -156,6 +156,8 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
         rows.append(("Classes from", result.segmenter))
     if result.classes is not None:
         rows.append(("Class table", f"{result.classes.name}, {len(result.classes)} classes"))
+    if result.features is not None:
+        rows.append(("Features", result.features.description))
     return page.Facts(tuple(rows))
 
 

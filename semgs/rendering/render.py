@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -18,6 +19,8 @@ from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.splats import Layer, Splats
+
+Result = TypeVar("Result")
 
 BACKENDS = ("auto", "numba", "gsplat", "reference")
 """The back-ends: `auto` is the fastest one for the Gaussians' device, `numba` runs on the CPU, `gsplat` on CUDA, `reference` is slow and
@@ -57,28 +60,17 @@ def render(
             devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot render these Gaussians.
         ImportError: the back-end is gsplat, which is not installed.
     """
-    drawing, place = _backend(backend, gaussians.means)
-    batch = tuple(gaussians.means.shape[:-2])
-    if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
-        raise ValueError(
-            f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more for views"
-        )
-    _check(gaussians)
-    dtype, device = gaussians.means.dtype, gaussians.means.device
-    working = dtype if dtype in (torch.float32, torch.float64) else torch.float32
-    backdrop = torch.as_tensor(background, dtype=working, device=place)
+    backdrop = torch.as_tensor(background, dtype=torch.float64)
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")
-    bounds = _near_bounds(near, cameras.batch)
-
-    here = gaussians.to(place, working)
-    drawn: list[Rendering] = []
-    with torch.autocast(place.type, enabled=False):
-        for at in np.ndindex(batch):
-            scene = here.map(lambda tensor, at=at: tensor[at])
-            for view in range(cameras.batch[-1]):
-                camera = Pinhole.of(cameras[(*at, view)])
-                drawn.append(_view(scene, camera, bounds[len(drawn)], backdrop, drawing))
+    dtype, device = gaussians.means.dtype, gaussians.means.device
+    drawn = each_view(
+        gaussians,
+        cameras,
+        near,
+        backend,
+        lambda scene, camera, bound, drawing: _view(scene, camera, bound, backdrop.to(scene.means), drawing),
+    )
 
     def stacked(name: str) -> Tensor:
         return torch.cat([getattr(one, name) for one in drawn]).unflatten(0, cameras.batch).to(device, dtype)
@@ -92,6 +84,41 @@ def render(
         depths=stacked("depths"),
         alphas=stacked("alphas"),
     )
+
+
+def each_view(
+    gaussians: Gaussians,
+    cameras: Cameras,
+    near: float | int | Tensor | None,
+    backend: str,
+    draw: Callable[[Gaussians, Pinhole, float | None, ModuleType], Result],
+) -> list[Result]:
+    """What a function makes of each view of each scene.
+
+    Args:
+        gaussians, cameras, near, backend: as for `render`.
+        draw: takes the Gaussians of one scene on the back-end's device, a camera, its near bound and the back-end.
+
+    Raises:
+        ValueError, ImportError: as for `render`.
+    """
+    drawing, place = _backend(backend, gaussians.means)
+    batch = tuple(gaussians.means.shape[:-2])
+    if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
+        raise ValueError(
+            f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more for views"
+        )
+    _check(gaussians)
+    bounds = _near_bounds(near, cameras.batch)
+    dtype = gaussians.means.dtype
+    here = gaussians.to(place, dtype if dtype in (torch.float32, torch.float64) else torch.float32)
+    drawn: list[Result] = []
+    with torch.autocast(place.type, enabled=False):
+        for at in np.ndindex(batch):
+            scene = here.map(lambda tensor, at=at: tensor[at])
+            for view in range(cameras.batch[-1]):
+                drawn.append(draw(scene, Pinhole.of(cameras[(*at, view)]), bounds[len(drawn)], drawing))
+    return drawn
 
 
 def _view(scene: Gaussians, camera: Pinhole, near: float | None, background: Tensor, drawing: ModuleType) -> Rendering:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, final
@@ -23,7 +24,7 @@ import torch
 from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 
-from semgs.data.class_files import LabelSet, read_class_file
+from semgs.data.class_files import LabelSet, class_file, read_class_file
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.frames import Frame
 from semgs.data.maps import ASPECT_TOLERANCE, ClassMap
@@ -89,16 +90,16 @@ class MapFiles:
         Args:
             folder: of the maps.
             scene: contains the frames.
-            table: the folder of the class table; None for that of the maps.
+            table: the folder of the class table, and of the record if the maps have none; None for that of the maps.
 
         Raises:
             InputError: its table of classes is missing or damaged.
         """
-        stems = Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
+        stems = stems_of(scene)
         labels = read_class_file((table or folder) / TABLE)
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
-        return cls(folder, labels, stems, _made_by(folder))
+        return cls(folder, labels, stems, _made_by(folder) or _made_by(table or folder))
 
     @property
     def title(self) -> str:
@@ -136,12 +137,7 @@ class MapFiles:
 
     def path_of(self, frame: Frame) -> Path | None:
         """The file with the map of a frame; None if there is none."""
-        name = PurePosixPath(frame.name)
-        places = [self.folder / name.parent / name.stem]
-        if self.stems[name.stem] == 1:
-            places.append(self.folder / name.stem)
-        candidates = (place.parent / f"{place.name}{ending}" for place in places for ending in (".png", ".npz"))
-        return next((path for path in candidates if path.is_file()), None)
+        return file_of(self.folder, frame, self.stems, (".png", ".npz"))
 
     def probabilities(self, path: Path, frame: Frame) -> Float32[np.ndarray, "class rows columns"]:
         """The probabilities in a `.npz` file.
@@ -159,6 +155,46 @@ class MapFiles:
         return values
 
 
+def stems_of(scene: Scene) -> Counter[str]:
+    """How many frames of a scene have each file name, without folders and ending."""
+    return Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
+
+
+def file_of(folder: Path, frame: Frame, stems: Counter[str], endings: Sequence[str]) -> Path | None:
+    """The file in a folder that belongs to a frame; None if there is none.
+
+    Args:
+        folder: has the same folders as the names of frames, or contains the files itself.
+        frame: the frame.
+        stems: of the scene, as from `stems_of`. Files in the folder itself count for names that are unique.
+        endings: that the file may have, the preferred one first.
+    """
+    name = PurePosixPath(frame.name)
+    places = [folder / name.parent / name.stem]
+    if stems[name.stem] == 1:
+        places.append(folder / name.stem)
+    candidates = (place.parent / f"{place.name}{ending}" for place in places for ending in endings)
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def only_array(path: Path, expected: str) -> np.ndarray:
+    """The only array of a `.npz` file, or that of a `.npy` file.
+
+    Args:
+        path: the file.
+        expected: what it should be, for errors.
+
+    Raises:
+        InputError: it is missing or damaged, or has several arrays.
+    """
+    if path.suffix == ".npy":
+        return read_array(path)
+    found = list(members(path).values())
+    if len(found) != 1:
+        raise InputError(path, expected, f"{len(found)} arrays")
+    return read_array(found[0])
+
+
 def read_probabilities(path: Path) -> Float32[np.ndarray, "class rows columns"]:
     """The only array of a `.npz` file, as probabilities.
 
@@ -166,10 +202,7 @@ def read_probabilities(path: Path) -> Float32[np.ndarray, "class rows columns"]:
         InputError: it is missing or damaged, has several arrays, or these are no probabilities [class height width].
     """
     expected = "one array of probabilities [class height width]"
-    found = list(members(path).values())
-    if len(found) != 1:
-        raise InputError(path, expected, f"{len(found)} arrays")
-    values = read_array(found[0])
+    values = only_array(path, expected)
     if values.ndim != 3 or min(values.shape) < 1 or values.dtype.kind != "f":
         raise InputError(path, expected, f"{values.shape} of {values.dtype}")
     numbers = values.astype(np.float32)
@@ -187,10 +220,7 @@ def save_table(folder: Path, classes: ClassTable, made_by: MadeBy) -> None:
         OSError: a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    listed = [
-        {"name": name, "colour": list(colour)} for name, colour in zip(classes.names, classes.colours, strict=True)
-    ]
-    write_json(folder / TABLE, {"name": classes.name, "classes": listed})
+    write_json(folder / TABLE, class_file(classes))
     write_json(folder / RECORD, asdict(made_by))
 
 

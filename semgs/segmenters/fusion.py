@@ -41,13 +41,28 @@ def fused(
     Raises:
         ValueError: the maps are not of the cameras' size.
     """
+    return pooled((probabilities + LEAST).log(), depths, spread, cameras, weights).softmax(1)
+
+
+def pooled(
+    values: Float[Tensor, "v c h w"],
+    depths: Float[Tensor, "v h w"],
+    spread: Float[Tensor, "v h w"],
+    cameras: Cameras,
+    weights: Float[Tensor, " v"] | None = None,
+) -> Float[Tensor, "v c h w"]:
+    """For every pixel of every view, the mean of the values that the views have at its point.
+
+    Args:
+        values: of each pixel.
+        depths, spread, cameras, weights: as for `fused`.
+    """
     count, (height, width) = len(depths), cameras.size
-    logs = (probabilities + LEAST).log()
-    shares = torch.ones(count).to(logs) if weights is None else weights.to(logs)
+    shares = torch.ones(count).to(values) if weights is None else weights.to(values)
     points = back_project(depths, cameras).flatten(1, 2)
     rows = []
     for one in range(count):
-        total, weight = shares[one] * logs[one].flatten(1), shares[one].expand(height * width)
+        total, weight = shares[one] * values[one].flatten(1), shares[one].expand(height * width)
         for other in range(count):
             if other == one:
                 continue
@@ -59,7 +74,7 @@ def fused(
             sigma = (spread[one].flatten().square() + spread[other].flatten()[place].square()).sqrt() + SPREAD
             agrees = inside & ((z.clamp(min=1e-6) / seen).log().abs() <= TOLERANCE * sigma)
             vote = shares[other] * agrees
-            total = total + vote * logs[other].flatten(1)[:, place]
+            total = total + vote * values[other].flatten(1)[:, place]
             weight = weight + vote
-        rows.append((total / weight.clamp(min=1e-12)).softmax(0).unflatten(1, (height, width)))
+        rows.append((total / weight.clamp(min=1e-12)).unflatten(1, (height, width)))
     return torch.stack(rows)

@@ -63,6 +63,11 @@ class Photos:
         return self.segmenter.made_by.title
 
     @property
+    def made_by(self) -> MadeBy:
+        """The network."""
+        return self.segmenter.made_by
+
+    @property
     def classes(self) -> ClassTable:
         """The table of the network."""
         return self.segmenter.classes

@@ -16,6 +16,7 @@ from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.geometry.cameras import checked_size
 from semgs.segmenters.cost import Cost, cost_of
+from semgs.segmenters.files import MadeBy
 from semgs.segmenters.names import Correspondence
 
 
@@ -26,6 +27,11 @@ class Source(Protocol):
     @property
     def title(self) -> str:
         """What it is, with its licence if that is known."""
+        ...
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """The network that gives them; None if that is unknown."""
         ...
 
     @property
@@ -64,6 +70,11 @@ class Translated:
     def title(self) -> str:
         """That of the source."""
         return self.source.title
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """That of the source."""
+        return self.source.made_by
 
     @property
     def classes(self) -> ClassTable:

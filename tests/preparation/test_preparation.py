@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scenes_on_disk import write_labelled, write_table
 
 from semgs.data.asked import Asked
 from semgs.data.resampling import cropped, resized
@@ -200,3 +201,20 @@ def test_workers_write_the_same_bytes(rooms: Path, tmp_path: Path):
     one = prepare_set(tmp_path / "one", sources(rooms), SMALL, Reading())
     two = prepare_set(tmp_path / "two", sources(rooms), SMALL, Reading(), workers=2)
     assert one == two
+
+
+def test_a_class_table_of_your_own_is_in_the_archive(tmp_path: Path):
+    """The numbers in the label images change: 5 stood for the second class, whose position is 1."""
+    numbers = (0, 1, 5)
+    folder = write_labelled(
+        tmp_path / "own", 7, frames=3, labels=numbers, change=lambda scene: scene.update(label_set="three.json")
+    )
+    write_table(folder / "three.json")
+    scene = open_scene(folder)
+    prepare_scene(scene, tmp_path / "own.zip", Preparation((24, 32)))
+    again = open_scene(tmp_path / "own.zip")
+    assert (again.classes.names, again.classes.colours) == (scene.classes.names, scene.classes.colours)
+    assert again.classes.names == ("wall", "seat", "floor")
+    views = again.read([0, 1, 2], "native")
+    assert torch.equal(views.labels, scene.read([0, 1, 2], "native").labels)
+    assert views.labels.unique().tolist() == [0, 1, 2]

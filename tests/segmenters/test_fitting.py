@@ -30,6 +30,7 @@ class Shifted:
 
     classes = table_of("three", ("x", "y", "z"))
     title = "shifted"
+    made_by = None
     known = np.ones(3, bool)
 
     def of(self, frame, size):

@@ -50,6 +50,7 @@ class Certain:
     said: dict[str, int]
     classes: ClassTable = SCANNET20
     title: str = "certain"
+    made_by: None = None
 
     @property
     def known(self) -> np.ndarray:

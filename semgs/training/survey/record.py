@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.scene import Scene
-from semgs.data.terms import FURNISHED, Terms, terms_from, terms_of, terms_text
+from semgs.data.terms import FURNISHED, Terms, terms_from, terms_of, terms_of_photos, terms_text
 from semgs.data.terms import ROOMS as ROOMS_TERMS
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
@@ -70,8 +70,9 @@ def remember(
 ) -> None:
     """Write the scenes and their counts, the scenes that the initial weights have seen, and the terms of both."""
     counts = [None if one is None else one.tolist() for one in pixels]
+    rooms = (ROOMS_TERMS, FURNISHED)
     listed = [
-        {"name": scene.name, "frames": len(scene), "pixels": held, "drawn": terms_of(scene) in (ROOMS_TERMS, FURNISHED)}
+        {"name": scene.name, "frames": len(scene), "pixels": held, "drawn": terms_of_photos(scene) in rooms}
         for scene, held in zip(scenes, counts[:-1], strict=True)
     ]
     write_json(

@@ -1,0 +1,80 @@
+"""Renders features of any kind, with the shapes of the semantic Gaussians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.pinhole import Pinhole
+from semgs.rendering.render import each_view
+from semgs.rendering.splats import Splats
+
+LEAST_ALPHA = 0.05
+"""Pixels with a smaller alpha have no feature: a sum of so little weight says nothing."""
+
+AT_A_TIME = 32
+"""Channels of one pass."""
+
+
+@dataclass(frozen=True)
+class FeatureRendering:
+    """Features as seen by cameras.
+
+    Attributes:
+        features: sum(w f) / sum(w) of every pixel; NaN where alpha < 0.05.
+        alphas: sum(w), 0..1.
+    """
+
+    features: Float[Tensor, "v c h w"]
+    alphas: Float[Tensor, "v h w"]
+
+
+@torch.no_grad()
+def render_features(
+    gaussians: Gaussians,
+    features: Float[Tensor, "g c"],
+    cameras: Cameras,
+    *,
+    near: float | Tensor | None = None,
+    backend: str = "auto",
+) -> FeatureRendering:
+    """Splat features into cameras. Gaussians without a semantic branch take the shapes of colour.
+
+    Args:
+        gaussians: of one scene, without a batch axis.
+        features: of each Gaussian.
+        cameras: the views [v].
+        near, backend: as for `semgs.render`.
+
+    Raises:
+        ValueError: there is not one feature for each Gaussian, or as for `semgs.render`.
+        ImportError: as for `semgs.render`.
+    """
+    if gaussians.means.ndim != 2 or features.shape[:-1] != gaussians.opacities.shape:
+        raise ValueError(
+            f"features are {tuple(features.shape)} for {tuple(gaussians.opacities.shape)} Gaussians; expected [g c]"
+        )
+
+    def view(scene: Gaussians, camera: Pinhole, bound: float | None, back_end: ModuleType) -> FeatureRendering:
+        shape = scene.semantic or scene.colour
+        order = back_end.depth_order(scene.means, camera, bound)
+        pictures = []
+        for part in features.to(scene.means).split(AT_A_TIME, dim=1):
+            layer = back_end.splat(
+                Splats(scene.means, shape.quaternions, shape.scales, scene.opacities, part), order, camera
+            )
+            pictures.append(layer.picture)
+        alphas = 1 - layer.transmittance
+        mean = torch.cat(pictures) / alphas.clamp(min=LEAST_ALPHA)
+        return FeatureRendering(
+            torch.where(alphas < LEAST_ALPHA, torch.nan, mean).to(features)[None], alphas.to(features)[None]
+        )
+
+    views = each_view(gaussians, cameras, near, backend, view)
+    return FeatureRendering(torch.cat([one.features for one in views]), torch.cat([one.alphas for one in views]))
