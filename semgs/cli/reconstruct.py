@@ -57,6 +57,7 @@ class Reconstruct:
     - semgs reconstruct recording --out out/robot --camera /camera/color --world map
     - semgs reconstruct scans/office --out out/office --weights re10k.ckpt
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
+    - semgs reconstruct recording --out out/robot --depth sensor
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -79,6 +80,9 @@ class Reconstruct:
     )
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
+    depth: Literal["network", "sensor", "both"] = "network"
+    """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
+    the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
@@ -113,7 +117,14 @@ class Reconstruct:
             labelling = self.segmenting.labelling(scene, folder / SEGMENTER, self.out / SEGMENTER)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
-                    scene, choice, model, self.size, labelling=labelling, stages=stages, notes=self._notes()
+                    scene,
+                    choice,
+                    model,
+                    self.size,
+                    depth=self.depth,
+                    labelling=labelling,
+                    stages=stages,
+                    notes=self._notes(),
                 )
             write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))

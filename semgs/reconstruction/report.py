@@ -89,6 +89,15 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             "far": rounded(result.depth_range.far),
             "reason": result.depth_range.reason,
         },
+        "depth": {
+            "source": result.depth_source,
+            "fits": [
+                {"name": name, **{key: rounded(value) for key, value in asdict(fit).items()}}
+                for name, fit in zip(result.context.names, result.placed.fits, strict=True)
+            ]
+            if result.placed
+            else [],
+        },
         "gaussians": len(result.encoding.gaussians),
         "views": [
             {"role": role, "position": position, "name": name, **_rounded(score)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -16,6 +16,7 @@ from semgs.segmenters.files import MadeBy, MapFiles, save_map
 from semgs.segmenters.maps import to_view
 
 
+@runtime_checkable
 class Segmenter(Protocol):
     """A network that gives every pixel of a single image a distribution over classes."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from semgs.geometry.cameras import checked_size
 from semgs.segmenters.names import Correspondence
 
 
+@runtime_checkable
 class Source(Protocol):
     """Where the class distributions of frames come from."""
 
