@@ -27,7 +27,7 @@ DepthSource = Literal["network", "sensor", "both"]
 FEWEST_MEASURED = 0.5
 """At least this share of the pixels of each input view must be measured."""
 
-OPACITY = 0.65
+OPACITY = 0.6
 """Opacity of Gaussians at a measured depth. With less, near surfaces let far ones shine through at wide baselines; with more, noise is visible at short ones."""
 
 SMALLEST = 1e-3
