@@ -1008,4 +1008,34 @@ MUTANTS = (
         '(style := saved.pop("style", "home")) != "home"', '(style := saved.pop("style", "home")) == "other"',
         ("tests/training/test_whole_runs.py::test_worlds_that_no_training_may_see_are_refused",),
     ),
+    Mutant(
+        "a sensor's depth is a distance where the network's is one", "semgs/model/encoding.py",
+        "(placed / self._z_depths(cameras))", "(placed / _lower_median(self.depths, stride))",
+        ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
+    ),
+    Mutant(
+        "moved Gaussians keep their size", "semgs/model/encoding.py",
+        "scales=shape.scales * ratios[..., None]", "scales=shape.scales",
+        ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
+    ),
+    Mutant(
+        "a Gaussian lies between the two surfaces of its pixels", "semgs/model/encoding.py",
+        "nanmedian(-1).values", "nanmean(-1)",
+        ("tests/model/test_with_depths.py::test_a_block_lies_on_one_of_its_surfaces_and_never_between_them",),
+    ),
+    Mutant(
+        "depth is fitted instead of its inverse", "semgs/reconstruction/depth_fit.py",
+        "(1 / depths[known].double() for", "(depths[known].double() for",
+        ("tests/reconstruction/test_depth_fit.py::test_scale_and_shift_come_back",),
+    ),
+    Mutant(
+        "outliers vote in the fit", "semgs/reconstruction/depth_fit.py",
+        ".clamp(min=0).square()", ".clamp(min=0).square() * 0 + 1",
+        ("tests/reconstruction/test_depth_fit.py::test_forty_percent_of_outliers_have_no_vote",),
+    ),
+    Mutant(
+        "the more a sensor is off, the more it counts", "semgs/reconstruction/sensor.py",
+        "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
+        ("tests/reconstruction/test_sensor.py::test_both_weighs_log_depths_by_their_inverse_variances",),
+    ),
 )  # fmt: skip
