@@ -97,6 +97,9 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             ]
             if result.placed
             else [],
+            "shift_px": [result.placed.registration.right, result.placed.registration.down]
+            if result.placed and result.placed.registration.shifted
+            else None,
         },
         "gaussians": len(result.encoding.gaussians),
         "views": [

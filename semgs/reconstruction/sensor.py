@@ -20,6 +20,7 @@ from semgs.figures.numbers import percent
 from semgs.files.errors import InputError
 from semgs.model.encoding import Encoding
 from semgs.reconstruction.depth_fit import DepthFit
+from semgs.reconstruction.registration import Registration, registration
 
 DepthSource = Literal["network", "sensor", "both"]
 """Where the depth of the Gaussians comes from."""
@@ -43,11 +44,13 @@ class Placed:
         encoding: the Gaussians.
         source: of the depth: "sensor" or "both".
         fits: of the network's depth to the sensor's, one for each view.
+        registration: of the sensor's depth to the images.
     """
 
     encoding: Encoding
     source: DepthSource
     fits: tuple[DepthFit, ...]
+    registration: Registration
 
     def lines(self, names: Sequence[str]) -> tuple[str, ...]:
         """Each fit as text.
@@ -68,12 +71,18 @@ class Placed:
             for name, fit in zip(names, self.fits, strict=True)
             if fit.poor
         ]
-        if not poor:
-            return ()
-        return (
-            f"The sensor's depth does not fit the model's: {', '.join(poor)}. Its unit (see --depth-unit) or the poses may be wrong, or it is "
-            "not registered to the colour images.",
-        )
+        found = []
+        if poor:
+            found.append(
+                f"The sensor's depth does not fit the model's: {', '.join(poor)}. Its unit (see --depth-unit) or the poses may be wrong, or "
+                "it is not registered to the colour images."
+            )
+        if self.registration.shifted:
+            found.append(
+                f"The sensor's depth is not registered to the colour images: its edges fit theirs better if it moves by about "
+                f"{-self.registration.right} px to the right and {-self.registration.down} px down."
+            )
+        return tuple(found)
 
 
 def placed(encoding: Encoding, views: Views, source: Literal["sensor", "both"]) -> Placed:
@@ -111,7 +120,7 @@ def placed(encoding: Encoding, views: Views, source: Literal["sensor", "both"]) 
         confidences=weights + shares * encoding.confidences,
         depth_spread=(weights.square() * noise + shares.square() * variance).sqrt(),
     )
-    return Placed(moved, source, fits)
+    return Placed(moved, source, fits, registration(views.images.to(sensor), sensor))
 
 
 def sensor_spread(depths: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:

@@ -20,6 +20,7 @@ from semgs.files.errors import InputError
 from semgs.files.pictures import read_uint16, write_png
 from semgs.model.encoding import Encoding
 from semgs.reconstruction.reconstruct import reconstruct
+from semgs.reconstruction.registration import Registration
 from semgs.reconstruction.report import Origin, report_numbers
 from semgs.reconstruction.report_page import report_page
 from semgs.reconstruction.sensor import OPACITY, placed, sensor_spread
@@ -119,7 +120,7 @@ def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callab
 def test_without_a_sensor_the_report_says_that_depth_is_the_networks(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
     result = reconstruct(scene, given(scene, [0, 3]), Oracle())
-    assert report_numbers(result, ORIGIN, {})["depth"] == {"source": "network", "fits": []}
+    assert report_numbers(result, ORIGIN, {})["depth"] == {"source": "network", "fits": [], "shift_px": None}
 
 
 @pytest.mark.parametrize("factor", [10.0, 1000.0, 0.001])
@@ -129,6 +130,18 @@ def test_depth_in_another_unit_is_noted(views: Views, factor: float):
     (note,) = placed(Oracle()(views), wrong, "sensor").notes(["a.png", "b.png"])
     assert f"a.png (sensor / model {factor:.3g}, typical difference 0 %), b.png" in note
     assert "--depth-unit" in note
+
+
+def test_depth_that_lies_beside_the_image_is_noted(wall_scene: Callable[..., Scene]):
+    scene = wall_scene()
+    result = reconstruct(scene, given(scene, [0, 3]), Oracle(), depth="both")
+    assert result.placed is not None
+    assert result.placed.notes(["a.png", "b.png"]) == ()
+    beside = replace(result.placed, registration=Registration(right=10, down=-4, gain=2.0, pixels=5000))
+    (note,) = beside.notes(["a.png", "b.png"])
+    assert "not registered" in note
+    assert "moves by about -10 px to the right and 4 px down" in note
+    assert report_numbers(replace(result, placed=beside), ORIGIN, {})["depth"]["shift_px"] == [10, -4]
 
 
 def test_depth_for_too_few_pixels_is_refused_by_the_name_of_its_frame(wall_scene: Callable[..., Scene]):
