@@ -177,7 +177,10 @@ def main() -> None:
                 for source, score in (found or {}).items():
                     results[source].append(score)
                     depth = 0.0 if score.depth is None else score.depth.abs_rel
-                    print(f"{path.name} {baseline:.0%} {source}: PSNR {score.psnr:.2f}, AbsRel {depth:.3f}", file=sys.stderr)
+                    print(
+                        f"{path.name} {baseline:.0%} {source}: PSNR {score.psnr:.2f}, AbsRel {depth:.3f}",
+                        file=sys.stderr,
+                    )
                 if len(results["network"]) == arguments.rooms:
                     break
             count = len(results["network"])

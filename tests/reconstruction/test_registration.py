@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from semgs.reconstruction.registration import registration
+from semgs.reconstruction.registration import Registration, registration
 
 SIZE = (120, 160)
 
@@ -31,12 +31,26 @@ def test_registered_depth_is_not_shifted():
     assert not registration(images(), depths()).shifted
 
 
-@pytest.mark.parametrize(("right", "down"), [(10, 0), (-8, 12), (0, -14)])
+@pytest.mark.parametrize(("right", "down"), [(10, 0), (-8, 12), (0, -12)])
 def test_shifted_depth_is_found_to_within_half_a_window(right: int, down: int):
     found = registration(images(), depths(right, down))
     assert found.shifted
     assert abs(found.right - right) <= 4
     assert abs(found.down - down) <= 4
+
+
+@pytest.mark.parametrize(
+    ("found", "shifted"),
+    [
+        (Registration(14, 0, 1.3, 5000), True),
+        (Registration(0, -16, 1.3, 5000), False),  # the largest that is tried: the best may lie further away
+        (Registration(2, -2, 1.3, 5000), False),
+        (Registration(14, 0, 1.1, 5000), False),
+        (Registration(14, 0, 1.3, 900), False),
+    ],
+)
+def test_only_clear_shifts_count(found: Registration, shifted: bool):
+    assert found.shifted == shifted
 
 
 def test_holes_along_the_edges_change_nothing():
