@@ -65,10 +65,10 @@ def measured(views: Views, seed: int) -> Float[Tensor, "v h w"]:
     generator = torch.Generator().manual_seed(seed)
     depths = views.depths.double()
     points = back_project(depths, views.cameras)
-    across = pad(points[:, :, 2:] - points[:, :, :-2], (0, 0, 1, 1))
-    down = pad(points[:, 2:] - points[:, :-2], (0, 0, 0, 0, 1, 1))
-    rays = normalize(points - views.cameras.centres[:, None, None], dim=-1)
-    cosine = (normalize(torch.linalg.cross(across, down), dim=-1) * rays).sum(-1).abs()
+    across, down = points[:, 1:-1, 2:] - points[:, 1:-1, :-2], points[:, 2:, 1:-1] - points[:, :-2, 1:-1]
+    rays = normalize(points - views.cameras.centres[:, None, None], dim=-1)[:, 1:-1, 1:-1]
+    inner = (normalize(torch.linalg.cross(across, down), dim=-1) * rays).sum(-1).abs()
+    cosine = pad(inner[:, None], (1, 1, 1, 1), mode="replicate")[:, 0]
     inverse = 1 / depths[:, None].clamp(min=1e-3)
     cross = inverse.new_tensor([[0, 1, 0], [1, -4, 1], [0, 1, 0]])[None, None]
     bend = conv2d(pad(inverse, (1, 1, 1, 1), mode="replicate"), cross).abs() / inverse

@@ -1038,4 +1038,9 @@ MUTANTS = (
         "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
         ("tests/reconstruction/test_sensor.py::test_both_weighs_log_depths_by_their_inverse_variances",),
     ),
+    Mutant(
+        "depth maps that lie to the right are found to the left", "semgs/reconstruction/registration.py",
+        "margin - right :", "margin + right :",
+        ("tests/reconstruction/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
+    ),
 )  # fmt: skip
