@@ -101,12 +101,12 @@ def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callab
     scene = wall_scene()
     result = reconstruct(scene, given(scene, [0, 3]), Mistaken(), depth="sensor")
     told = summary(result, {"read": 1.0}, tmp_path)
-    assert "images/00.png: 100 % measured; 1 / sensor = 1.25 / network +0, typical difference 0 %" in told
+    assert "images/00.png: 100 % measured; 1 / sensor = 1.250 / network +0.000, typical difference 0 %" in told
     numbers = json.loads(json.dumps(report_numbers(result, ORIGIN, {}), allow_nan=False))["depth"]
     assert numbers["source"] == "sensor"
     assert [fit["name"] for fit in numbers["fits"]] == ["images/00.png", "images/03.png"]
-    assert numbers["fits"][0] | {"name": "", "residual": 0} == {
-        "name": "", "measured": 1.0, "ratio": 0.8, "scale": 1.25, "shift": 0.0, "residual": 0,
+    assert numbers["fits"][0] | {"shift": 0, "residual": 0} == {
+        "name": "images/00.png", "measured": 1.0, "ratio": 0.8, "scale": 1.25, "shift": 0, "residual": 0,
     }  # fmt: skip
     assert "the sensor" in report_page(result, ORIGIN, {"read": 1.0})
     assert not [note for note in result.notes if "does not fit" in note]
@@ -128,7 +128,8 @@ def test_depth_in_another_unit_is_noted(views: Views, factor: float):
     """x10 and x1000, as for centimetres or metres that are millimetres: the residual is zero, the ratio is not 1."""
     wrong = replace(views, depths=views.depths * factor)
     (note,) = placed(Oracle()(views), wrong, "sensor").notes(["a.png", "b.png"])
-    assert f"a.png (sensor / model {factor:.3g}, typical difference 0 %), b.png" in note
+    assert f"a.png (sensor / model {factor:g}, typical difference" in note
+    assert "b.png" in note
     assert "--depth-unit" in note
 
 
