@@ -1016,17 +1016,17 @@ MUTANTS = (
     Mutant(
         "maps of distorted photos are taken for undistorted ones", "semgs/segmenters/maps.py",
         "None if undistorted or frame.lens.is_pinhole else frame.lens.maps()", "None",
-        of_segmenters("maps", "a_map_that_tells_position_lands_where_the_photo_does"),
+        of_segmenters("segmenter_maps", "a_map_that_tells_position_lands_where_the_photo_does"),
     ),
     Mutant(
         "maps are cropped from the corner", "semgs/segmenters/maps.py",
         "[left : left + width]\n    return", "[:width]\n    return",
-        of_segmenters("maps", "a_crop_takes_the_middle_and_halves_are_normalised"),
+        of_segmenters("segmenter_maps", "a_crop_takes_the_middle_and_halves_are_normalised"),
     ),
     Mutant(
         "a pixel without a label is sure of the first class", "semgs/segmenters/maps.py",
         "1 / classes, found)", "0.0, found)",
-        of_segmenters("maps", "a_pixel_without_label_is_even"),
+        of_segmenters("segmenter_maps", "a_pixel_without_label_is_even"),
     ),
     Mutant(
         "a segmenter votes against what it does not know", "semgs/segmenters/labelling.py",
@@ -1047,5 +1047,40 @@ MUTANTS = (
         "maps of another network are used again", "semgs/segmenters/opening.py",
         "stored.made_by == made_by else None", "stored.made_by != None else None",
         of_segmenters("labelling", "a_network_sees_the_photo_at_its_own_size_and_its_maps_are_used_again"),
+    ),
+    Mutant(
+        "a sensor's depth is a distance where the network's is one", "semgs/model/encoding.py",
+        "(placed / self._z_depths(cameras))", "(placed / _lower_median(self.depths, stride))",
+        ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
+    ),
+    Mutant(
+        "moved Gaussians keep their size", "semgs/model/encoding.py",
+        "scales=shape.scales * ratios[..., None]", "scales=shape.scales",
+        ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
+    ),
+    Mutant(
+        "a Gaussian lies between the two surfaces of its pixels", "semgs/model/encoding.py",
+        "nanmedian(-1).values", "nanmean(-1)",
+        ("tests/model/test_with_depths.py::test_a_block_lies_on_one_of_its_surfaces_and_never_between_them",),
+    ),
+    Mutant(
+        "depth is fitted instead of its inverse", "semgs/reconstruction/depth_fit.py",
+        "(1 / depths[known].double() for", "(depths[known].double() for",
+        ("tests/reconstruction/test_depth_fit.py::test_scale_and_shift_come_back",),
+    ),
+    Mutant(
+        "outliers vote in the fit", "semgs/reconstruction/depth_fit.py",
+        ".clamp(min=0).square()", ".clamp(min=0).square() * 0 + 1",
+        ("tests/reconstruction/test_depth_fit.py::test_forty_percent_of_outliers_have_no_vote",),
+    ),
+    Mutant(
+        "the more a sensor is off, the more it counts", "semgs/reconstruction/sensor.py",
+        "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
+        ("tests/reconstruction/test_sensor.py::test_both_weighs_log_depths_by_their_inverse_variances",),
+    ),
+    Mutant(
+        "depth maps that lie to the right are found to the left", "semgs/reconstruction/registration.py",
+        "margin - right :", "margin + right :",
+        ("tests/reconstruction/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
     ),
 )  # fmt: skip

@@ -60,6 +60,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --weights re10k.ckpt
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
     - semgs reconstruct scans/office --out out/office --features clip
+    - semgs reconstruct recording --out out/robot --depth sensor
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -82,6 +83,9 @@ class Reconstruct:
     )
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
+    depth: Literal["network", "sensor", "both"] = "network"
+    """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
+    the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
@@ -121,6 +125,7 @@ class Reconstruct:
                     choice,
                     model,
                     self.size,
+                    depth=self.depth,
                     labelling=labelling,
                     featuring=self.featuring.featuring(scene),
                     stages=stages,

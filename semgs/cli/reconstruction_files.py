@@ -71,6 +71,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("why", result.choice.reason),
         ("size", f"{height}x{width} (height x width), on disk {'x'.join(map(str, result.native_size))}"),
         ("depth", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
+        *((result.depth_source, line) for line in result.depth_fits),
         *((("classes", result.segmenter),) if result.segmenter else ()),
         *((("features", result.features.description),) if result.features else ()),
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),

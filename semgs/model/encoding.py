@@ -13,7 +13,7 @@ from torch import Tensor
 from semgs.data.classes import ClassTable
 from semgs.files.notebook import depth_row, html
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import array_of, summary
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
@@ -29,7 +29,7 @@ class Encoding:
     Attributes:
         gaussians: in the order view, row, column.
         depths: z-depth of every pixel of the input views, at their full size [m].
-        confidences: the largest probability among the depth candidates, at the same size, 0..1.
+        confidences: the largest probability among the depth candidates, at the same size, 0..1; 1 where a sensor measured the depth.
         depth_spread: standard deviation of log depth under the candidates' distribution, at the same size: 0.1 is about 10 % of the
             depth. It carries no gradient.
         depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
@@ -107,10 +107,102 @@ class Encoding:
         Args:
             maps: of the context views, at their size.
         """
-        stride = _stride(len(self.gaussians), *self.depths.shape[-3:])
-        values = maps.to(self.gaussians.means)
-        places = torch.nn.functional.avg_pool2d(values.flatten(end_dim=-4), stride, ceil_mode=True)
+        places = _means(maps.to(self.gaussians.means), self._stride)
         return places.flatten(-2).mT.reshape(*self.gaussians.opacities.shape, maps.shape[-3])
+
+    def with_depths(
+        self,
+        depths: Float[Tensor, "*batch v h w"],
+        cameras: Cameras,
+        *,
+        opacities: Float[Tensor, "*batch v h w"] | None = None,
+        confidences: Float[Tensor, "*batch v h w"] | None = None,
+        depth_spread: Float[Tensor, "*batch v h w"] | None = None,
+    ) -> Encoding:
+        """The same Gaussians at other depths: each moves along its own ray and grows with its depth, as the network's sizes do.
+
+        A Gaussian that stands for several pixels takes the lower median of their depths, so that it lies on one of their surfaces, and the
+        mean of the other maps.
+
+        Args:
+            depths: z-depth of every pixel of the context views, at their size [m].
+            cameras: of the context views.
+            opacities: of the Gaussian at each pixel, 0..1; None leaves them unchanged.
+            confidences, depth_spread: for the encoding; None leaves them unchanged.
+
+        Raises:
+            ValueError: a map is not of the context views' size, or a depth is not a positive number.
+        """
+        for name, maps in (
+            ("depths", depths),
+            ("opacities", opacities),
+            ("confidences", confidences),
+            ("depth_spread", depth_spread),
+        ):
+            if maps is not None and maps.shape != self.depths.shape:
+                raise ValueError(
+                    f"{name} are {tuple(maps.shape)}; expected {tuple(self.depths.shape)}: views, height, width"
+                )
+        if not (torch.isfinite(depths).all() and (depths > 0).all()):
+            raise ValueError("depths contain a number that is not finite or not positive; expected a depth everywhere")
+        stride = self._stride
+        means = self.gaussians.means
+        placed = _lower_median(depths.to(means), stride)
+        ratios = (placed / self._z_depths(cameras)).flatten(-3)
+        centres = cameras.centres.to(means).repeat_interleave(placed.shape[-2] * placed.shape[-1], -2)
+
+        def resized(shape: Appearance) -> Appearance:
+            return replace(shape, scales=shape.scales * ratios[..., None])
+
+        moved = replace(
+            self.gaussians,
+            means=centres + (means - centres) * ratios[..., None],
+            opacities=self.gaussians.opacities
+            if opacities is None
+            else _means(opacities, stride).flatten(-3).to(means),
+            colour=resized(self.gaussians.colour),
+            semantic=None if self.gaussians.semantic is None else resized(self.gaussians.semantic),
+        )
+        return replace(
+            self,
+            gaussians=moved,
+            depths=self._full(placed),
+            confidences=self.confidences if confidences is None else self._full(_means(confidences, stride)),
+            depth_spread=self.depth_spread if depth_spread is None else self._full(_means(depth_spread, stride)),
+        )
+
+    def placed_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v h w"]:
+        """The z-depth of the Gaussian at each pixel of the context views [m].
+
+        This is `depths`, but for MVSplat's conventions, where `depths` are distances along the rays.
+        """
+        return self._full(self._z_depths(cameras))
+
+    def opacity_maps(self) -> Float[Tensor, "*batch v h w"]:
+        """The opacity of the Gaussian at each pixel of the context views."""
+        return self._full(self._maps(self.gaussians.opacities))
+
+    @property
+    def _stride(self) -> int:
+        """Pixels along each side of a Gaussian's place."""
+        return _stride(len(self.gaussians), *self.depths.shape[-3:])
+
+    def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
+        """A number of each Gaussian, by view, row and column."""
+        views, height, width = self.depths.shape[-3:]
+        rows, columns = (-(-side // self._stride) for side in (height, width))
+        return numbers.reshape(*numbers.shape[:-1], views, rows, columns)
+
+    def _z_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v rows columns"]:
+        """The z-depth of each Gaussian in its own view [m]."""
+        maps = torch.stack([self._maps(one) for one in self.gaussians.means.unbind(-1)], -1)
+        pose = cameras.world_from_camera.to(maps)[..., None, None, :3, :]
+        return ((maps - pose[..., 3]) * pose[..., 2]).sum(-1)
+
+    def _full(self, maps: Float[Tensor, "*batch v rows columns"]) -> Float[Tensor, "*batch v h w"]:
+        """A number for each Gaussian, repeated for the pixels that it stands for."""
+        height, width = self.depths.shape[-2:]
+        return maps.repeat_interleave(self._stride, -2).repeat_interleave(self._stride, -1)[..., :height, :width]
 
     def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.
@@ -120,12 +212,8 @@ class Encoding:
         """
         if self.gaussians.semantic is None:
             raise ValueError("the Gaussians have no classes")
-        views, height, width = self.depths.shape[-3:]
-        stride = _stride(len(self.gaussians), views, height, width)
-        rows, columns = -(-height // stride), -(-width // stride)
-        features = self.gaussians.semantic.features
-        maps = features.reshape(*features.shape[:-2], views, rows, columns, features.shape[-1]).movedim(-1, -3)
-        return maps.repeat_interleave(stride, -2).repeat_interleave(stride, -1)[..., :height, :width]
+        shares = self.gaussians.semantic.features.unbind(-1)
+        return self._full(torch.stack([self._maps(share) for share in shares], -3))
 
     def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
         """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
@@ -146,6 +234,21 @@ class Encoding:
         """The same encoding on a device and in a dtype; the near and far bounds stay as they are."""
         moved = self.map(lambda tensor: tensor.to(device, dtype))
         return replace(moved, depth_range=self.depth_range)
+
+
+def _means(maps: Float[Tensor, "*batch c h w"], stride: int) -> Float[Tensor, "*batch c rows columns"]:
+    """The mean of the pixels that each Gaussian stands for."""
+    pooled = torch.nn.functional.avg_pool2d(maps.reshape(-1, *maps.shape[-3:]), stride, ceil_mode=True)
+    return pooled.reshape(*maps.shape[:-2], *pooled.shape[-2:])
+
+
+def _lower_median(maps: Float[Tensor, "*batch v h w"], stride: int) -> Float[Tensor, "*batch v rows columns"]:
+    """The lower median of the pixels that each Gaussian stands for; at the border only those inside count."""
+    height, width = maps.shape[-2:]
+    padded = torch.nn.functional.pad(maps, (0, -width % stride, 0, -height % stride), value=torch.nan)
+    rows, columns = (side // stride for side in padded.shape[-2:])
+    blocks = padded.reshape(*maps.shape[:-2], rows, stride, columns, stride).transpose(-3, -2)
+    return blocks.flatten(-2).nanmedian(-1).values
 
 
 def _stride(gaussians: int, views: int, height: int, width: int) -> int:

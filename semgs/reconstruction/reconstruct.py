@@ -20,6 +20,7 @@ from semgs.model.encoding import Encoding
 from semgs.model.memory_plan import MemoryPlan
 from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
+from semgs.reconstruction.sensor import DepthSource, Placed, check_listed, check_measured, placed
 from semgs.reconstruction.stages import Stages
 from semgs.rendering.rendering import Rendering
 from semgs.segmenters.cost import cost_of
@@ -74,6 +75,7 @@ class Reconstruction:
         plan: how memory was used; None for a network that `memory_plan` does not support.
         segmenter: where the classes come from, in a sentence; None for the model.
         features: of the Gaussians; None for none.
+        placed: how the Gaussians were placed at a sensor's depth; None if their depth is the model's.
     """
 
     scene: Scene
@@ -88,6 +90,7 @@ class Reconstruction:
     plan: MemoryPlan | None = None
     segmenter: str | None = None
     features: SceneFeatures | None = None
+    placed: Placed | None = None
 
     @property
     def depth_range(self) -> DepthRange:
@@ -109,6 +112,16 @@ class Reconstruction:
         """Whether lengths are metres."""
         return self.scene.unit == "metric"
 
+    @property
+    def depth_source(self) -> DepthSource:
+        """Where the depth of the Gaussians comes from."""
+        return "network" if self.placed is None else self.placed.source
+
+    @property
+    def depth_fits(self) -> tuple[str, ...]:
+        """How the sensor's depth fits the model's, a line for each input view; empty without a sensor."""
+        return () if self.placed is None else self.placed.lines(self.context.names)
+
 
 def reconstruct(
     scene: Scene,
@@ -116,6 +129,7 @@ def reconstruct(
     model: Network,
     size: Sequence[int] | None = None,
     *,
+    depth: DepthSource = "network",
     labelling: Labelling | None = None,
     featuring: Featuring | None = None,
     stages: Stages | None = None,
@@ -130,17 +144,20 @@ def reconstruct(
         choice: input frames and held-out frames.
         model: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
+        depth: where the depth of the Gaussians comes from: the model, the sensor that measured the frames' depth maps, or both.
         labelling: gives the Gaussians their classes; None for those of the model.
         featuring: gives the Gaussians features; None for none.
-        stages: shows and times the stages read, encode, segment, features and render.
+        stages: shows and times the stages read, encode, place, segment, features and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
-        InputError: a frame cannot be read.
+        InputError: a frame cannot be read, or the sensor measured too little of an input frame.
         NotEnoughMemoryError: it would not fit in memory.
         ValueError: fewer than two context frames, or a position outside the scene; or as `Labelling`.
     """
     stages = stages or Stages()
+    if depth != "network":
+        check_listed(scene, choice.context)
     native = scene.frames[choice.context[0]].lens.size
     wanted = default_size(native) if size is None else tuple(size)
     count = len(choice.context) + len(choice.targets)
@@ -148,9 +165,16 @@ def reconstruct(
     with stages("read", f"Reading {count} frames at {wanted[0]}x{wanted[1]} (height x width)"):
         context = scene.read(choice.context, wanted, choice.depth_range)
         target = scene.read(choice.targets, wanted, choice.depth_range) if choice.targets else None
+    if depth != "network":
+        check_measured(scene, choice.context, context)
     with stages("encode", f"Encoding {len(context)} views with {model.name}"):
         encoded = encode(model, context, target)
         encoding, classes = encoded.encoding, model.classes
+    measured = None
+    if depth != "network":
+        with stages("place", f"Placing {len(encoding.gaussians):,} Gaussians at the measured depth"):
+            measured = placed(encoding, context, depth)
+            encoding = measured.encoding
     if labelling is not None:
         with stages("segment", f"Classes of {len(context)} photos from {labelling.source.title}{cost}"):
             encoding, classes = labelling(encoding, scene, choice.context, context), labelling.source.classes
@@ -176,11 +200,13 @@ def reconstruct(
             *_note_of_aspect(scene, choice, context.size),
             *choice.notes,
             *_notes(scene, choice, context, classes),
+            *(measured.notes([scene.frames[position].name for position in choice.context]) if measured else ()),
             *_note_of_memory(encoded.plan),
         ),
         plan=encoded.plan,
         segmenter=None if labelling is None else labelling.description,
         features=features,
+        placed=measured,
     )
 
 

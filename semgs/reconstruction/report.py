@@ -95,6 +95,18 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             "far": rounded(result.depth_range.far),
             "reason": result.depth_range.reason,
         },
+        "depth": {
+            "source": result.depth_source,
+            "fits": [
+                {"name": name, **{key: rounded(value) for key, value in asdict(fit).items()}}
+                for name, fit in zip(result.context.names, result.placed.fits, strict=True)
+            ]
+            if result.placed
+            else [],
+            "shift_px": [result.placed.registration.right, result.placed.registration.down]
+            if result.placed and result.placed.registration.shifted
+            else None,
+        },
         "gaussians": len(result.encoding.gaussians),
         "features": result.features and _features(result.features),
         "views": [

@@ -152,6 +152,9 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
         ("Model", f"{result.model}, {origin.parameters:,} parameters, on {origin.device}"),
         ("Weights", origin.weights),
     ]
+    if result.placed is not None:
+        rows.append(("Depth from", "the sensor" if result.depth_source == "sensor" else "the sensor and the model"))
+        rows += [("Fit of the model's depth", line) for line in result.depth_fits]
     if result.segmenter is not None:
         rows.append(("Classes from", result.segmenter))
     if result.classes is not None:
