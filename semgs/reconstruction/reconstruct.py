@@ -174,6 +174,7 @@ def reconstruct(
             *choice.notes,
             *_notes(scene, choice, context, classes),
             *_note_of_memory(encoded.plan),
+            *(features.notes if features else ()),
         ),
         plan=encoded.plan,
         segmenter=None if labelling is None else labelling.description,

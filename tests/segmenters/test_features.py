@@ -86,6 +86,9 @@ def test_features_take_the_way_of_the_photo_through_crop_and_size(scene: Scene):
         torch.testing.assert_close(features[1, 7, column], torch.tensor(shares), rtol=0, atol=1e-5)
     assert found.kept == pytest.approx(1, abs=1e-5)
     assert found.bound < 1e-3
+    assert found.notes == ()
+    (note,) = replace(found, kept=0.69).notes
+    assert "keeps only 69% of the energy of the features from made up" in note
 
 
 def test_features_go_through_the_lens(scene: Scene):
