@@ -1,6 +1,6 @@
 """Compression: features of hundreds of numbers become at most 32 numbers, or the entry of a book, and back.
 
-Features are compared by their cosine, so they are of length 1, or zero if a pixel has no feature. A feature is `basis @ z` with orthonormal columns
+Features are compared by their cosine, so they are of length 1, or zero if there is none. A feature is `basis @ z` with orthonormal columns
 of `basis`, up to an error; zero stays zero. By principal components z are at most 32 numbers of its own; with a book z is one of 256
 entries. The one that keeps more is taken: components for features that vary smoothly, a book for features that are equal over segments.
 """
