@@ -1083,4 +1083,39 @@ MUTANTS = (
         "margin - right :", "margin + right :",
         ("tests/reconstruction/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
     ),
+    Mutant(
+        "rendered features are not divided by the weights", "semgs/rendering/features.py",
+        "torch.cat(pictures) / alphas.clamp(min=LEAST_ALPHA)", "torch.cat(pictures)",
+        ("tests/rendering/test_feature_rendering.py::test_the_front_counts_by_its_alpha_and_the_back_by_what_is_left",),
+    ),
+    Mutant(
+        "features are splatted with the shapes of colour", "semgs/rendering/features.py",
+        "shape = scene.semantic or scene.colour", "shape = scene.colour",
+        ("tests/rendering/test_feature_rendering.py::test_features_equal_the_reference_pass_for_pass",),
+    ),
+    Mutant(
+        "a feature of zeros takes an entry of the book", "semgs/segmenters/compression.py",
+        "torch.where(length[:, 0] < SHORTEST, 0, nearest)", "nearest",
+        ("tests/segmenters/test_compression.py::test_zero_stays_zero_and_a_book_goes_by_direction",),
+    ),
+    Mutant(
+        "the energy that is kept is not about the mean", "semgs/segmenters/features.py",
+        "energy = self._count - float(self._sum.square().sum()) / max(1, self._count)", "energy = float(self._count)",
+        ("tests/segmenters/test_features.py::test_what_is_kept_and_the_bound_are_worked_out_by_hand",),
+    ),
+    Mutant(
+        "a segmenter's labels are undistorted twice", "semgs/segmenters/relabelling.py",
+        "replace(pixels, maps=None).taken", "pixels.taken",
+        ("tests/segmenters/test_relabelling.py::test_labels_land_on_the_pixels_that_the_segmenter_saw_through_lens_and_crop",),
+    ),
+    Mutant(
+        "a tie between classes is a label", "semgs/segmenters/relabelling.py",
+        "(best >= confidence) & clear", "best >= confidence",
+        ("tests/segmenters/test_relabelling.py::test_a_pixel_has_a_label_if_one_class_is_likely_enough_and_alone",),
+    ),
+    Mutant(
+        "weights do not say who taught them", "semgs/data/terms.py",
+        "    if labeller is None:\n        return own\n", "    return own\n",
+        ("tests/segmenters/test_relabelling.py::test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms",),
+    ),
 )  # fmt: skip

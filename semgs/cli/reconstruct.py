@@ -46,7 +46,7 @@ class Reconstruct:
     - report.html: start here: photos, renders, class maps, depth, scores, and which frames were used and why
     - report.json: all numbers of the report
     - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class
-    - scene.safetensors: everything, for semgs.load_scene in Python
+    - scene.safetensors: everything, for semgs.load_scene in Python; with --features also features.safetensors, for semgs query
     - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen), depth
     (16-bit millimetres, or float TIFF where the scene's unit is unknown), alpha, and the photo beside them
 

@@ -202,6 +202,7 @@ def reconstruct(
             *_notes(scene, choice, context, classes),
             *(measured.notes([scene.frames[position].name for position in choice.context]) if measured else ()),
             *_note_of_memory(encoded.plan),
+            *(features.notes if features else ()),
         ),
         plan=encoded.plan,
         segmenter=None if labelling is None else labelling.description,

@@ -95,11 +95,12 @@ def lost(compression: Compression, features: Float[Tensor, "some n"]) -> float:
 def principal_directions(features: Float[Tensor, "sample n"], most: int) -> Float[Tensor, "n k"]:
     """The orthonormal directions of the largest energy, at most so many."""
     samples, numbers = features.shape
+    exact = features.double()
     if samples < numbers:  # the smaller of the two matrices has the same eigenvalues
-        values, vectors = torch.linalg.eigh((features @ features.mT).double())
-        vectors = torch.nn.functional.normalize(features.mT.double() @ vectors, dim=0)
+        values, vectors = torch.linalg.eigh(exact @ exact.mT)
+        vectors = torch.nn.functional.normalize(exact.mT @ vectors, dim=0)
     else:
-        values, vectors = torch.linalg.eigh((features.mT @ features).double())
+        values, vectors = torch.linalg.eigh(exact.mT @ exact)
     count = min(most, int((values > FLAT * values[-1]).sum()))
     return vectors.flip(1)[:, :count].to(features)
 

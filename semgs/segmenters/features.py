@@ -46,6 +46,9 @@ AT_A_TIME = 1 << 14
 EVEN = 1e-6
 """Features whose mean energy about their mean is less than this are all equal, up to rounding."""
 
+POOR = 0.7
+"""If less of the energy is kept, a note says so."""
+
 GOLDEN = 0.6180339887498949
 """Steps of this share of a map's pixels spread a sample evenly over it."""
 
@@ -103,6 +106,16 @@ class SceneFeatures:
         return (
             f"{self.numbers} numbers from {self.source}, compressed to {how} for each Gaussian: {self.kept:.2%} of the energy is kept, "
             f"cosines change by {self.bound:.3f} at most"
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """For the user, a sentence each."""
+        if self.kept >= POOR:
+            return ()
+        return (
+            f"Compression keeps only {self.kept:.0%} of the energy of the features from {self.source}, so similarities are rough: "
+            f"semgs query says by how much.",
         )
 
     @property
@@ -203,6 +216,7 @@ class Featuring:
         return sample
 
 
+@final
 class _Tally:
     """What a compression keeps of the features that pass."""
 
