@@ -1,0 +1,75 @@
+"""What networks take to run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import sleep
+
+import numpy as np
+import pytest
+from scenes_on_disk import SIZE, write_labelled
+
+from semgs.data.classes import ClassTable
+from semgs.data.scenes import open_scene
+from semgs.segmenters.cost import Cost, cost_of, measured
+from semgs.segmenters.files import MadeBy, MapFiles
+from semgs.segmenters.opening import Opened
+from semgs.segmenters.tables import table_of
+
+
+@dataclass
+class Slow:
+    """A network that takes 50 ms and 64 million bytes."""
+
+    classes: ClassTable = field(default_factory=lambda: table_of("two", ("wall", "chair")))
+    made_by: MadeBy = field(default_factory=lambda: MadeBy("slow", "0"))
+    images: list[np.ndarray] = field(default_factory=list)
+
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        self.images.append(image)
+        sleep(0.05)
+        np.ones(8_000_000)
+        return np.full((2, 3, 4), 0.5, np.float32)
+
+
+def test_time_and_memory_are_measured():
+    cost = measured(lambda: Slow()(np.zeros((2, 3, 3), np.uint8)))
+    assert 0.05 <= cost.seconds < 5
+    assert cost.megabytes is None or cost.megabytes >= 60
+
+
+def test_time_adds_up_and_memory_does_not():
+    assert str(Cost(0.52, 81.4).times(3)) == "about 1.6 s and at most 81 MB more memory"
+    assert str(Cost(0.52).times(2)) == "about 1.0 s"
+
+
+def test_the_cost_of_frames_is_that_of_a_grey_image_for_each_frame_without_a_map(tmp_path: Path):
+    scene = open_scene(write_labelled(tmp_path / "scene", 3))
+    network = Slow()
+    source = Opened(network).source(scene, tmp_path / "maps")
+    source.of(scene.frames[0], SIZE)
+    cost = cost_of(source, scene.frames)
+    (_, grey) = network.images
+    assert cost is not None
+    assert grey.shape == (*SIZE, 3)
+    assert grey.min() == grey.max() == 128
+    assert 0.3 <= cost.seconds < 5, "six frames"
+
+    later = Opened(network).source(scene, earlier=tmp_path / "maps")
+    cost = cost_of(later, scene.frames[:3])
+    assert cost is not None
+    assert 0.1 <= cost.seconds < 5, "two frames"
+    assert cost_of(later, scene.frames[:1]) is None
+    assert cost_of(MapFiles.opened(tmp_path / "maps", scene), scene.frames) is None
+    assert len(network.images) == 3
+
+
+@pytest.mark.parametrize(
+    "other", [Slow(made_by=MadeBy("slow", "1")), Slow(classes=table_of("two", ("wall", "sofa")))], ids=["hash", "names"]
+)
+def test_maps_of_another_network_or_of_other_classes_are_made_anew(tmp_path: Path, other: Slow):
+    scene = open_scene(write_labelled(tmp_path / "scene", 3))
+    Opened(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
+    Opened(other).source(scene, earlier=tmp_path / "maps").of(scene.frames[0], SIZE)
+    assert len(other.images) == 1
