@@ -1044,9 +1044,39 @@ MUTANTS = (
         of_segmenters("fitting", "the_class_frequency_is_divided_out_by_its_root"),
     ),
     Mutant(
-        "maps of another network are used again", "semgs/segmenters/opening.py",
-        "stored.made_by == made_by else None", "stored.made_by != None else None",
-        of_segmenters("labelling", "a_network_sees_the_photo_at_its_own_size_and_its_maps_are_used_again"),
+        "an exported network's mean is of pixels up to 1", "semgs/segmenters/exported.py",
+        "return (255 * offset, 255 * scale)", "return (offset, 255 * scale)",
+        ("tests/segmenters/test_exported.py::test_logits_become_probabilities_by_softmax",),
+    ),
+    Mutant(
+        "logits are normalised without an exponential", "semgs/segmenters/exported.py",
+        "return values.softmax(0).numpy()", "return normalised(values).numpy()",
+        ("tests/segmenters/test_exported.py::test_logits_become_probabilities_by_softmax",),
+    ),
+    Mutant(
+        "an exported network's photo is sampled where it shrinks", "semgs/segmenters/exported.py",
+        "interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR", "interpolation=cv2.INTER_NEAREST",
+        ("tests/segmenters/test_exported.py::test_a_larger_photo_is_averaged_by_area",),
+    ),
+    Mutant(
+        "the zero point of quantised logits is ignored", "semgs/segmenters/litert.py",
+        "(found.astype(np.float32) - self._zero) *", "found.astype(np.float32) *",
+        ("tests/segmenters/test_exported.py::test_quantised_logits_are_converted_with_the_scale_and_zero_point_of_the_file",),
+    ),
+    Mutant(
+        "scores of masks go through a softmax", "semgs/segmenters/huggingface.py",
+        "(_shares(scores) if self.masks else scores.softmax(0))", "scores.softmax(0)",
+        ("tests/segmenters/test_huggingface.py::test_models_with_masks_give_the_sum_over_masks_divided_by_that_over_classes",),
+    ),
+    Mutant(
+        "none of these has a logit of 1", "semgs/segmenters/words.py",
+        "torch.zeros_like(found[:1])", "torch.ones_like(found[:1])",
+        ("tests/segmenters/test_huggingface.py::test_other_text_prompted_models_can_be_used",),
+    ),
+    Mutant(
+        "maps of other words are taken again", "semgs/segmenters/opening.py",
+        "(stored.made_by, stored.classes.names) != (made_by, self.segmenter.classes.names)", "stored.made_by != made_by",
+        ("tests/segmenters/test_cost.py::test_maps_of_another_network_or_of_other_classes_are_made_anew",),
     ),
     Mutant(
         "a sensor's depth is a distance where the network's is one", "semgs/model/encoding.py",

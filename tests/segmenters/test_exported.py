@@ -126,10 +126,12 @@ def test_probabilities_are_taken_as_they_are(tmp_path):
 def test_quantised_logits_are_converted_with_the_scale_and_zero_point_of_the_file(tmp_path):
     """Steps of 0.25 around 100: the logits of the first pixel, rounded to quarters."""
     path = litert_writer.write_pixelwise(tmp_path / "net.tflite", WEIGHT, BIAS, SIZE, quantised=(0.25, 100))
-    found = open_exported(described(path, layout="NHWC"))(photo())
+    segmenter = open_exported(described(path, layout="NHWC"))
     values = (photo() / 255 - np.array([0.2, 0.2, 0.6])) / np.array([0.4, 0.4, 0.2]) @ WEIGHT.T + BIAS
-    expected = torch.from_numpy(np.round(values * 4) / 4).softmax(-1).permute(2, 0, 1)
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    rounded = np.round(values * 4) / 4
+    np.testing.assert_allclose(segmenter.network(segmenter.description.input_of(photo()))[0], rounded, atol=1e-6)
+    expected = torch.from_numpy(rounded).softmax(-1).permute(2, 0, 1)
+    np.testing.assert_allclose(segmenter(photo()), expected, atol=1e-6)
 
 
 def test_the_record_names_file_hashes_and_licence(tmp_path):
