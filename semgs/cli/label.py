@@ -11,7 +11,7 @@ import tyro
 from semgs.cli.prepare import prepared
 from semgs.cli.progress import show_stage
 from semgs.cli.scene_options import SceneOptions
-from semgs.cli.segmenter_options import Classes
+from semgs.cli.segmenter_options import AnswerOptions
 from semgs.cli.types import Count, Probability, Size
 from semgs.files.paths import existing_folder
 
@@ -43,9 +43,7 @@ class Label:
     """Output folder: new, empty, or one with the same settings to resume."""
     segmenter: Annotated[str, tyro.conf.arg(metavar="SEGMENTER")]
     """What labels the photos."""
-    classes: Classes = None
-    """Classes of the labels: ScanNet's 20, found by name, or the segmenter's own. By default class maps keep their own, and networks give
-    ScanNet's 20."""
+    answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
     confidence: Probability = 0.5
     """Pixels get no label if no class is this likely, from 0 to 1."""
     size: Size = (240, 320)
@@ -66,6 +64,7 @@ class Label:
             OSError: the disk is full.
         """
         self.reading.check()
+        self.answers.check()
         existing_folder(self.src)
         with show_stage("Opening the segmenter"):
             from semgs.data.class_files import class_file
@@ -80,7 +79,10 @@ class Label:
 
             found = sources(self.src, read_list(self.scenes) if self.scenes else None)
             reading = Reading(self.reading.as_peers, self.reading.asked, needs_labels=False)
-            labelled = relabelling(self.segmenter, reading, self.classes, self.confidence, alone=len(found) == 1)
+            labelled = relabelling(
+                self.segmenter, reading, self.answers.classes, self.confidence,
+                correspondence=self.answers.correspondence, words=self.answers.words, alone=len(found) == 1,
+            )  # fmt: skip
         # Networks use all cores by themselves, so there are no worker processes.
         index = prepared(self.out, found, Preparation(self.size, self.every), labelled, workers=0)
         pixels = index["pixels"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -18,8 +18,37 @@ if TYPE_CHECKING:
     from semgs.segmenters.labelling import Labelling
 
 
-Classes = Annotated[Literal["scannet20", "own"] | None, tyro.conf.arg(help_behavior_hint="")]
-"""The table of a segmenter's answers."""
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What a segmenter's answers are, and what they mean."""
+
+    classes: Annotated[
+        Literal["scannet20", "own"] | None, tyro.conf.arg(metavar="{scannet20,own}", help_behavior_hint="")
+    ] = None
+    """The segmenter's classes become ScanNet's 20, found by name, or stay its own. By default class maps keep their own, and networks give
+    ScanNet's 20."""
+    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
+    """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
+    correspondence: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """What the segmenter's classes mean, from semgs segmenters fit; by default class names decide."""
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            UsageError: options contradict each other, a word is empty, or two are equal.
+        """
+        if self.classes == "own" and self.correspondence:
+            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --correspondence")
+        if not self.words:
+            return
+        if self.correspondence or self.classes == "scannet20":
+            other = "--correspondence" if self.correspondence else "--classes scannet20"
+            raise UsageError(f"--words makes the class table, so it cannot go with {other}")
+        try:
+            table_of_words(self.words)
+        except ValueError as error:
+            raise UsageError(f"--words: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -29,17 +58,9 @@ class SegmenterOptions:
     segmenter: Annotated[str | None, tyro.conf.arg(metavar="SEGMENTER", help_behavior_hint="")] = None
     """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
     transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
-    classes: Classes = None
-    """Classes of the result with --segmenter: ScanNet's 20, found by name, or the segmenter's own. By default class maps keep their own,
-    and networks give ScanNet's 20."""
-    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
-    """Classes to look for, with --segmenter and a text-prompted model: chair mug "power socket". What none of them describes becomes
-    "none of these"."""
+    answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
     with_own_classes: bool = False
-    """With --segmenter: the model's own classes vote too."""
-
-    correspondence: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
-    """What the segmenter's classes mean, and how much it votes, from semgs segmenters fit; by default class names decide."""
+    """With --segmenter: the model's own classes vote too. A --correspondence that was fitted with --weights says how much each does."""
 
     def check(self) -> None:
         """Check what can be checked without importing torch.
@@ -48,26 +69,18 @@ class SegmenterOptions:
             UsageError: an option needs --segmenter, or options contradict each other.
         """
         given = {
-            "--classes": self.classes,
-            "--words": self.words,
+            "--classes": self.answers.classes,
+            "--words": self.answers.words,
             "--with-own-classes": self.with_own_classes,
-            "--correspondence": self.correspondence,
+            "--correspondence": self.answers.correspondence,
         }
         if self.segmenter is None and (stray := [option for option, value in given.items() if value]):
             raise UsageError(f"{stray[0]} is for --segmenter")
-        if self.classes == "own" and (self.with_own_classes or self.correspondence):
-            raise UsageError(
-                "--classes own keeps the segmenter's table, so it cannot go with --with-own-classes or --correspondence"
-            )
-        if self.words:
-            others = [option for option in ("--with-own-classes", "--correspondence") if given[option]]
-            if others or self.classes == "scannet20":
-                other = others[0] if others else "--classes scannet20"
-                raise UsageError(f"--words makes the class table, so it cannot go with {other}")
-            try:
-                table_of_words(self.words)
-            except ValueError as error:
-                raise UsageError(f"--words: {error}") from None
+        self.answers.check()
+        if self.with_own_classes and self.answers.classes == "own":
+            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --with-own-classes")
+        if self.with_own_classes and self.answers.words:
+            raise UsageError("--words makes the class table, so it cannot go with --with-own-classes")
 
     def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.
@@ -86,6 +99,7 @@ class SegmenterOptions:
         from semgs.segmenters.labelling import Labelling
         from semgs.segmenters.opening import sources
 
-        opened = sources(self.segmenter, self.classes, self.correspondence, save, earlier, self.words)
-        votes = None if self.correspondence is None else read_fit(self.correspondence).votes
+        answers = self.answers
+        opened = sources(self.segmenter, answers.classes, answers.correspondence, save, earlier, answers.words)
+        votes = None if answers.correspondence is None else read_fit(answers.correspondence).votes
         return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)

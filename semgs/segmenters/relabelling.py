@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -18,6 +19,7 @@ from semgs.data.maps import Pixels
 from semgs.data.resampling import nearest
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
+from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
 from semgs.preparation.prepared_set import Reading, SceneSource
 from semgs.segmenters.opening import Table, is_map_folder, sources
@@ -89,7 +91,7 @@ class Relabelling:
 
     reading: Reading
     source_of: Callable[[Scene], Source] = field(repr=False)
-    settings: Mapping[str, str]
+    settings: Mapping[str, Any]
     confidence: float = 0.5
 
     def open(self, source: SceneSource) -> Scene:
@@ -107,7 +109,14 @@ class Relabelling:
 
 
 def relabelling(
-    segmenter: str, reading: Reading, classes: Table | None = None, confidence: float = 0.5, *, alone: bool = False
+    segmenter: str,
+    reading: Reading,
+    classes: Table | None = None,
+    confidence: float = 0.5,
+    *,
+    correspondence: Path | None = None,
+    words: Sequence[str] = (),
+    alone: bool = False,
 ) -> Relabelling:
     """Scenes with the labels of a segmenter.
 
@@ -116,6 +125,7 @@ def relabelling(
         reading: how to read the scenes.
         classes: the table of the labels, as for `sources`.
         confidence: as for `LikeliestClass`.
+        correspondence, words: as for `sources`.
         alone: whether there is one scene only. Then class maps need no folder with its name.
 
     Raises:
@@ -123,7 +133,7 @@ def relabelling(
         ImportError: the library that runs it is not installed.
     """
     folder = typed_path(segmenter)
-    found = sources(segmenter, classes)
+    found = sources(segmenter, classes, correspondence, words=words)
 
     def own(scene: Scene) -> Source:
         if not alone and is_map_folder(folder) and not (folder / scene.name).is_dir():
@@ -131,7 +141,12 @@ def relabelling(
         return found(scene)
 
     name = folder.name if folder.exists() else segmenter
-    return Relabelling(reading, own, {"segmenter": name, "classes": classes or "automatic"}, confidence)
+    settings: dict[str, Any] = {"segmenter": name, "classes": classes or "automatic"}
+    if correspondence is not None:
+        settings["correspondence"] = sha256(correspondence)
+    if words:
+        settings["words"] = list(words)
+    return Relabelling(reading, own, settings, confidence)
 
 
 def _reduced(size: tuple[int, int]) -> tuple[int, int]:

@@ -8,10 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tiny_models
 from scenes_on_disk import write_labelled
 
 from semgs.cli.main import main
+from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scene
+from semgs.segmenters.fitting import Fit, save_fit
+from semgs.segmenters.names import Correspondence
 
 NAMES = ("wall", "mug")
 
@@ -72,6 +76,33 @@ def test_scenes_get_the_segmenters_labels_and_the_command_that_learns_from_them(
     assert label(scans, out, "--segmenter", maps, "--confidence", "0.65", "--classes", "own") == 0, "nothing to resume"
 
 
+def test_a_correspondence_says_what_the_classes_mean(scans: Path, maps: Path, tmp_path: Path):
+    table = np.zeros((2, 20), np.float32)
+    table[0, [1, 4]], table[1, 4] = (0.9, 0.1), 1
+    save_fit(tmp_path / "fit.json", Fit("net.onnx", NAMES, Correspondence(table, SCANNET20)))
+    out, options = tmp_path / "out", ("--confidence", "0.65", "--correspondence", tmp_path / "fit.json")
+    assert label(scans, out, "--segmenter", maps, *options) == 0
+    scene = open_scene(out / "attic.zip")
+    labels = scene.read([1], "native").labels
+    assert labels is not None
+    assert labels[0, :20].unique().tolist() == [1], "floor by 0.9 of 0.8; the rows in between are blends"
+    assert labels[0, 28:].unique().tolist() == [255], "chair by 0.1 of 0.4 and all of 0.6"
+    assert label(scans, tmp_path / "other", "--segmenter", maps, "--confidence", "0.63", *options[2:]) == 0
+    labels = open_scene(tmp_path / "other" / "attic.zip").read([1], "native").labels
+    assert labels is not None
+    assert labels[0, 28:].unique().tolist() == [4]
+
+
+def test_words_make_the_classes_of_the_labels(scans: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    tiny_models.write_model(tmp_path / "clipseg", "clipseg")
+    options = ("--segmenter", tmp_path / "clipseg", "--words", "mug", "power socket", "--confidence", "0")
+    assert label(scans / "bath", tmp_path / "out", *options) == 0
+    assert f"--classes {tmp_path / 'out' / 'classes.json'}" in capsys.readouterr().out
+    scene = open_scene(tmp_path / "out" / "bath.zip")
+    assert scene.classes is not None
+    assert scene.classes.names == ("mug", "power socket", "none of these")
+
+
 def test_one_scene_may_have_its_maps_in_the_folder_itself(scans: Path, maps: Path, tmp_path: Path):
     for name in ("classes.json", "segmenter.json"):
         shutil.copy(maps / name, maps / "bath")
@@ -108,6 +139,10 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
     assert "--segmenter" in refused(capsys, scans, out)
     assert "--confidence: expected a number from 0 to 1, found '1.5'" in refused(capsys, scans, out, "--segmenter", maps, "--confidence", "1.5")  # fmt: skip
     assert "expected a segmenter" in refused(capsys, scans, out, "--segmenter", tmp_path / "nowhere")
+    with_words = refused(capsys, scans, out, "--segmenter", maps, "--words", "mug")
+    assert "expected a text-prompted model for --words, such as CLIPSeg" in with_words
+    both = refused(capsys, scans, out, "--segmenter", maps, "--words", "mug", "--classes", "scannet20")
+    assert "--words makes the class table, so it cannot go with --classes scannet20" in both
     assert "nothing there" in refused(capsys, tmp_path / "nowhere", out, "--segmenter", maps)
     (maps / "classes.json").write_text('{"classes": []}')
     assert 'classes.json: expected an object with a list "classes"' in refused(capsys, scans, out, "--segmenter", maps)
