@@ -11,7 +11,7 @@ Tensors are float32 unless noted; g Gaussians, v context views:
     colour.quaternions [g 4]  colour.scales [g 3]  colour.features [g k 3]      (w, x, y, z; harmonics, 3DGS basis)
     semantic.quaternions [g 4]  semantic.scales [g 3]  semantic.features [g class]      (absent without classes)
     cameras.world_from_camera [v 4 4] float64  cameras.intrinsics [v 3 3] float64  depth_range [v 2] float64
-    depths [v h w]  confidences [v h w]
+    depths [v h w]  confidences [v h w]  depth_spread [v h w]      (depth_spread: absent in files of semgs 0.1.0 and earlier)
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ class SavedScene:
         model: name of the model.
         applied_transform: nerfstudio's transform of the source's poses [3 4] or [4 4]; None if unknown.
         applied_scale: nerfstudio's scale of the source's poses; None if unknown.
+        depth_spread: standard deviation of log depth: 0.1 is about 10 % of the depth; None if unknown.
         origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
 
     Raises:
@@ -86,6 +87,7 @@ class SavedScene:
     applied_transform: tuple[tuple[float, ...], ...] | None = None
     applied_scale: float | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    depth_spread: Float[Tensor, "v h w"] | None = None
 
     def __post_init__(self) -> None:
         maps = (len(self.frames), *self.cameras.size)
@@ -96,6 +98,7 @@ class SavedScene:
             ("depths", tuple(self.depths.shape), maps),
             ("confidences", tuple(self.confidences.shape), maps),
             ("depth_range", tuple(self.depth_range.shape), (maps[0], 2)),
+            ("depth_spread", maps if self.depth_spread is None else tuple(self.depth_spread.shape), maps),
         ):
             if found != expected:
                 raise ValueError(f"{name} are {found}; expected {expected} for {maps[0]} frames of {maps[1:]}")
@@ -109,9 +112,11 @@ class SavedScene:
             )
         self.gaussians.checked()
         near, far = self.depth_range.unbind(-1)
+        spread = torch.zeros(()) if self.depth_spread is None else self.depth_spread
         for name, good, wanted in (
             ("depths", (self.depths >= 0) & self.depths.isfinite(), "finite numbers, 0 or more"),
             ("confidences", (self.confidences >= 0) & (self.confidences <= 1 + 1e-5), "0 to 1"),
+            ("depth_spread", (spread >= 0) & spread.isfinite(), "finite numbers, 0 or more"),
             ("depth_range", (near > 0) & (near < far) & far.isfinite(), "0 < near < far"),
             ("origin", torch.tensor(self.origin).isfinite(), "finite numbers"),
         ):
@@ -147,6 +152,7 @@ class SavedScene:
             cameras=views.cameras,
             depths=encoding.depths,
             confidences=encoding.confidences,
+            depth_spread=encoding.depth_spread,
             depth_range=views.depth_range,
             unit=unit,
             classes=encoding.classes,
@@ -192,6 +198,8 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
             tensors[f"{branch}.scales"] = appearance.scales
             tensors[f"{branch}.features"] = appearance.features
     tensors |= {"depths": scene.depths, "confidences": scene.confidences}
+    if scene.depth_spread is not None:
+        tensors["depth_spread"] = scene.depth_spread
     # Colour and semantic Gaussians may share their shapes; the file stores each tensor by itself.
     tensors = {
         name: tensor.detach().to("cpu", torch.float32, copy=True).contiguous() for name, tensor in tensors.items()
@@ -304,4 +312,5 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         applied_transform=transform and tuple(tuple(row) for row in transform),
         applied_scale=header["applied_scale"],
         origin=(x, y, z),
+        depth_spread=tensors.get("depth_spread"),
     )

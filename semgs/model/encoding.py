@@ -107,8 +107,7 @@ class Encoding:
         Args:
             maps: of the context views, at their size.
         """
-        places = _means(maps.to(self.gaussians.means), self._stride)
-        return places.flatten(-2).mT.reshape(*self.gaussians.opacities.shape, maps.shape[-3])
+        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians))
 
     def with_depths(
         self,
@@ -185,7 +184,7 @@ class Encoding:
     @property
     def _stride(self) -> int:
         """Pixels along each side of a Gaussian's place."""
-        return _stride(len(self.gaussians), *self.depths.shape[-3:])
+        return block_size(len(self.gaussians), *self.depths.shape[-3:])
 
     def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
         """A number of each Gaussian, by view, row and column."""
@@ -236,6 +235,21 @@ class Encoding:
         return replace(moved, depth_range=self.depth_range)
 
 
+def per_gaussian(maps: Float[Tensor, "*batch v c h w"], gaussians: int) -> Float[Tensor, "*batch g c"]:
+    """For each of a scene's Gaussians the mean over the pixels that it stands for.
+
+    Args:
+        maps: of the context views.
+        gaussians: how many there are.
+
+    Raises:
+        ValueError: they do not stand on a grid of the views' pixels.
+    """
+    views, _, height, width = maps.shape[-4:]
+    places = _means(maps, block_size(gaussians, views, height, width))
+    return places.flatten(-2).mT.reshape(*maps.shape[:-4], gaussians, maps.shape[-3])
+
+
 def _means(maps: Float[Tensor, "*batch c h w"], stride: int) -> Float[Tensor, "*batch c rows columns"]:
     """The mean of the pixels that each Gaussian stands for."""
     pooled = torch.nn.functional.avg_pool2d(maps.reshape(-1, *maps.shape[-3:]), stride, ceil_mode=True)
@@ -251,7 +265,7 @@ def _lower_median(maps: Float[Tensor, "*batch v h w"], stride: int) -> Float[Ten
     return blocks.flatten(-2).nanmedian(-1).values
 
 
-def _stride(gaussians: int, views: int, height: int, width: int) -> int:
+def block_size(gaussians: int, views: int, height: int, width: int) -> int:
     """Pixels along each side of a Gaussian's place, from how many there are of both.
 
     Raises:

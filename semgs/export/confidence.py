@@ -1,0 +1,24 @@
+"""How sure a scene is of each Gaussian."""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.export.scene import SavedScene
+from semgs.model.encoding import per_gaussian
+
+
+def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
+    """The probability of each Gaussian's likeliest class, 0..1; for colour-only models that of its depth."""
+    semantic = scene.gaussians.semantic
+    if semantic is None:
+        return per_gaussian(scene.confidences[:, None], len(scene.gaussians))[:, 0]
+    return semantic.features.max(-1).values
+
+
+def depth_spreads(scene: SavedScene) -> Float[Tensor, " g"] | None:
+    """The standard deviation of each Gaussian's log depth in its own input view; None if unknown."""
+    if scene.depth_spread is None:
+        return None
+    return per_gaussian(scene.depth_spread[:, None], len(scene.gaussians))[:, 0]

@@ -1,0 +1,41 @@
+"""Rigid motions of Gaussians and cameras: the same scene in another frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from jaxtyping import Float64
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
+
+
+def gaussians_in(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians) -> Gaussians:
+    """The Gaussians of one scene in another frame: positions, axes and the harmonics of their colours.
+
+    Args:
+        b_from_a: rotation and translation from the frame of the Gaussians to the other.
+        gaussians: without a batch axis.
+    """
+    rotation = b_from_a[:3, :3]
+    turn = quaternion_from_matrix(rotation)
+    means = gaussians.means.double() @ rotation.T + b_from_a[:3, 3]
+    harmonics = rotated_harmonics(gaussians.colour.features[None], rotation[None])[0]
+
+    def turned(shape: Appearance) -> Appearance:
+        return replace(shape, quaternions=quaternion_product(turn.to(shape.quaternions), shape.quaternions))
+
+    return replace(
+        gaussians,
+        means=means.to(gaussians.means),
+        colour=replace(turned(gaussians.colour), features=harmonics),
+        semantic=None if gaussians.semantic is None else turned(gaussians.semantic),
+    )
+
+
+def cameras_in(b_from_a: Float64[Tensor, "4 4"], cameras: Cameras) -> Cameras:
+    """The cameras in another frame; arguments as for `gaussians_in`."""
+    return Cameras.trusted(b_from_a @ cameras.world_from_camera, cameras.intrinsics, cameras.size)

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, degrees, radians, sin
+
+import pytest
+import torch
+
+from semgs.data.classes import SCANNET20
+from semgs.export.scene import SavedScene
+from semgs.export.upright import Up, up_of, upright
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rotations import matrix_from_quaternion
+
+DOWN = 30.0
+"""Pitch of the cameras below the horizon [degrees]."""
+
+
+def looking(yaw: float, roll: float = 0.0) -> torch.Tensor:
+    """World (z up) from a camera at (1, 2, 1.5) that looks `DOWN` degrees down, at a yaw from x towards y [degrees]."""
+    a, p, r = radians(yaw), radians(-DOWN), radians(roll)
+    forward = torch.tensor([cos(a) * cos(p), sin(a) * cos(p), sin(p)], dtype=torch.float64)
+    right = torch.tensor([sin(a), -cos(a), 0.0], dtype=torch.float64)
+    down = torch.linalg.cross(forward, right)
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3, :3] = torch.stack((cos(r) * right + sin(r) * down, cos(r) * down - sin(r) * right, forward), 1)
+    pose[:3, 3] = torch.tensor([1.0, 2.0, 1.5])
+    return pose
+
+
+SIZE = (18, 24)
+K = torch.tensor([[20.0, 0, 12.2], [0, 20, 8.3], [0, 0, 1]], dtype=torch.float64)
+
+
+def scene_of(*poses: torch.Tensor, walls: bool = True, classes: bool = True) -> SavedScene:
+    """A z-up scene of one Gaussian for each pixel: a floor at z = 0, and walls at x = 4 and y = 4.5."""
+    cameras = Cameras(torch.stack(poses), K.expand(len(poses), 3, 3), SIZE)
+    rows, columns = torch.meshgrid(torch.arange(SIZE[0]) + 0.5, torch.arange(SIZE[1]) + 0.5, indexing="ij")
+    pixels = torch.stack((columns, rows, torch.ones(SIZE)), -1).double()
+    rays = pixels @ torch.linalg.inv(K).T @ cameras.world_from_camera[:, None, :3, :3].mT
+    planes = torch.tensor([[0, 0, 1, 0], [1, 0, 0, 4.0], [0, 1, 0, 4.5]], dtype=torch.float64)[: 3 if walls else 1]
+    centres = cameras.centres[:, None, None]
+    distances = torch.stack([(far - centres @ normal) / (rays @ normal) for normal, far in planes_of(planes)])
+    nearest = torch.where(distances > 0, distances, torch.inf).min(0)
+    means = (centres + nearest.values[..., None] * rays).flatten(0, 2)
+    features = torch.full((len(means), 20), 0.4 / 19)
+    number = torch.where(nearest.indices.flatten() == 0, SCANNET20.names.index("floor"), SCANNET20.names.index("wall"))
+    features[torch.arange(len(means)), number] = 0.6
+    quaternions = torch.tensor([1.0, 0, 0, 0]).expand(len(means), 4)
+    shape = Appearance(quaternions, torch.full((len(means), 3), 0.01), torch.zeros(len(means), 1, 3))
+    views = len(poses)
+    return SavedScene(
+        gaussians=Gaussians(means.float(), torch.full((len(means),), 0.9), shape, replace(shape, features=features) if classes else None),
+        cameras=cameras, depths=torch.ones(views, *SIZE), confidences=torch.ones(views, *SIZE),
+        depth_range=torch.tensor([0.5, 9.0], dtype=torch.float64).expand(views, 2), unit="metric", classes=SCANNET20 if classes else None,
+        frames=tuple(map(str, range(views))), source="s", model="m", origin=(100.0, 0.0, -7.0),
+    )  # fmt: skip
+
+
+def planes_of(planes: torch.Tensor) -> list[tuple[torch.Tensor, float]]:
+    """Normal and distance of each plane."""
+    return [(plane[:3], float(plane[3])) for plane in planes]
+
+
+def tilt(scene: SavedScene) -> tuple[SavedScene, torch.Tensor]:
+    """The scene in a frame in which nothing is level, and the direction that is up there."""
+    turn = torch.eye(4, dtype=torch.float64)
+    turn[:3, :3] = matrix_from_quaternion(torch.tensor([0.5, -0.7, 0.3, 0.2], dtype=torch.float64))
+    moved = replace(scene, gaussians=gaussians_in(turn, scene.gaussians), cameras=cameras_in(turn, scene.cameras))
+    return moved, turn[:3, 2]
+
+
+def off_degrees(found: torch.Tensor, true: torch.Tensor) -> float:
+    return degrees(torch.acos((found @ true).clamp(-1, 1)).item())
+
+
+@pytest.mark.parametrize("classes", [True, False])
+def test_floor_and_walls_say_which_way_is_up_whatever_the_pitch(classes: bool) -> None:
+    scene, up = tilt(scene_of(looking(40, roll=4), looking(46, roll=-2), classes=classes))
+    mean = -scene.cameras.world_from_camera[:, :3, 1].sum(0)
+    assert off_degrees(mean / mean.norm(), up) > 29, "the mean up is tilted by the pitch"
+    found = up_of(scene)
+    assert found.certain
+    assert off_degrees(found.direction, up) < 1
+
+
+def test_surfaces_that_fit_no_direction_leave_it_uncertain() -> None:
+    scene = scene_of(looking(0), looking(6))
+    noise = torch.randn(len(scene.gaussians), 3, generator=torch.Generator().manual_seed(2))
+    scattered = replace(scene, gaussians=replace(scene.gaussians, means=scene.gaussians.means + 30 * noise))
+    assert not up_of(scattered).certain
+
+
+@pytest.mark.parametrize(("up", "expected"), [("x", [1, 0, 0]), ("-y", [0, -1, 0]), ("z", [0, 0, 1])])
+def test_a_given_direction_is_taken(up: Up, expected: list[int]) -> None:
+    assert up_of(scene_of(looking(0), looking(25)), up).direction.tolist() == expected
+
+
+def test_files_have_the_first_view_forward_and_the_middle_at_the_origin() -> None:
+    scene = scene_of(looking(20), looking(45))
+    c, s = cos(radians(DOWN)), sin(radians(DOWN))
+    for axes, forward, down in (
+        ("-y", [0, s, c], [0, c, -s]),
+        ("y", [0, -s, -c], [0, -c, s]),
+        ("z", [c, 0, -s], [-s, 0, -c]),
+    ):
+        found = upright(scene, axes, "z")
+        pose = found.scene.cameras.world_from_camera[0]
+        assert torch.allclose(pose[:3, 2], torch.tensor(forward, dtype=torch.float64), atol=1e-9)
+        assert torch.allclose(pose[:3, 1], torch.tensor(down, dtype=torch.float64), atol=1e-9)
+        assert found.scene.gaussians.means.median(0).values.abs().max() < 2.5
+        assert torch.linalg.det(found.file_from_source[:3, :3]).item() == pytest.approx(1)
+
+
+def test_the_matrix_takes_the_sources_coordinates_to_the_files() -> None:
+    scene, _ = tilt(scene_of(looking(0), looking(25)))
+    found = upright(scene, "z")
+    in_source = torch.cat(
+        (scene.gaussians.means.double() + torch.tensor(scene.origin), torch.ones(len(scene.gaussians), 1)), 1
+    )
+    assert torch.allclose(in_source @ found.file_from_source[:3].T, found.scene.gaussians.means.double(), atol=1e-5)
+    assert found.scene.origin == (0, 0, 0)
+
+
+def test_a_camera_that_looks_straight_down_still_has_a_forward() -> None:
+    down = torch.eye(4, dtype=torch.float64)
+    down[:3, :3] = torch.tensor(
+        [[0, -1, 0], [-1, 0, 0], [0, 0, -1]], dtype=torch.float64
+    )  # the top of its image is towards x
+    down[:3, 3] = torch.tensor([1.0, 2.0, 1.5])
+    found = upright(scene_of(down, down), "z", "z")
+    assert torch.allclose(found.scene.cameras.world_from_camera[0, :3, 1], torch.tensor([-1.0, 0, 0]).double())
