@@ -10,6 +10,10 @@ from jaxtyping import UInt8
 
 from semgs.data.classes import ClassTable
 from semgs.files.colours import class_colours, hatching
+from semgs.rendering.rendering import UNKNOWN
+
+UNKNOWN_GREY = (212, 212, 214)
+"""The colour of seen pixels whose class is not sure enough."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +32,10 @@ class LegendEntry:
 
 
 def class_picture(labels: UInt8[np.ndarray, "h w"], classes: ClassTable) -> UInt8[np.ndarray, "h w 3"]:
-    """Labels in the colours of their classes; pixels without a class (255) are hatched."""
-    return class_colours(labels, classes.colours, hatching(labels.shape))
+    """Labels in the colours of their classes; unseen pixels (255) are hatched, and unknown ones (254) light grey."""
+    elsewhere = hatching(labels.shape)
+    elsewhere[labels == UNKNOWN] = UNKNOWN_GREY
+    return class_colours(labels, classes.colours, elsewhere)
 
 
 def true_class_picture(labels: UInt8[np.ndarray, "h w"], classes: ClassTable) -> UInt8[np.ndarray, "h w 3"]:

@@ -16,8 +16,8 @@ from semgs.geometry.summaries import array_of, summary
 SEEN_ALPHA = 0.5
 """If alpha is less than this, class maps say "unseen"."""
 
-UNSEEN = 255
-"""The value for unseen pixels."""
+UNSEEN, UNKNOWN = 255, 254
+"""The values for pixels that no input view saw, and for pixels whose class is not sure enough."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,24 @@ def likeliest(semantics: Float[Tensor, "*any class h w"]) -> UInt8[Tensor, "*any
     return semantics.detach().max(-3).indices.to(torch.uint8)  # three times as fast as `argmax`
 
 
-def label_maps(rendering: Rendering) -> UInt8[np.ndarray, "*batch v h w"]:
+def label_maps(rendering: Rendering, min_confidence: float = 0.0) -> UInt8[np.ndarray, "*batch v h w"]:
     """The most likely class of every pixel; 255 for unseen pixels, where the colour pass has alpha < 0.5.
 
+    Args:
+        rendering: with classes.
+        min_confidence: seen pixels whose most likely class has a lower probability are unknown: 254.
+
     Raises:
-        ValueError: the rendering has no classes.
+        ValueError: the rendering has no classes, or so many that 254 is one of them and some may be unknown.
     """
     if rendering.semantics is None:
         raise ValueError("the rendering has no classes; expected Gaussians with a semantic branch")
     labels = likeliest(rendering.semantics).cpu().numpy()
+    if min_confidence > 0:
+        if rendering.semantics.shape[-3] > UNKNOWN:
+            raise ValueError(
+                f"the table has {rendering.semantics.shape[-3]} classes; expected at most {UNKNOWN} where some may be unknown"
+            )
+        labels[rendering.semantics.detach().amax(-3).cpu().numpy() < min_confidence] = UNKNOWN
     labels[rendering.alphas.detach().cpu().numpy() < SEEN_ALPHA] = UNSEEN
     return labels

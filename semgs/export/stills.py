@@ -1,0 +1,89 @@
+"""Images of a scene from any camera: colour, classes, depth and more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, final
+
+import numpy as np
+from jaxtyping import UInt8
+
+from semgs.export.scene import SavedScene
+from semgs.figures.classes import class_picture, overlay
+from semgs.figures.views import as_bytes
+from semgs.files.colours import depth_limits, depth_picture, heat_picture
+from semgs.geometry.cameras import Cameras
+from semgs.rendering.render import render
+from semgs.rendering.rendering import SEEN_ALPHA, Rendering, label_maps
+
+Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha"]
+"""What an image shows: the colours; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest class;
+the opacity."""
+
+OF_CLASSES = ("classes", "overlay", "confidence")
+"""Images of scenes that have classes."""
+
+GAP_PX = 4
+"""White between images side by side."""
+
+
+@final
+@dataclass(frozen=True)
+class Stills:
+    """Renders a scene, one camera after the other.
+
+    Attributes:
+        scene: the scene.
+        shows: what to show; an image for each.
+        min_confidence: pixels whose likeliest class is less likely are unknown.
+
+    Raises:
+        ValueError: `shows` is empty, or names classes and the scene has none.
+    """
+
+    scene: SavedScene
+    shows: tuple[Show, ...]
+    min_confidence: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.shows:
+            raise ValueError("expected something to show")
+        missing = [show for show in self.shows if show in OF_CLASSES]
+        if missing and self.scene.classes is None:
+            raise ValueError(f"the scene has no classes, so it cannot show {missing[0]}")
+
+    def images(self, cameras: Cameras) -> Iterator[tuple[UInt8[np.ndarray, "h w 3"], ...]]:
+        """For each camera [n] the images, in the order of `shows`."""
+        limits = depth_limits([self.scene.depths.numpy()])  # one scale for the whole path
+        for index in range(cameras.batch[0]):
+            rendering = render(self.scene.gaussians, cameras[index : index + 1], near=self.scene.near)
+            rendering = replace(rendering, classes=self.scene.classes)
+            yield tuple(self._image(show, rendering, limits) for show in self.shows)
+
+    def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
+        """One image of a rendering of one view."""
+        if show == "depth":
+            return depth_picture(rendering.depths[0].numpy(), limits)
+        if show == "alpha":
+            return as_bytes(rendering.alphas.expand(3, -1, -1))
+        colour = as_bytes(rendering.images[0])
+        if show == "colour":
+            return colour
+        assert rendering.semantics is not None
+        assert self.scene.classes is not None
+        if show == "confidence":
+            shares = rendering.semantics[0].max(0).values.numpy().astype(np.float64)
+            shares[rendering.alphas[0].numpy() < SEEN_ALPHA] = np.nan
+            return heat_picture(shares, (0.0, 1.0))
+        labels = label_maps(rendering, self.min_confidence)[0]
+        if show == "classes":
+            return class_picture(labels, self.scene.classes)
+        return overlay(colour, labels, self.scene.classes)
+
+
+def side_by_side(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> UInt8[np.ndarray, "h columns 3"]:
+    """Images of one height in a row, with white between them."""
+    gap = np.full((images[0].shape[0], GAP_PX, 3), 255, np.uint8)
+    parts = [part for image in images for part in (gap, image)][1:]
+    return np.concatenate(parts, axis=1)
