@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float64
 from torch import Tensor
 
 from semgs.export.scene import SavedScene
+from semgs.geometry.cameras import inverse_rigid
 from semgs.geometry.rigid import cameras_in, gaussians_in
 from semgs.model.encoding import block_size
 
@@ -54,20 +55,30 @@ class UpDirection:
     reason: str
     certain: bool = True
 
+    @property
+    def warning(self) -> str:
+        """What to say to the user if it is uncertain."""
+        return f"which way is up is uncertain ({self.reason}); set it with --up"
+
 
 @dataclass(frozen=True)
-class UprightScene:
+class FramedScene:
     """A scene in the frame of a file.
 
     Attributes:
-        scene: the same scene, upright, with the middle of its Gaussians at the origin.
+        scene: the same scene, in the frame of the file.
         file_from_source: from the coordinates of the source's poses to those of the file [4 4].
-        up: what it was turned by.
+        axes: the direction that is up in the file; None if that is unknown, in the source's own frame.
     """
 
     scene: SavedScene
     file_from_source: Float64[Tensor, "4 4"]
-    up: UpDirection
+    axes: Axes | None
+
+    @property
+    def source_from_file(self) -> Float64[Tensor, "4 4"]:
+        """The inverse of `file_from_source`."""
+        return inverse_rigid(self.file_from_source)
 
 
 def up_of(scene: SavedScene, up: Up = "auto") -> UpDirection:
@@ -94,15 +105,15 @@ def up_of(scene: SavedScene, up: Up = "auto") -> UpDirection:
     return UpDirection(found, f"{share:.0%} of the surfaces are level or upright", certain=share >= FEWEST)
 
 
-def upright(scene: SavedScene, axes: Axes, up: Up = "auto") -> UprightScene:
-    """The scene in the frame of a file for viewers: turned upright and centred.
+def upright(scene: SavedScene, axes: Axes, up: Up | UpDirection = "auto") -> FramedScene:
+    """The scene in the frame of a file for viewers: turned upright, with the middle of its Gaussians at the origin.
 
     Args:
         scene: in its own frame.
         axes: the direction that is up in the file.
         up: the direction that is up in the scene.
     """
-    found = up_of(scene, up)
+    found = up if isinstance(up, UpDirection) else up_of(scene, up)
     forward = scene.cameras.world_from_camera[0, :3, 2]
     level = forward - (forward @ found.direction) * found.direction
     if level.norm() < 1e-6:  # it looks straight down or up
@@ -127,9 +138,19 @@ def upright(scene: SavedScene, axes: Axes, up: Up = "auto") -> UprightScene:
         applied_scale=None,
         origin=(0.0, 0.0, 0.0),
     )
-    to_origin = torch.eye(4, dtype=torch.float64)
-    to_origin[:3, 3] = -torch.tensor(scene.origin, dtype=torch.float64)
-    return UprightScene(moved, turned @ to_origin, found)
+    return FramedScene(moved, turned @ _to_origin(scene), axes)
+
+
+def in_own_frame(scene: SavedScene) -> FramedScene:
+    """The scene in its own frame, relative to its origin."""
+    return FramedScene(scene, _to_origin(scene), None)
+
+
+def _to_origin(scene: SavedScene) -> Float64[Tensor, "4 4"]:
+    """From the coordinates of the source's poses to those of the scene's Gaussians."""
+    moved = torch.eye(4, dtype=torch.float64)
+    moved[:3, 3] = -torch.tensor(scene.origin, dtype=torch.float64)
+    return moved
 
 
 def _surfaces(scene: SavedScene) -> tuple[Float64[Tensor, "n 3"], Bool[Tensor, " n"], Bool[Tensor, " n"]]:
