@@ -15,10 +15,10 @@ from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 
 from semgs.export.confidence import class_confidences
+from semgs.export.own_views import own_colours
 from semgs.export.scene import SavedScene
 from semgs.files.atomic import write_bytes
 from semgs.files.bags import write_message
-from semgs.geometry.harmonics import colours_from_harmonics
 
 TOPIC, FRAME = "/semgs/points", "map"
 """Where the points are in a bag."""
@@ -59,12 +59,9 @@ def points_of(scene: SavedScene) -> Points:
         scene: with all of its Gaussians.
     """
     gaussians = scene.gaussians
-    centres = scene.cameras.centres.repeat_interleave(len(gaussians) // len(scene.frames), 0)
-    directions = torch.nn.functional.normalize(gaussians.means.double() - centres, dim=-1)
-    colours = colours_from_harmonics(gaussians.colour.features, directions.float())
     return Points(
         means=gaussians.means,
-        colours=(255 * colours.clamp(max=1)).round().to(torch.uint8),
+        colours=(255 * own_colours(scene)).round().to(torch.uint8),
         labels=None if gaussians.semantic is None else gaussians.semantic.features.argmax(-1),
         confidences=class_confidences(scene),
     )

@@ -69,9 +69,7 @@ def test_labels_of_another_version_do_not_stop_a_reconstruction(scene: Path, tmp
 def test_the_ply_seen_from_the_cameras_that_its_matrix_gives_looks_like_the_scene(done: tuple[Path, str]) -> None:
     out, _ = done
     scene = semgs.load_scene(out)
-    (matrix,) = {
-        json.dumps(file["scene_from_file"]) for file in json.loads((out / "export.json").read_text())["files"]
-    }
+    (matrix,) = {json.dumps(file["scene_from_file"]) for file in json.loads((out / "export.json").read_text())["files"]}
     cameras = cameras_in(inverse_rigid(torch.tensor(json.loads(matrix), dtype=torch.float64)), scene.cameras)
     assert (cameras.centres - scene.cameras.centres).norm(dim=-1).min() > 1, "the file is in another frame"
     with torch.no_grad():
