@@ -109,7 +109,8 @@ def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
         found["_CLASS"] = gaussians.semantic.features.argmax(-1)[:, None]
     found["_CONFIDENCE"] = class_confidences(scene)[:, None]
     return {
-        name: tensor.detach().cpu().numpy().astype("u1" if name == "COLOR_0" else "<f4") for name, tensor in found.items()
+        name: tensor.detach().cpu().numpy().astype("u1" if name == "COLOR_0" else "<f4")
+        for name, tensor in found.items()
     }
 
 
