@@ -32,7 +32,7 @@ class Glb:
         accessor = self.content["accessors"][self.primitive["attributes"][name]]
         view = self.content["bufferViews"][accessor["bufferView"]]
         assert "byteStride" not in view
-        assert "byteOffset" not in accessor
+        assert not accessor.get("byteOffset")
         kind = {FLOAT: np.dtype("<f4"), BYTE: np.dtype("u1")}[accessor["componentType"]]
         shape = accessor["count"], WIDTHS[accessor["type"]]
         # Rules of glTF 2.0, 3.6.2: offsets are multiples of the component's size, and of 4 for vertex attributes, rows as well.
