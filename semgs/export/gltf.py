@@ -23,6 +23,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 from semgs._version import __version__
 from semgs.export.confidence import class_confidences
@@ -38,20 +40,21 @@ _COMPONENTS = {"float32": 5126, "uint8": 5121}
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 
-def save_gltf(path: str | Path, scene: SavedScene) -> None:
+def save_gltf(path: str | Path, scene: SavedScene, keep: Bool[Tensor, " g"] | None = None) -> None:
     """Write the colour Gaussians with their classes as a binary glTF file, in their order.
 
     Args:
         path: the file, *.glb.
         scene: upright, with y up, as `semgs.export.upright.upright(scene, "y").scene`.
+        keep: the Gaussians to write; all by default.
 
     Raises:
-        ValueError: the scene has no Gaussians, which glTF cannot express.
+        ValueError: there are no Gaussians to write; glTF cannot express that.
         OSError: the file cannot be written.
     """
-    if not len(scene.gaussians):
-        raise ValueError("the scene has no Gaussians; a glTF file needs at least one")
-    attributes = _attributes(scene)
+    attributes = {name: values if keep is None else values[keep.numpy()] for name, values in _attributes(scene).items()}
+    if not len(attributes["POSITION"]):
+        raise ValueError("there are no Gaussians to write; a glTF file needs at least one")
     views: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
     body = b"".join(values.tobytes() for values in attributes.values())

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -227,8 +226,18 @@ def test_a_program_without_the_extension_reads_coloured_points(tmp_path: Path) -
     assert points.metadata["classes"][1]["name"] == "floor"
 
 
-def test_a_scene_without_gaussians_is_refused(tmp_path: Path) -> None:
-    scene = some_scene()
+def test_some_gaussians_are_written_as_they_are_among_all(tmp_path: Path) -> None:
+    scene = some_scene(classes=False)
+    keep = torch.tensor([False, True, False, False, True, True])
+    save_gltf(tmp_path / "some.glb", scene, keep)
+    some, every = read_glb(tmp_path / "some.glb"), written(tmp_path, scene)
+    for name in every.primitive["attributes"]:
+        np.testing.assert_array_equal(some.attribute(name), every.attribute(name)[[1, 4, 5]])
+    bounds = some.content["accessors"][0]
+    np.testing.assert_array_equal([bounds["min"], bounds["max"]], scene.gaussians.means[[1, 4, 5]].aminmax(dim=0))
+
+
+def test_a_file_without_gaussians_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="needs at least one"):
-        save_gltf(tmp_path / "a.glb", replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[:0])))
+        save_gltf(tmp_path / "a.glb", some_scene(), torch.zeros(6, dtype=torch.bool))
     assert list(tmp_path.iterdir()) == []

@@ -14,7 +14,6 @@ import torch
 from chromium import page_of, picture_of
 from glb import read_glb
 from node_tools import FOLDER, node, package, splat_transform
-from ply import read_ply
 from test_gltf import SPLAT, some_scene
 
 from semgs.cli.main import main
@@ -159,27 +158,26 @@ def test_the_playcanvas_engine_draws_the_gltf_as_we_do(demo: SavedScene, tmp_pat
     rendering = ours(scene, camera)
     seen = rendering.alphas[0].numpy() > 0.9
     assert seen.mean() > 0.8
-    assert psnr(image_of(rendering), theirs, seen) > 36
+    assert psnr(image_of(rendering), theirs, seen) > 34
 
 
 # PLY.
 
 
-@pytest.mark.parametrize(("ending", "millimetres"), [("spz", 0.2), ("sog", 0.2)])
-def test_splat_transform_keeps_our_gaussians_in_compressed_files(
-    tmp_path: Path, ending: str, millimetres: float
-) -> None:
-    gaussians = some_scene(4).gaussians
-    save_ply(tmp_path / "a.ply", gaussians)
+@pytest.mark.parametrize("ending", ["spz", "sog"])
+def test_splat_transform_keeps_our_gaussians_in_compressed_files(tmp_path: Path, ending: str) -> None:
+    scene = some_scene(4)
+    save_ply(tmp_path / "a.ply", scene.gaussians)
     splat_transform(tmp_path / "a.ply", "--filter-harmonics", "1", tmp_path / f"b.{ending}")
-    splat_transform(tmp_path / f"b.{ending}", tmp_path / "c.ply")
-    again = read_ply(tmp_path / "c.ply")
-    distances = torch.cdist(gaussians.means.double(), again.means.double())
-    nearest = distances.argmin(1)  # they may be in another order
-    assert sorted(nearest.tolist()) == list(range(6))
-    assert distances.amin(1).max() < millimetres / 1000
-    torch.testing.assert_close(again.opacities[nearest], gaussians.opacities, atol=0.005, rtol=0)
-    torch.testing.assert_close(again.colour.scales[nearest].log(), gaussians.colour.scales.log(), atol=0.05, rtol=0)
+    splat_transform(tmp_path / f"b.{ending}", tmp_path / "c.glb")
+    again, gaussians = read_glb(tmp_path / "c.glb"), gaussians_in(HALF_TURN, scene.gaussians)
+    distances = torch.cdist(gaussians.means.double(), torch.tensor(again.attribute("POSITION")).double())
+    nearest = distances.argmin(1).numpy()  # they may be in another order
+    assert sorted(nearest) == list(range(6))
+    assert distances.amin(1).max() < 2e-4
+    opacities, scales = (again.attribute(f"{SPLAT}:{name}")[nearest] for name in ("OPACITY", "SCALE"))
+    np.testing.assert_allclose(opacities[:, 0], gaussians.opacities, atol=0.005)
+    np.testing.assert_allclose(scales, gaussians.colour.scales, rtol=0.15)  # SOG has a table of scales
 
 
 def viewer_page(path: Path, ply: Path, degree: int, camera: Cameras | None = None) -> str:
@@ -222,7 +220,7 @@ def test_the_viewer_page_shows_our_picture_and_our_classes(moved: Moved, tmp_pat
     rendering = ours(scene, camera)
     seen = rendering.alphas[0].numpy() > 0.9
     assert seen.mean() > 0.8
-    assert psnr(image_of(rendering), shown(tmp_path / "colour.html", page, camera.size), seen) > 36
+    assert psnr(image_of(rendering), shown(tmp_path / "colour.html", page, camera.size), seen) > 34
 
     # The shapes of class Gaussians are smaller. What shines through is taken out of both pictures, which black and white behind them tell.
     assert scene.classes is not None
