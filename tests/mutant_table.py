@@ -39,6 +39,7 @@ HEADS = "semgs/model/heads.py"
 PLACING = "semgs/model/placing.py"
 SCENE = "semgs/model/padded.py"
 OVERLAP = "semgs/model/overlap.py"
+NEAREST = "semgs/model/nearest.py"
 REFERENCE = "semgs/rendering/reference.py"
 RENDER = "semgs/rendering/render.py"
 PINHOLE = "semgs/rendering/pinhole.py"
@@ -92,6 +93,7 @@ OF_UNSEEN = ("tests/model/test_unseen.py",)
 OF_PROJECTIONS = ("tests/model/test_projections.py",)
 OF_PLACEMENT = ("tests/model/test_placement.py",)
 OF_OVERLAP = ("tests/model/test_overlap.py",)
+OF_NEAREST = ("tests/model/test_nearest.py",)
 OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_its_ray",)
 OF_PRECISION = ("tests/model/test_precision.py",)
 OF_PINHOLE = ("tests/rendering/test_pinhole.py",)
@@ -349,6 +351,18 @@ MUTANTS = (
     Mutant(
         "Gaussians that one view sees grow", OVERLAP,
         "PAIR / seen.clamp(min=PAIR)", "PAIR / seen", OF_OVERLAP,
+    ),
+    Mutant(
+        "targets take the farthest input views", NEAREST,
+        "distances.argsort(stable=True)", "distances.argsort(descending=True, stable=True)", OF_NEAREST,
+    ),
+    Mutant(
+        "Gaussians of the nearest views keep the sizes of all views", NEAREST,
+        "scales=gaussians.colour.scales * growth[:, None]", "scales=gaussians.colour.scales", OF_NEAREST,
+    ),
+    Mutant(
+        "a Gaussian of the nearest views is not seen by its own view", NEAREST,
+        "inside[:, chosen] |= _own(gaussians.means, len(chosen))", "inside[:, chosen] &= ~_own(gaussians.means, len(chosen))", OF_NEAREST,
     ),
     Mutant(
         "a point is sought in the other pictures at a depth of 1", PLACING,
@@ -692,6 +706,22 @@ MUTANTS = (
     Mutant(
         "a PLY holds its harmonics coefficient by coefficient", "semgs/export/ply.py",
         "full[:, 1:].mT.flatten(1)", "full[:, 1:].flatten(1)", ("tests/export/test_ply.py",),
+    ),
+    Mutant(
+        "glTF has quaternions with w first", "semgs/export/gltf.py",
+        "quaternions.roll(-1, dims=-1)", "quaternions", ("tests/export/test_gltf.py",),
+    ),
+    Mutant(
+        "glTF has the logarithm of scales", "semgs/export/gltf.py",
+        "gaussians.colour.scales,", "gaussians.colour.scales.log(),", ("tests/export/test_gltf.py",),
+    ),
+    Mutant(
+        "glTF counts harmonics over all degrees", "semgs/export/gltf.py",
+        "{index - degree**2}", "{index}", ("tests/export/test_gltf.py",),
+    ),
+    Mutant(
+        "the fallback colour of glTF lacks the factor of the constant harmonic", "semgs/export/gltf.py",
+        "0.5 + DEGREE_0 * harmonics[:, 0]", "0.5 + harmonics[:, 0]", ("tests/export/test_gltf.py",),
     ),
     # Readers of data sets
     Mutant(

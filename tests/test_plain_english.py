@@ -1,4 +1,4 @@
-"""Docstrings and error messages are free of phrases that read as if translated (CONTRIBUTING.md)."""
+"""Docstrings, error messages and pages of the docs are free of phrases that read as if translated (CONTRIBUTING.md)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -15,6 +17,13 @@ PHRASES = (
     "none needs nothing", "stands beside", "of its own accord", "in the manner of", "shall",
 )  # fmt: skip
 """What to say instead: detected, resumes, reported, requested, "if there is none", fixed ..."""
+
+
+PAGES = (
+    "README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/benchmarks.md", "docs/conventions.md", "docs/experiments.md", "docs/method.md",
+    "docs/rooms.md", "docs/segmenters.md", "docs/train.md",
+)  # fmt: skip
+"""The pages that have been read for such phrases."""
 
 
 def written(path: Path) -> Iterator[tuple[int, str]]:
@@ -47,3 +56,8 @@ def test_docstrings_and_errors_are_free_of_them():
         if (phrases := banned_in(text))
     ]
     assert found == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_are_free_of_them(page: str):
+    assert banned_in((ROOT / page).read_text()) == []

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
+from semgs.cli.execution_options import ExecutionOptions
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.training_options import PresetSettings
 from semgs.cli.training_runs import deadline, train_or_resume
-from semgs.cli.types import Count, Device, Minutes, Views, Workers
+from semgs.cli.types import Views
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 from semgs.training.execution import Execution
@@ -62,22 +62,11 @@ class Ablate:
     """Input views in the evaluation; the paper's table uses 4."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
     """Train all five variants once per seed; by default, once with the seed of the settings."""
-    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
-    """Stop after this time, with a checkpoint; repeat the command to resume. By default it runs to the end."""
-    device: Device = "auto"
-    """Where to compute; auto uses a CUDA GPU if there is one."""
-    devices: Count = 1
-    """GPUs, or CPU processes. They share the scenes of each step, as for semgs train."""
-    precision: Literal["auto", "32", "bf16"] = "32"
-    """Precision of the layers, as for semgs train."""
-    accumulate: Count = 1
-    """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
-    workers: Workers = 1
-    """Processes that load scenes ahead."""
     dry_run: bool = False
     """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
+    compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
         """Train and evaluate what is missing, and print the table.
@@ -97,15 +86,19 @@ class Ablate:
             ]
         self._check_unseen()
         self._check_full(runs[-1][1])
+        execution = self.compute.execution()
+        with what_the_user_gave():
+            execution.share().check(self.settings.batch)
         if self.dry_run:
-            print(self._cost(len(runs)))
+            print(self._cost(len(runs), execution.device))
             return
-        ends = deadline(self.minutes)
+        ends = deadline(self.compute.minutes)
         for number, (row, settings) in enumerate(runs, 1):
-            if not self._train(f"{number}/{len(runs)} {row.title}, seed {settings.seed}", row, settings, ends):
+            title = f"{number}/{len(runs)} {row.title}, seed {settings.seed}"
+            if not self._train(title, row, settings, execution, ends):
                 print(f"time is up: run {number} of {len(runs)} is not finished; repeat the command to resume")
                 break
-            self._evaluate(row, settings)
+            self._evaluate(row, settings, execution.device)
         print(self._table([(row, settings.seed) for row, settings in runs]))
 
     def _check(self) -> None:
@@ -153,17 +146,16 @@ class Ablate:
         """The run folder of a variant."""
         return self.full if self.full is not None and row.name == "full" else self._folder(row, seed) / RUN
 
-    def _train(self, title: str, row: AblationRow, settings: TrainingSettings, ends: float | None) -> bool:
+    def _train(
+        self, title: str, row: AblationRow, settings: TrainingSettings, execution: Execution, ends: float | None
+    ) -> bool:
         """Train a variant, or resume its training. Returns whether it is finished."""
         run = self._run(row, settings.seed)
         if run == self.full:
             return True
-        execution = Execution(
-            chosen_device(self.device), self.devices, precision=self.precision, accumulate=self.accumulate, workers=self.workers
-        )  # fmt: skip
         return train_or_resume(title, run, settings, execution, ends)
 
-    def _evaluate(self, row: AblationRow, settings: TrainingSettings) -> None:
+    def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str) -> None:
         """Evaluate a trained variant, unless that was done before."""
         from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
         from semgs.training.run import WEIGHTS
@@ -177,7 +169,7 @@ class Ablate:
         if data.classes is None:
             raise InputError(path, "labelled scenes", "none with labels")
         plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
-        weights, device = self._run(row, settings.seed) / WEIGHTS, chosen_device(self.device)
+        weights = self._run(row, settings.seed) / WEIGHTS
         with what_the_user_gave():
             candidate = network_candidate(weights, data.classes, device, row.title)
         with what_fits(), show_progress(f"Evaluating {row.title}", len(plan.tasks)) as done:
@@ -192,7 +184,7 @@ class Ablate:
         library = Library(settings.assets, "validation", check=False) if settings.assets else None
         recipe = Recipe(VALIDATION_SEED, settings.size, library=library)
         with what_the_user_gave(), show_progress("Generating rooms", SCENES) as done:
-            write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.workers, done=done)
+            write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.compute.workers, done=done)
         return self.out / ROOMS
 
     def _table(self, runs: list[tuple[AblationRow, int]]) -> str:
@@ -218,7 +210,7 @@ class Ablate:
         write_text(self.out / TABLE, "\n\n".join(printed(grid, "markdown") for grid in grids) + "\n")
         return "\n\n".join([*(printed(grid, "text") for grid in grids), f"The same in Markdown: {self.out / TABLE}"])
 
-    def _cost(self, runs: int) -> str:
+    def _cost(self, runs: int, device: str) -> str:
         """What would be trained, and an estimate of the time from three steps of the full method."""
         from tempfile import TemporaryDirectory
 
@@ -227,7 +219,7 @@ class Ablate:
         settings = replace(self.settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1)
         warm = replace(settings, steps=1)
         with TemporaryDirectory() as folder, show_stage("Timing three steps"), what_the_user_gave():
-            execution = Execution(chosen_device(self.device), workers=0)
+            execution = Execution(device, workers=0)
             train(warm, Path(folder) / "warm", execution)
             began = time.perf_counter()
             train(settings, Path(folder) / "timed", execution)

@@ -13,7 +13,7 @@ from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.segmenter_options import SegmenterOptions
-from semgs.cli.types import AutoSize, Device, Protocol, SeveralViews, Weights, Workers
+from semgs.cli.types import AutoSize, Count, Device, Protocol, SeveralViews, Weights, Workers
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
 from semgs.files.paths import existing_folder
@@ -76,6 +76,8 @@ class Evaluate:
     0.1 10 for ScanNet and 0.1 6 for Replica."""
     gsnerf_distance: bool = False
     """With --protocol peers: rank input frames as GSNeRF's code does, by world-to-camera translations."""
+    nearest: Annotated[Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """Render each target view with the Gaussians of only this many input views, those nearest to it. By default, with all."""
     allow_seen: bool = False
     """Also score rooms that the weights were trained in, and say so; by default they are refused."""
     name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
@@ -120,6 +122,8 @@ class Evaluate:
             found = "a file" if self.predictions.exists() else "nothing there"
             raise InputError(self.predictions, "a folder of predictions", found)
         check_folder(self.out, self.overwrite)
+        if self.nearest is not None and self.predictions is not None:
+            raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
@@ -155,8 +159,14 @@ class Evaluate:
         with what_the_user_gave():
             if labelling is not None:
                 self._check_table(labelling(plan.scenes[0]).source.classes, classes)
-            name = self.name or (f"{Path(self.weights).stem} + segmenter" if labelling else "")
-            return network_candidate(self.weights, classes, device, name, labelling)
+            return network_candidate(
+                self.weights, classes, device, self._name(labelling is not None), labelling, self.nearest
+            )
+
+    def _name(self, segmented: bool) -> str:
+        """The name in tables; "" for that of the network."""
+        choices = ["segmenter"] * segmented + ([] if self.nearest is None else [f"nearest {self.nearest}"])
+        return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
 
     def _check_table(self, theirs: ClassTable, classes: ClassTable | None) -> None:
         """Check that a segmenter answers in the classes of the labels."""

@@ -23,8 +23,6 @@ class ExecutionOptions:
     """Where to compute; auto uses a CUDA GPU if there is one. Only the CPU gives exactly the same numbers every time."""
     devices: Count = 1
     """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
-    nodes: Count = 1
-    """Machines, each with that many devices, started by torchrun or SLURM."""
     precision: Literal["auto", "32", "bf16"] = "32"
     """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
     Gaussians and losses always use float32 or better."""
@@ -37,8 +35,11 @@ class ExecutionOptions:
     save_minutes: Annotated[float, one_word("FLOAT", at_least(0.0))] = 5.0
     """Minutes between checkpoints."""
 
-    def execution(self) -> Execution:
+    def execution(self, nodes: int = 1) -> Execution:
         """The same, for `semgs.training.loop.train`.
+
+        Args:
+            nodes: machines, each with that many devices.
 
         Raises:
             UsageError: there are fewer CUDA devices than requested.
@@ -51,5 +52,5 @@ class ExecutionOptions:
         if device == "cuda" and self.devices > torch.cuda.device_count():
             raise UsageError(f"--devices {self.devices}: torch finds {torch.cuda.device_count()} CUDA devices here")
         return Execution(
-            device, self.devices, self.nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes
+            device, self.devices, nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes
         )  # fmt: skip

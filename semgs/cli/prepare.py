@@ -88,13 +88,14 @@ def prepared(
         UsageError: the folder has other settings, or there is not enough space.
         OSError: the disk is full.
     """
-    from semgs.preparation import prepared_set
+    from semgs.preparation.prepared_set import INDEX, PreparedSet, free_space
 
+    made = PreparedSet(out, settings, reading)
     with what_the_user_gave():
-        prepared_set.check(out, settings, reading)
+        made.check()
     with show_stage("Estimating the space"):
-        needed = prepared_set.needed_space(out, found, settings, reading)
-        free = prepared_set.free_space(out)
+        needed = made.needed_space(found)
+        free = free_space(out)
     if needed > free:
         raise UsageError(
             f"{out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
@@ -103,15 +104,15 @@ def prepared(
     if len(found) == 1:
         frames = len(reading.open(found[0]).frames[:: settings.every])
         with show_progress("Preparing frames", frames) as done:
-            index = prepared_set.prepare_set(out, found, settings, reading, frame_done=done)
+            index = made.prepare(found, frame_done=done)
     else:
         with show_progress("Preparing scenes", len(found)) as done:
-            index = prepared_set.prepare_set(out, found, settings, reading, workers=workers, done=done)
+            index = made.prepare(found, workers=workers, done=done)
     print(f"{out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
     for one in index["failed"][:3]:
         print(f"left out: {one['name']}: {one['error']}")
     if len(index["failed"]) > 3:
-        print(f"left out: {len(index['failed']) - 3} more, see {out / prepared_set.INDEX}")
+        print(f"left out: {len(index['failed']) - 3} more, see {out / INDEX}")
     return index
 
 

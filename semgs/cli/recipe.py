@@ -11,7 +11,7 @@ import tyro
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.execution_options import ExecutionOptions
 from semgs.cli.training_runs import deadline, train_or_resume
-from semgs.cli.types import Size
+from semgs.cli.types import Count, Size
 from semgs.training.recipe import STAGES, Start, folder, settings_of
 from semgs.training.settings import ROOMS
 
@@ -59,6 +59,8 @@ class Recipe:
     """Share of each stage's steps; 0.05 is a quick trial."""
     stage: Literal["all", "classes", "depth", "joint"] = "all"
     """Run only this stage."""
+    nodes: Count = 1
+    """Machines, each with that many --devices, started by torchrun or SLURM."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
@@ -76,7 +78,7 @@ class Recipe:
         stages = STAGES if self.stage == "all" else (self.stage,)
         with what_the_user_gave():
             settings = {stage: settings_of(stage, start, self.out) for stage in stages}
-        execution, ends = self.compute.execution(), deadline(self.compute.minutes)
+        execution, ends = self.compute.execution(self.nodes), deadline(self.compute.minutes)
         self._check_earlier(stages[0])
         for stage in stages:
             run = folder(self.out, stage)

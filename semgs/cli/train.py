@@ -11,6 +11,7 @@ import tyro
 from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.execution_options import ExecutionOptions
 from semgs.cli.training_options import PresetSettings
+from semgs.cli.types import Count
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
@@ -35,6 +36,8 @@ class Train:
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder: new, empty, or a run with the same settings to resume. Only --steps may change, and only grow."""
+    nodes: Count = 1
+    """Machines, each with that many --devices, started by torchrun or SLURM."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
@@ -51,7 +54,7 @@ class Train:
         from semgs.training.loop import train
         from semgs.training.run import claim
 
-        execution = self.compute.execution()
+        execution = self.compute.execution(self.nodes)
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
             claim(self.out, self.settings)

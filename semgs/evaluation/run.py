@@ -35,6 +35,7 @@ from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
+from semgs.model.nearest import NearestViews
 from semgs.segmenters.labelling import Labelling
 from semgs.weights.load import find, load, table_of
 
@@ -153,6 +154,7 @@ def network_candidate(
     device: str,
     name: str = "",
     labelling: Callable[[Scene], Labelling] | None = None,
+    nearest: int | None = None,
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -162,16 +164,18 @@ def network_candidate(
         device: to encode on.
         name: in tables; by default that of the network.
         labelling: gives the Gaussians of a scene their classes, instead of the network; the network then needs none.
+        nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
 
     Raises:
-        ValueError: there are no included weights of that name.
+        ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
     network, path = find(weights)
     model = load(network, path, classes=(None if labelling else classes) or table_of(path))
     parameters = sum(parameter.numel() for parameter in model.parameters())
     subject = Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
-    return Candidate(NetworkMethod(model.eval(), device, subject.name, labelling), subject, device)
+    chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
+    return Candidate(NetworkMethod(model.eval(), device, subject.name, labelling, chosen), subject, device)
 
 
 def saved_candidate(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:

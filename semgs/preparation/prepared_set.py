@@ -131,53 +131,135 @@ def sources(path: Path, wanted: SceneList | None = None) -> list[SceneSource]:
     return [by_path[one] for one in wanted.choose(called, str(path))]
 
 
-def prepare_set(
-    out: Path,
-    found: Sequence[SceneSource],
-    settings: Preparation,
-    reading: Reader,
-    *,
-    workers: int = 0,
-    done: Callable[[int], None] = lambda count: None,
-    frame_done: Callable[[int], None] | None = None,
-) -> dict[str, Any]:
-    """Prepare the scenes that are not in a folder yet, then write its hashes and index.
+@dataclass(frozen=True)
+class PreparedSet:
+    """A folder of prepared scenes, or one that becomes it.
 
-    Archives are written atomically, so the same call resumes an interrupted one. If the source of an archive has changed, it is prepared
-    again. Scenes that fail are skipped and listed.
-
-    Args:
-        out: a new or empty folder, or one with scenes of the same settings.
-        found: the scenes.
-        settings: how to prepare them.
+    Attributes:
+        out: the folder; new, empty, or with scenes of the same settings.
+        settings: how to prepare the scenes.
         reading: how to read them.
-        workers: number of processes; 0 works in this one.
-        done: called with the number of finished scenes, at the start and after each scene.
-        frame_done: called with the number of finished frames of the current scene; if given, all work is done in this process.
-
-    Returns:
-        The content of `index.json`.
-
-    Raises:
-        ValueError: the folder was made with other settings.
-        InputError: the folder contains something else, another process is using it, or all scenes failed (the first one's error).
-        OSError: the disk is full.
     """
-    check(out, settings, reading)
-    out.mkdir(parents=True, exist_ok=True)
-    if not (out / SETTINGS).is_file():
-        write_json(out / SETTINGS, _settings(settings, reading))
-    with _alone(out):
-        for path in out.glob(".*.zip.*.part"):  # incomplete archives
-            path.unlink(missing_ok=True)
-        work = partial(_entry, out, settings, reading, frame_done)
-        failed = _prepared(work, found, workers if frame_done is None else 0, done)
-        return _write_index(out, settings, reading, failed)
 
+    out: Path
+    settings: Preparation
+    reading: Reader
 
-def _alone(out: Path) -> AbstractContextManager[None]:
-    """Lock a folder against other processes that prepare scenes into it."""
-    return alone(out / SETTINGS, "a folder that no other process prepares scenes into", "one in use")
+    def as_json(self) -> dict[str, Any]:
+        """The content of `settings.json`."""
+        return {**self.settings.as_json(), **self.reading.as_json()}
+
+    def check(self) -> None:
+        """Check that the folder is, or can become, a prepared set with these settings.
+
+        Raises:
+            ValueError: it was made with other settings; the error lists the differences.
+            InputError: it contains something else, is not writable, or another process is using it.
+        """
+        begun = is_begun(self.out / SETTINGS, self.as_json(), "a prepared set")
+        with self._alone() if begun else nullcontext():
+            check_writable(self.out)
+
+    def needed_space(self, found: Sequence[SceneSource]) -> int:
+        """Estimate the bytes that the missing scenes will need, from some frames of some of them.
+
+        Raises:
+            InputError: none of the sampled scenes can be read (the first one's error).
+        """
+        missing = [source for source in found if not self._archive(source).is_file()]
+        sizes: list[int] = []
+        errors: list[InputError] = []
+        for index in sorted({round(at) for at in np.linspace(0, len(missing) - 1, min(len(missing), SAMPLED_SCENES))}):
+            try:
+                sizes.append(estimated_bytes(self.reading.open(missing[index]), self.settings))
+            except InputError as error:
+                errors.append(error)
+        if errors and not sizes:
+            raise errors[0]
+        return round(MARGIN * len(missing) * float(np.mean(sizes))) if sizes else 0
+
+    def prepare(
+        self,
+        found: Sequence[SceneSource],
+        *,
+        workers: int = 0,
+        done: Callable[[int], None] = lambda count: None,
+        frame_done: Callable[[int], None] | None = None,
+    ) -> dict[str, Any]:
+        """Prepare the scenes that are not in the folder yet, then write its hashes and index.
+
+        Archives are written atomically, so the same call resumes an interrupted one. If the source of an archive has changed, it is
+        prepared again. Scenes that fail are skipped and listed.
+
+        Args:
+            found: the scenes.
+            workers: number of processes; 0 works in this one.
+            done: called with the number of finished scenes, at the start and after each scene.
+            frame_done: called with the number of finished frames of the current scene; if given, all work is done in this process.
+
+        Returns:
+            The content of `index.json`.
+
+        Raises:
+            ValueError: the folder was made with other settings.
+            InputError: the folder contains something else, another process is using it, or all scenes failed (the first one's error).
+            OSError: the disk is full.
+        """
+        self.check()
+        self.out.mkdir(parents=True, exist_ok=True)
+        if not (self.out / SETTINGS).is_file():
+            write_json(self.out / SETTINGS, self.as_json())
+        with self._alone():
+            for path in self.out.glob(".*.zip.*.part"):  # incomplete archives
+                path.unlink(missing_ok=True)
+            work = partial(self._entry, frame_done)
+            failed = _prepared(work, found, workers if frame_done is None else 0, done)
+            return self._write_index(failed)
+
+    def _alone(self) -> AbstractContextManager[None]:
+        """Lock the folder against other processes that prepare scenes into it."""
+        return alone(self.out / SETTINGS, "a folder that no other process prepares scenes into", "one in use")
+
+    def _archive(self, source: SceneSource) -> Path:
+        return self.out / f"{source.name}.zip"
+
+    def _entry(self, frame_done: Callable[[int], None] | None, source: SceneSource) -> dict[str, Any]:
+        """The record of a scene, which is prepared if its archive is missing or outdated."""
+        target = self._archive(source)
+        scene = self.reading.open(source)
+        there = read_record(target) if target.is_file() else None
+        if there is not None and there.get("source") == fingerprint(scene):
+            return there
+        return prepare_scene(scene, target, self.settings, done=frame_done)
+
+    def _write_index(self, failed: dict[str, InputError]) -> dict[str, Any]:
+        """Write the hashes and index of all archives in the folder; returns the content of the index."""
+        known = _sums(self.out)
+        scenes, total, sums = [], Counter[str](), {}
+        for archive in sorted(self.out.glob("*.zip")):
+            record = read_record(archive)
+            if record is None:
+                continue
+            stamp = archive.stat()
+            old = known.get(archive.name)
+            sums[archive.name] = old if old is not None and _older(archive, self.out / SUMS) else sha256(archive)
+            total.update(record["pixels"])
+            entry = {key: record[key] for key in ("frames", "depths", "labels", "label_set", "pixels", "notes")}
+            layout = {"layout": record["source"]["layout"], "unit": record["source"]["unit"]}
+            scenes.append(
+                {"name": archive.stem, "file": archive.name, "bytes": stamp.st_size, "sha256": sums[archive.name], **layout, **entry}
+            )  # fmt: skip
+        write_text(self.out / SUMS, "".join(f"{digest}  {name}\n" for name, digest in sums.items()))
+        index = {
+            **self.as_json(),
+            "frames": sum(scene["frames"] for scene in scenes),
+            "bytes": sum(scene["bytes"] for scene in scenes),
+            "pixels": dict(total),
+            "failed": [{"name": name, "error": str(error)} for name, error in failed.items()],
+            "scenes": scenes,
+        }
+        write_json(self.out / INDEX, index)
+        return index
 
 
 def _prepared(
@@ -198,89 +280,10 @@ def _prepared(
     return failed
 
 
-def check(out: Path, settings: Preparation, reading: Reader) -> None:
-    """Check that a folder is, or can become, a prepared set with these settings.
-
-    Raises:
-        ValueError: it was made with other settings; the error lists the differences.
-        InputError: it contains something else, is not writable, or another process is using it.
-    """
-    begun = is_begun(out / SETTINGS, _settings(settings, reading), "a prepared set")
-    with _alone(out) if begun else nullcontext():
-        check_writable(out)
-
-
-def _settings(settings: Preparation, reading: Reader) -> dict[str, Any]:
-    """The content of `settings.json`."""
-    return {**settings.as_json(), **reading.as_json()}
-
-
-def needed_space(out: Path, found: Sequence[SceneSource], settings: Preparation, reading: Reader) -> int:
-    """Estimate the bytes that the missing scenes will need, from some frames of some of them.
-
-    Raises:
-        InputError: none of the sampled scenes can be read (the first one's error).
-    """
-    missing = [source for source in found if not (out / f"{source.name}.zip").is_file()]
-    sizes: list[int] = []
-    errors: list[InputError] = []
-    for index in sorted({round(step) for step in np.linspace(0, len(missing) - 1, min(len(missing), SAMPLED_SCENES))}):
-        try:
-            sizes.append(estimated_bytes(reading.open(missing[index]), settings))
-        except InputError as error:
-            errors.append(error)
-    if errors and not sizes:
-        raise errors[0]
-    return round(MARGIN * len(missing) * float(np.mean(sizes))) if sizes else 0
-
-
 def free_space(out: Path) -> int:
     """Free bytes on the disk of a folder that may not exist yet."""
     nearest = next(one for one in (out.absolute(), *out.absolute().parents) if one.exists())
     return shutil.disk_usage(nearest).free
-
-
-def _entry(
-    out: Path, settings: Preparation, reading: Reader, frame_done: Callable[[int], None] | None, source: SceneSource
-) -> dict[str, Any]:
-    """The record of a scene, which is prepared if its archive is missing or outdated."""
-    target = out / f"{source.name}.zip"
-    scene = reading.open(source)
-    there = read_record(target) if target.is_file() else None
-    if there is not None and there.get("source") == fingerprint(scene):
-        return there
-    return prepare_scene(scene, target, settings, done=frame_done)
-
-
-def _write_index(out: Path, settings: Preparation, reading: Reader, failed: dict[str, InputError]) -> dict[str, Any]:
-    """Write the hashes and index of all archives in a folder; returns the content of the index."""
-    known = _sums(out)
-    scenes, total, sums = [], Counter[str](), {}
-    for archive in sorted(out.glob("*.zip")):
-        record = read_record(archive)
-        if record is None:
-            continue
-        stamp = archive.stat()
-        old = known.get(archive.name)
-        sums[archive.name] = old if old is not None and _older(archive, out / SUMS) else sha256(archive)
-        total.update(record["pixels"])
-        entry = {key: record[key] for key in ("frames", "depths", "labels", "label_set", "pixels", "notes")}
-        layout = {"layout": record["source"]["layout"], "unit": record["source"]["unit"]}
-        scenes.append(
-            {"name": archive.stem, "file": archive.name, "bytes": stamp.st_size, "sha256": sums[archive.name], **layout, **entry}
-        )  # fmt: skip
-    write_text(out / SUMS, "".join(f"{digest}  {name}\n" for name, digest in sums.items()))
-    index = {
-        **settings.as_json(),
-        **reading.as_json(),
-        "frames": sum(scene["frames"] for scene in scenes),
-        "bytes": sum(scene["bytes"] for scene in scenes),
-        "pixels": dict(total),
-        "failed": [{"name": name, "error": str(error)} for name, error in failed.items()],
-        "scenes": scenes,
-    }
-    write_json(out / INDEX, index)
-    return index
 
 
 def _sums(out: Path) -> dict[str, str]:

@@ -80,7 +80,7 @@ def relabelled(scene: Scene, source: Source, confidence: float) -> Scene:
 @final
 @dataclass(frozen=True)
 class Relabelling:
-    """Reads scenes for `semgs.preparation.prepared_set.prepare_set` with a segmenter's labels.
+    """Reads scenes for `semgs.preparation.prepared_set.PreparedSet` with a segmenter's labels.
 
     Attributes:
         reading: how to read the scenes.

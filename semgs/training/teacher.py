@@ -20,6 +20,7 @@ from torch.nn.functional import avg_pool2d, grid_sample, log_softmax
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
 from semgs.training.settings import TrainingSettings
 
 STRIDE = 8
@@ -94,7 +95,7 @@ def teacher_of(settings: TrainingSettings) -> Teacher | None:
     Raises:
         InputError: its folder has no maps.
     """
-    return Teacher.open(Path(settings.teacher)) if settings.teacher else None
+    return Teacher.open(typed_path(settings.teacher)) if settings.teacher else None
 
 
 def coordinates(views: Views) -> Views:

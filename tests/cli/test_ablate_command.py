@@ -107,6 +107,8 @@ def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_pa
         ("--losses.smoothness 0", "the full method lacks Sm-Loss"),
         ("--network.windows 1", "the full method lacks Sw-Trans"),
         ("--minutes 0", "--minutes: expected more than 0"),
+        ("--accumulate 2", "a step of 1 scenes cannot be shared by 1 processes in 2 pieces each"),
+        ("--nodes 2", "--nodes"),
         ("--test nowhere", "nowhere"),
     ],
 )
@@ -145,9 +147,10 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
 
     monkeypatch.setattr("semgs.cli.training_runs.train_apart", apart)
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--device", "cpu"]
-    assert main([*line, "--devices", "2", "--precision", "bf16", "--accumulate", "3"]) == 0
+    options = "--devices 2 --precision bf16 --accumulate 3 --save-minutes 7 --batch 6"
+    assert main([*line, *options.split()]) == 0
     assert [name for name, _ in given] == ["none", "shared", "windows", "camera", "full"]
-    assert given[0][1] == Execution("cpu", devices=2, precision="bf16", accumulate=3, workers=0)
+    assert given[0][1] == Execution("cpu", devices=2, precision="bf16", accumulate=3, workers=0, save_minutes=7.0)
     assert trained == []
     assert "Sm-Loss" in capsys.readouterr().out
 

@@ -255,6 +255,11 @@ def test_neither_or_both_of_weights_and_predictions(refused: Refused, tmp_path: 
     assert "--data" in errors
 
 
+def test_nearest_is_for_networks(refused: Refused, tmp_path: Path):
+    assert "--nearest is for WEIGHTS" in refused("--predictions", tmp_path, "--nearest", "2")
+    assert "--nearest" in refused("small", "--nearest", "0")
+
+
 def test_an_unknown_protocol_lists_the_known(refused: Refused):
     line = refused("small", "--protocol", "neighbors")
     assert "expected one of neighbours, peers, pinned FILE, found 'neighbors'" in line

@@ -89,7 +89,7 @@ def test_a_disk_that_fills_up_leaves_what_is_complete_and_no_part(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    monkeypatch.setattr(prepared_set, "needed_space", lambda *given: 0)
+    monkeypatch.setattr(prepared_set.PreparedSet, "needed_space", lambda *given: 0)
     written = archive._write
 
     def until_the_second_scene(archive: zipfile.ZipFile, name: str, data: bytes) -> None:

@@ -18,7 +18,7 @@ from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.network import NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.frames.reading import read_frame
+from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
 from semgs.evaluation.frames.saved import SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.run import write_results
@@ -31,6 +31,8 @@ from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, S
 from semgs.evaluation.tables.notes import notes
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
+from semgs.model.nearest import NearestViews
+from semgs.reconstruction.encode import encode
 from semgs.weights.load import load
 
 MakeScene = Callable[..., Scene]
@@ -182,6 +184,18 @@ def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: 
     assert rows[0].method[0].truth is not None
     assert rows[0].method[0].confusion.sum() == rows[0].method[0].truth.sum()
     assert rows[0].method[0].seconds_encode is not None
+
+
+def test_a_target_may_be_rendered_with_the_nearest_input_views_alone(plan: FramePlan):
+    task = next(one for one in plan.tasks if len(one.sample.contexts) == 3)
+    inputs, model = inputs_of(task, read_views(task)), load("small").eval()
+    nearest = NearestViews(2, model.placer.shrink_seen)
+    found, every = (NetworkMethod(model, "cpu", "small", nearest=one).predict(inputs) for one in (nearest, None))
+    encoding = nearest(encode(model, inputs.contexts).encoding, inputs.contexts.cameras, inputs.camera)
+    assert found.image is not None
+    assert every.image is not None
+    torch.testing.assert_close(found.image, encoding.render(inputs.camera).images[0])
+    assert not torch.equal(found.image, every.image)
 
 
 @pytest.mark.long

@@ -16,7 +16,6 @@ import pytest
         ("network.NetworkMethod", "frames.network.NetworkMethod"),
         ("plan.make_plan", "frames.frame_plan.make_plan"),
         ("plan.pinned_plan", "frames.frame_plan.pinned_plan"),
-        ("frames.plan.make_plan", "frames.frame_plan.make_plan"),
         ("predictions.Prediction", "frames.predictions.Prediction"),
         ("protocols.neighbours", "frames.protocols.neighbours"),
         ("report.read_report", "tables.evaluation_report.read_report"),

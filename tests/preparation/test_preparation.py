@@ -22,11 +22,9 @@ from semgs.preparation.archive import Preparation, estimated_bytes, prepare_scen
 from semgs.preparation.prepared_set import (
     INDEX,
     SUMS,
+    PreparedSet,
     Reading,
-    check,
     free_space,
-    needed_space,
-    prepare_set,
     sources,
 )
 from semgs.rooms.sets.demo import demo_scene
@@ -108,7 +106,7 @@ def test_a_set_is_prepared_resumed_and_the_same_for_any_number_of_workers(rooms:
     found = sources(rooms)
     assert [one.name for one in found] == ["kitchen", "seq-01", "seq-02"]
     counts: list[int] = []
-    index = prepare_set(tmp_path / "out", found, SMALL, Reading(), done=counts.append)
+    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(found, done=counts.append)
     assert counts == [0, 1, 2, 3]
     assert (index["frames"], len(index["scenes"]), index["failed"]) == (9, 3, [])
     assert index == json.loads((tmp_path / "out" / INDEX).read_text())
@@ -119,15 +117,15 @@ def test_a_set_is_prepared_resumed_and_the_same_for_any_number_of_workers(rooms:
     kept = (tmp_path / "out" / "kitchen.zip").stat().st_mtime_ns
     (tmp_path / "out" / "seq-01.zip").unlink()
     (tmp_path / "out" / ".seq-02.zip.0badf00d.part").write_bytes(b"PK")
-    assert prepare_set(tmp_path / "out", found, SMALL, Reading()) == index
+    assert PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(found) == index
     assert (tmp_path / "out" / "kitchen.zip").stat().st_mtime_ns == kept
     assert not list((tmp_path / "out").glob(".*"))
 
 
 def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
-    prepare_set(tmp_path / "out", sources(rooms), SMALL, Reading())
+    PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms))
     (rooms / "kitchen" / "images" / "002.jpg").unlink()
-    index = prepare_set(tmp_path / "out", sources(rooms), SMALL, Reading())
+    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms))
     assert [scene["frames"] for scene in index["scenes"]] == [2, 3, 3]
     assert "1 of 3 listed images are missing" in index["scenes"][0]["notes"][0]
     assert sha256(tmp_path / "out" / "kitchen.zip") == index["scenes"][0]["sha256"]
@@ -135,13 +133,13 @@ def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
 
 def test_a_scene_that_cannot_be_prepared_is_passed_over_and_listed(rooms: Path, tmp_path: Path):
     (rooms / "seq-01" / "depth" / "001.png").write_bytes(b"no picture")
-    index = prepare_set(tmp_path / "out", sources(rooms), SMALL, Reading())
+    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms))
     assert [scene["name"] for scene in index["scenes"]] == ["kitchen", "seq-02"]
     (failed,) = index["failed"]
     assert failed["name"] == "seq-01"
     assert "depth/001.png: expected a JPEG or PNG image" in failed["error"]
     with pytest.raises(InputError, match=r"001\.png"):
-        prepare_set(tmp_path / "other", sources(rooms / "seq-01"), SMALL, Reading())
+        PreparedSet(tmp_path / "other", SMALL, Reading()).prepare(sources(rooms / "seq-01"))
 
 
 def test_lists_name_scenes_as_the_data_sets_do(rooms: Path, tmp_path: Path):
@@ -159,26 +157,26 @@ def test_lists_name_scenes_as_the_data_sets_do(rooms: Path, tmp_path: Path):
 
 def test_the_space_is_told_beforehand_to_a_tenth(rooms: Path, tmp_path: Path):
     found, settings = sources(rooms), Preparation((120, 160))
-    needed = needed_space(tmp_path / "out", found, settings, Reading())
-    prepare_set(tmp_path / "out", found, settings, Reading())
+    needed = PreparedSet(tmp_path / "out", settings, Reading()).needed_space(found)
+    PreparedSet(tmp_path / "out", settings, Reading()).prepare(found)
     taken = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.zip"))
     assert taken * 0.95 < needed < taken * 1.15
-    assert needed_space(tmp_path / "out", found, settings, Reading()) == 0
+    assert PreparedSet(tmp_path / "out", settings, Reading()).needed_space(found) == 0
     assert free_space(tmp_path / "not" / "yet") == shutil.disk_usage(tmp_path).free
     assert estimated_bytes(open_scene(found[0].path), settings) == pytest.approx(taken / 3, rel=0.1)
 
 
 def test_other_settings_and_other_folders_are_refused(rooms: Path, tmp_path: Path):
-    prepare_set(tmp_path / "out", sources(rooms)[:1], SMALL, Reading())
+    PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms)[:1])
     with pytest.raises(ValueError, match=r"other settings: every is 1 there, not 2"):
-        check(tmp_path / "out", Preparation((48, 64), every=2), Reading())
+        PreparedSet(tmp_path / "out", Preparation((48, 64), every=2), Reading()).check()
     with pytest.raises(ValueError, match=r"told is \{\} there, not \{'depth_unit': 0\.001\}"):
-        check(tmp_path / "out", SMALL, Reading(asked=Asked(depth_unit=0.001)))
+        PreparedSet(tmp_path / "out", SMALL, Reading(asked=Asked(depth_unit=0.001))).check()
     with pytest.raises(InputError, match="a new or empty folder"):
-        check(rooms, SMALL, Reading())
+        PreparedSet(rooms, SMALL, Reading()).check()
     (tmp_path / "out" / "settings.json").write_text("[]")
     with pytest.raises(InputError, match=r"settings\.json: expected the settings of a prepared set"):
-        check(tmp_path / "out", SMALL, Reading())
+        PreparedSet(tmp_path / "out", SMALL, Reading()).check()
     with pytest.raises(InputError, match="every: expected at least two frames to keep, found 1 of 8"):
         prepare_scene(open_scene(demo_scene()), tmp_path / "a.zip", Preparation(every=9))
     assert not (tmp_path / "a.zip").exists()
@@ -198,8 +196,8 @@ def test_frames_of_the_same_name_in_several_folders_stay_apart(tmp_path: Path):
 
 @pytest.mark.long
 def test_workers_write_the_same_bytes(rooms: Path, tmp_path: Path):
-    one = prepare_set(tmp_path / "one", sources(rooms), SMALL, Reading())
-    two = prepare_set(tmp_path / "two", sources(rooms), SMALL, Reading(), workers=2)
+    one = PreparedSet(tmp_path / "one", SMALL, Reading()).prepare(sources(rooms))
+    two = PreparedSet(tmp_path / "two", SMALL, Reading()).prepare(sources(rooms), workers=2)
     assert one == two
 
 

@@ -13,7 +13,7 @@ from scenes_on_disk import SIZE, write_labelled
 from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.preparation.archive import Preparation
-from semgs.preparation.prepared_set import Reading, prepare_set, sources
+from semgs.preparation.prepared_set import PreparedSet, Reading, sources
 from semgs.training.batches import surveyed, training_batches, validation_batches
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.survey.record import RECORD, scenes_of
@@ -39,7 +39,7 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def archives(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same, prepared: a folder with an archive each, and an index beside them."""
     out = tmp_path_factory.mktemp("prepared") / "set"
-    prepare_set(out, sources(scans), Preparation(SIZE), Reading())
+    PreparedSet(out, Preparation(SIZE), Reading()).prepare(sources(scans))
     return out
 
 

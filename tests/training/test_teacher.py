@@ -14,6 +14,7 @@ from scenes_on_disk import write_labelled
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.training import presets
 from semgs.training.augmentation import Variation
 from semgs.training.batches import surveyed, training_batches
 from semgs.training.checkpoints import newest_checkpoint
@@ -22,7 +23,7 @@ from semgs.training.loop import train
 from semgs.training.settings import Augmentation, TrainingSettings
 from semgs.training.state import averaged_weights
 from semgs.training.supervision import Pictures, supervision_of
-from semgs.training.teacher import Teacher, coordinates, divergence
+from semgs.training.teacher import Teacher, coordinates, divergence, teacher_of
 from semgs.weights.start import start
 
 SETTINGS = TrainingSettings(
@@ -80,6 +81,13 @@ def test_the_divergence_of_an_undecided_head_is_what_the_teacher_knows():
     assert found.tolist() == pytest.approx([math.log(4), 0, 0], abs=1e-5)
     taught[0, :, 0] = 0  # half of it
     assert float(divergence(torch.zeros(3, 4, 4, 8), taught)[0]) == pytest.approx(math.log(4))
+
+
+def test_a_teacher_in_the_home_folder(scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    teacher = teacher_of(replace(presets.small(), teacher="~/teacher"))
+    assert teacher is not None
+    assert teacher.folder == tmp_path / "teacher"
 
 
 def test_maps_are_found_by_the_names_of_scene_and_source(scans: Path, tmp_path: Path):

@@ -10,6 +10,7 @@ import torch
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.model.nearest import NearestViews
 from semgs.reconstruction.encode import Network, encode, now
 from semgs.rendering.rendering import SEEN_ALPHA, likeliest
 from semgs.segmenters.labelling import Labelling
@@ -23,15 +24,22 @@ class NetworkMethod:
         device: to encode on.
         name: to call it by in tables.
         labelling: gives the Gaussians of a scene their classes; None for those of the network.
+        nearest: chooses the Gaussians that each target is rendered with; None for all.
     """
 
     def __init__(
-        self, network: Network, device: str, name: str, labelling: Callable[[Scene], Labelling] | None = None
+        self,
+        network: Network,
+        device: str,
+        name: str,
+        labelling: Callable[[Scene], Labelling] | None = None,
+        nearest: NearestViews | None = None,
     ) -> None:
         self._network = network
         self._device = device
         self.name = name
         self._labelling = None if labelling is None else lru_cache(maxsize=1)(labelling)
+        self._nearest = nearest
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
@@ -49,6 +57,8 @@ class NetworkMethod:
             labelling = self._labelling(task.scene)
             encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts)
         start = now()
+        if self._nearest is not None:
+            encoding = self._nearest(encoding, inputs.contexts.cameras, inputs.camera)
         rendering = encoding.render(inputs.camera)
         seconds = now() - start
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
 from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, read_catalogue, usable
 from semgs.rooms.assets.glb import Primitive, read_glb
 from semgs.rooms.assets.images import Pyramid, decode
@@ -81,7 +82,7 @@ class Library:
         memory: int = MEMORY,
     ) -> None:
         given = [folders] if isinstance(folders, str | Path) else folders
-        self.folders, self.split, self.memory = tuple(Path(folder) for folder in given), split, memory
+        self.folders, self.split, self.memory = tuple(typed_path(folder) for folder in given), split, memory
         self.meshes: tuple[MeshEntry, ...] = ()
         self.images: tuple[ImageEntry, ...] = ()
         self._folder_of: dict[str, Path] = {}

@@ -1,6 +1,7 @@
 import json
 import pickle
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -175,6 +176,11 @@ def test_only_what_is_an_own_part_of_a_mesh_is_a_shell(library):
     box = Piece("rug", (1.0, 1.0, 0.01), (block(IGNORE, m.rug(np.random.default_rng(0)), (0, 0, 0), (1, 1, 0.01)),))
     assert own(box) is box
     assert "rug" not in RULES
+
+
+def test_assets_in_the_home_folder(asset_folder: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HOME", str(asset_folder.parent))
+    assert Library(f"~/{asset_folder.name}", "training", check=False).folders == (asset_folder,)
 
 
 def test_splits_have_no_mesh_and_no_picture_in_common(asset_folder):
