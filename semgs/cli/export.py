@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from semgs.export.scene import SavedScene
     from semgs.export.upright import Axes, FramedScene, UpDirection
 
-Format = Literal["ply", "points", "mcap", "colmap"]
+Format = Literal["ply", "points", "mcap", "gltf", "colmap"]
 
-UP_OF: dict[Format, Axes] = {"ply": "-y", "points": "z", "mcap": "z", "colmap": "-y"}
+UP_OF: dict[Format, Axes] = {"ply": "-y", "points": "z", "mcap": "z", "gltf": "y", "colmap": "-y"}
 """The direction that is up in the files of each format, as their programs have it."""
 
 
@@ -37,6 +37,7 @@ class Export:
     - gaussians.ply (--as ply): 3D Gaussians for splat viewers such as SuperSplat; with --colour classes semantics.ply, coloured by class
     - points.ply (--as points): points with colour, class and confidence, for CloudCompare, Open3D and trimesh
     - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install '.[ros]'
+    - gaussians.glb (--as gltf): 3D Gaussians with classes and confidence, for programs that know KHR_gaussian_splatting; others show points
     - colmap/ (--as colmap): sparse/0 and images, to train 3D Gaussians with gsplat, nerfstudio or the first 3DGS code
     - export.json: for each file, the matrix from its coordinates to those of the scene's poses; and the class table
 
@@ -56,7 +57,7 @@ class Export:
     formats: Annotated[tuple[Format, ...], tyro.conf.arg(name="as")] = ("ply",)
     """What to write; several are possible."""
     frame: Literal["upright", "scene"] = "upright"
-    """upright turns the scene so that up is -Y in ply and colmap, and +Z in points and mcap, and puts its middle at the origin. scene keeps the
+    """upright turns the scene so that up is -Y in ply and colmap, +Y in gltf, and +Z in points and mcap, and puts its middle at the origin. scene keeps the
     coordinates of the scene's poses; if they are far from their origin, all is relative to the origin in scene.safetensors."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates. auto finds it from floors and walls."""
@@ -80,7 +81,7 @@ class Export:
             ImportError: a format needs a library that is not installed.
         """
         if not self.formats:
-            raise UsageError("--as is empty; expected ply, points, mcap or colmap")
+            raise UsageError("--as is empty; expected ply, points, mcap, gltf or colmap")
         if not self.colour:
             raise UsageError("--colour is empty; expected photo or classes")
         if "ply" not in self.formats and self.colour != ("photo",):
@@ -106,6 +107,8 @@ class Export:
                 framed = self._framed(scene, name, up)
                 if name == "ply":
                     files += self._write_ply(folder, framed, keep)
+                elif name == "gltf":
+                    files.append(self._write_gltf(folder, framed, keep))
                 elif name == "colmap":
                     files.append(self._write_colmap(folder, framed, keep, notes))
                 else:
@@ -153,6 +156,14 @@ class Export:
             names.append("semantics.ply")
         return [ExportedFile(name, framed, len(part.gaussians)) for name in names]
 
+    def _write_gltf(self, folder: Path, framed: FramedScene, keep: Bool[Tensor, " g"]) -> ExportedFile:
+        """Write gaussians.glb."""
+        from semgs.export.gltf import save_gltf
+        from semgs.export.record import ExportedFile
+
+        save_gltf(folder / "gaussians.glb", framed.scene, keep)
+        return ExportedFile("gaussians.glb", framed, int(keep.sum()))
+
     def _write_points(self, folder: Path, name: Format, framed: FramedScene, keep: Bool[Tensor, " g"]) -> ExportedFile:
         """Write points.ply or points.mcap."""
         from semgs.export.points import points_of, save_bag, save_points
@@ -189,7 +200,7 @@ class Export:
         else:
             images.mkdir()
             copy_photos(images, framed.scene, photos)
-        return ExportedFile("colmap/", framed, int(keep.sum()))
+        return ExportedFile("colmap", framed, int(keep.sum()))
 
     def _print(self, files: list[ExportedFile], notes: list[str]) -> None:
         """Print the files and the notes."""
@@ -197,7 +208,7 @@ class Export:
 
         rows = []
         for file in files:
-            what = "Gaussians" if file.name in ("gaussians.ply", "semantics.ply") else "points"
+            what = "points" if file.name.startswith(("points", "colmap")) else "Gaussians"
             up = "in the scene's coordinates" if file.framed.axes is None else f"up is {file.framed.axes.upper()}"
             rows.append((str(self.out / file.name), f"{file.count:,} {what}, {up}"))
         rows.append((str(self.out / FILE_NAME), "the matrices back to the scene's coordinates"))

@@ -45,13 +45,13 @@ def test_every_format_has_its_own_up_and_leads_back_to_the_scene(
     trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("rosbags")
     capsys.readouterr()
-    options = ("--as", "ply", "points", "mcap", "colmap", "--colour", "photo", "classes", "--up=-y")
+    options = ("--as", "ply", "points", "mcap", "gltf", "colmap", "--colour", "photo", "classes", "--up=-y")
     record = export(done, tmp_path / "out", *options)
     shown = capsys.readouterr().out
-    names = ["gaussians.ply", "semantics.ply", "points.ply", "points.mcap", "colmap"]
+    names = ["gaussians.ply", "semantics.ply", "points.ply", "points.mcap", "gaussians.glb", "colmap"]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {".semgs", "export.json", *names}
     assert [(file["name"], file["up"]) for file in record["files"]] == list(
-        zip(names, ("-y", "-y", "z", "z", "-y"), strict=True)
+        zip(names, ("-y", "-y", "z", "z", "y", "-y"), strict=True)
     )
     for name in names:
         assert str(tmp_path / "out" / name) in shown
@@ -62,6 +62,8 @@ def test_every_format_has_its_own_up_and_leads_back_to_the_scene(
     assert np.abs(in_scene(record, "gaussians.ply", splats) - means).max() < 1e-5
     assert np.abs(in_scene(record, "points.ply", cloud) - means).max() < 1e-5
     assert read_ply(tmp_path / "out" / "gaussians.ply").means.median(0).values.abs().max() < 1e-5
+    (mesh,) = trimesh.load(tmp_path / "out" / "gaussians.glb").geometry.values()
+    assert np.abs(in_scene(record, "gaussians.glb", mesh.vertices) - means).max() < 1e-5
     # Up is -y in the scene, -y in the PLY and z among the points.
     assert np.allclose(np.diff(-splats[:, 1]), np.diff(cloud[:, 2]), atol=1e-5)
     assert np.allclose(np.diff(-means[:, 1]), np.diff(cloud[:, 2]), atol=1e-5)

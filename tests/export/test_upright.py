@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from semgs.data.classes import SCANNET20
+from semgs.data.scenes import open_scene
 from semgs.export.own_views import lines, own_colours
 from semgs.export.scene import SavedScene
 from semgs.export.upright import Up, in_own_frame, up_of, upright
@@ -14,6 +15,8 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rigid import cameras_in, gaussians_in
 from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.rooms.sets.demo import demo_scene
+from semgs.weights.load import load
 
 DOWN = 30.0
 """Pitch of the cameras below the horizon [degrees]."""
@@ -194,3 +197,22 @@ def test_a_direction_that_was_found_once_serves_every_file() -> None:
     scene, _ = tilt(scene_of(looking(0), looking(25)))
     found = up_of(scene)
     assert upright(scene, "y", found).file_from_source.equal(upright(scene, "y").file_from_source)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_up_of_the_demo_room_is_within_3_degrees(demo: SavedScene, turned: bool) -> None:
+    scene, up = tilt(demo) if turned else (demo, torch.tensor([0, 0, 1.0], dtype=torch.float64))
+    mean = -scene.cameras.world_from_camera[:, :3, 1].sum(0)
+    assert off_degrees(mean / mean.norm(), up) > 3.5
+    found = up_of(scene)
+    assert found.certain
+    assert off_degrees(found.direction, up) < 3
+
+
+@pytest.fixture(scope="module")
+def demo() -> SavedScene:
+    """The included room from two views, by the included weights."""
+    scene = open_scene(demo_scene())
+    views = scene.read([2, 5], (240, 320))
+    with torch.no_grad():
+        return SavedScene.of(load("small")(views), views, unit="metric")
