@@ -19,6 +19,7 @@ import tiny_models
 import torch
 from PIL import Image
 
+from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.segmenters.huggingface import ClipSeg, Pretrained, licence_of
 from semgs.segmenters.opening import network, open_segmenter
@@ -129,6 +130,7 @@ def test_words_and_none_of_these_share_a_softmax(written):
     np.testing.assert_allclose(found[:3], raised / (1 + raised.sum(0)), atol=1e-4)
     np.testing.assert_allclose(found[3], 1 / (1 + raised.sum(0)), atol=1e-4)
     assert segmenter.classes.names == ("Mug", "power socket", "chair", "none of these")
+    assert segmenter.classes.colours[2:] == (SCANNET20.colours[4], (205, 205, 205)), "a chair's, and grey"
     assert found.std(axis=(1, 2)).max() > 1e-2
 
 
