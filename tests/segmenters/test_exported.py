@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 import torch
 
 from semgs.files.errors import InputError
-from semgs.segmenters.exported import Exported, open_exported
+from semgs.segmenters.exported import Exported, open_exported, read_description
 from semgs.segmenters.opening import network
 
 WEIGHT = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, -1, 0.25]])
@@ -144,6 +145,16 @@ def test_the_record_names_file_hashes_and_licence(tmp_path):
     assert other.digest.split()[0] == made_by.digest.split()[0]
     assert other.digest.split()[1] != made_by.digest.split()[1]
     assert other.licence == "unknown"
+
+
+def test_the_descriptions_in_the_docs_are_valid(tmp_path):
+    page = (Path(__file__).parents[2] / "docs/segmenters.md").read_text()
+    found = re.findall(r'^ +\{"size".*?\}$', page, re.DOTALL | re.MULTILINE)
+    counts = []
+    for number, text in enumerate(found):
+        (path := tmp_path / f"{number}.json").write_text(text)
+        counts.append(len(read_description(path).classes))
+    assert counts == [3, 32]
 
 
 @pytest.mark.parametrize(
