@@ -11,6 +11,8 @@ STAMP := .venv/complete
 UNFINISHED := .venv/unfinished
 # There when scenezoo is installed too, without what it requires: a second reader of .sens files, which only one test needs.
 SECOND_READER := .venv/second_reader
+# There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
+NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
 
 .PHONY: help setup demo test long gpu bench mutants check format anew
 .DEFAULT_GOAL := help
@@ -54,7 +56,10 @@ $(SECOND_READER): $(STAMP)
 	$(PIP) --no-deps scenezoo
 	@touch $(SECOND_READER)
 
-long: setup $(SECOND_READER)
+$(NODE_PROGRAMS): tests/node/package.json tests/node/package-lock.json
+	@if command -v npm >/dev/null; then npm ci --prefix tests/node --ignore-scripts --no-audit --no-fund && touch $@; fi
+
+long: setup $(SECOND_READER) $(NODE_PROGRAMS)
 	$(BIN)/pytest -m 'long'
 
 gpu: setup

@@ -707,6 +707,22 @@ MUTANTS = (
         "a PLY holds its harmonics coefficient by coefficient", "semgs/export/ply.py",
         "full[:, 1:].mT.flatten(1)", "full[:, 1:].flatten(1)", ("tests/export/test_ply.py",),
     ),
+    Mutant(
+        "glTF has quaternions with w first", "semgs/export/gltf.py",
+        "quaternions.roll(-1, dims=-1)", "quaternions", ("tests/export/test_gltf.py",),
+    ),
+    Mutant(
+        "glTF has the logarithm of scales", "semgs/export/gltf.py",
+        "gaussians.colour.scales,", "gaussians.colour.scales.log(),", ("tests/export/test_gltf.py",),
+    ),
+    Mutant(
+        "glTF counts harmonics over all degrees", "semgs/export/gltf.py",
+        "{index - degree**2}", "{index}", ("tests/export/test_gltf.py",),
+    ),
+    Mutant(
+        "the fallback colour of glTF lacks the factor of the constant harmonic", "semgs/export/gltf.py",
+        "0.5 + DEGREE_0 * harmonics[:, 0]", "0.5 + harmonics[:, 0]", ("tests/export/test_gltf.py",),
+    ),
     # Readers of data sets
     Mutant(
         "the centre of ScanNet's first pixel stays at 0", SCANNET,

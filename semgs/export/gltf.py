@@ -1,0 +1,132 @@
+"""Binary glTF (.glb) files of Gaussians, with the extension KHR_gaussian_splatting.
+
+One mesh of one primitive of points; every attribute is a float32 array of its own, except for COLOR_0. From the specification of the extension
+(https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Khronos/KHR_gaussian_splatting):
+
+    POSITION                                       with its bounds; glTF has y up
+    KHR_gaussian_splatting:ROTATION                unit quaternions (x, y, z, w)
+    KHR_gaussian_splatting:SCALE                   standard deviations, linear, not negative
+    KHR_gaussian_splatting:OPACITY                 0..1
+    KHR_gaussian_splatting:SH_DEGREE_d_COEF_n      harmonics (red, green, blue), in our basis; n counts the orders from -d, every degree complete
+    COLOR_0                                        the constant colour and opacity in bytes, for viewers without the extension: they show points
+
+Ours are _CLASS, the position of the likeliest class in the table, and _CONFIDENCE. glTF aligns attributes to four bytes, so a float takes no more
+space than a smaller integer. The `extras` of the mesh contain the unit and the classes with their names and colours.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from semgs._version import __version__
+from semgs.export.confidence import class_confidences
+from semgs.export.ply import DEGREE_0
+from semgs.export.scene import SavedScene
+from semgs.files.atomic import write_bytes
+
+EXTENSION = "KHR_gaussian_splatting"
+
+_POINTS = 0
+_VERTICES = 34962  # the target of a buffer view: vertex attributes
+_COMPONENTS = {"float32": 5126, "uint8": 5121}
+_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+
+
+def save_gltf(path: str | Path, scene: SavedScene, keep: Bool[Tensor, " g"] | None = None) -> None:
+    """Write the colour Gaussians with their classes as a binary glTF file, in their order.
+
+    Args:
+        path: the file, *.glb.
+        scene: upright, with y up, as `semgs.export.upright.upright(scene, "y").scene`.
+        keep: the Gaussians to write; all by default.
+
+    Raises:
+        ValueError: there are no Gaussians to write; glTF cannot express that.
+        OSError: the file cannot be written.
+    """
+    attributes = {name: values if keep is None else values[keep.numpy()] for name, values in _attributes(scene).items()}
+    if not len(attributes["POSITION"]):
+        raise ValueError("there are no Gaussians to write; a glTF file needs at least one")
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    body = b"".join(values.tobytes() for values in attributes.values())
+    start = 0
+    for values in attributes.values():
+        accessor = {
+            "bufferView": len(views),
+            "componentType": _COMPONENTS[values.dtype.name],
+            "count": len(values),
+            "type": _TYPES[values.shape[1]],
+        }
+        accessors.append(accessor | ({"normalized": True} if values.dtype == np.uint8 else {}))
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": _VERTICES})
+        start += values.nbytes
+    positions = list(attributes).index("POSITION")
+    accessors[positions]["min"] = attributes["POSITION"].min(0).tolist()
+    accessors[positions]["max"] = attributes["POSITION"].max(0).tolist()
+    primitive = {
+        "mode": _POINTS,
+        "attributes": {name: index for index, name in enumerate(attributes)},
+        "extensions": {EXTENSION: {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}},
+    }
+    content = {
+        "asset": {"version": "2.0", "generator": f"SemGS {__version__}"},
+        "extensionsUsed": [EXTENSION],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive], "extras": _extras(scene)}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(body)}],
+    }
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+    chunks = _chunk(b"JSON", text, b" ") + _chunk(b"BIN\0", body, b"\0")
+    write_bytes(path, struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
+    """The attributes of the primitive, [g n] each, rows of whole words of four bytes."""
+    gaussians, harmonics = scene.gaussians, scene.gaussians.colour.features
+    constant = (0.5 + DEGREE_0 * harmonics[:, 0]).clamp(0, 1)
+    quaternions = torch.nn.functional.normalize(gaussians.colour.quaternions.double(), dim=-1)
+    found = {
+        "POSITION": gaussians.means,
+        "COLOR_0": (torch.cat((constant, gaussians.opacities[:, None]), dim=1) * 255).round().to(torch.uint8),
+        f"{EXTENSION}:ROTATION": quaternions.roll(-1, dims=-1),
+        f"{EXTENSION}:SCALE": gaussians.colour.scales,
+        f"{EXTENSION}:OPACITY": gaussians.opacities[:, None],
+    }
+    for index in range(harmonics.shape[1]):
+        degree = int(index**0.5)
+        found[f"{EXTENSION}:SH_DEGREE_{degree}_COEF_{index - degree**2}"] = harmonics[:, index]
+    if gaussians.semantic is not None:
+        found["_CLASS"] = gaussians.semantic.features.argmax(-1)[:, None]
+    found["_CONFIDENCE"] = class_confidences(scene)[:, None]
+    return {
+        name: tensor.detach().cpu().numpy().astype("u1" if name == "COLOR_0" else "<f4")
+        for name, tensor in found.items()
+    }
+
+
+def _extras(scene: SavedScene) -> dict[str, Any]:
+    """What applications may read beside the attributes."""
+    extras: dict[str, Any] = {"unit": scene.unit}
+    if scene.classes is not None:
+        names = zip(scene.classes.names, scene.classes.colours, strict=True)
+        extras["classes"] = [{"name": name, "colour": list(colour)} for name, colour in names]
+    return extras
+
+
+def _chunk(kind: bytes, data: bytes, padding: bytes) -> bytes:
+    """A chunk of a GLB file, padded to whole words of four bytes."""
+    data += padding * (-len(data) % 4)
+    return struct.pack("<I4s", len(data), kind) + data
