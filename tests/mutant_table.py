@@ -1109,6 +1109,11 @@ MUTANTS = (
         ("tests/segmenters/test_cost.py::test_maps_of_another_network_or_of_other_classes_are_made_anew",),
     ),
     Mutant(
+        "maps of another scene's photos are taken again", "semgs/segmenters/images.py",
+        "self.earlier.photos.get(frame.name) != sha256_of(image)", "frame.name not in self.earlier.photos",
+        ("tests/segmenters/test_cost.py::test_maps_of_other_photos_with_the_same_names_are_made_anew",),
+    ),
+    Mutant(
         "a sensor's depth is a distance where the network's is one", "semgs/model/encoding.py",
         "(placed / self._z_depths(cameras))", "(placed / _lower_median(self.depths, stride))",
         ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),

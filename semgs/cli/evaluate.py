@@ -184,7 +184,10 @@ class Evaluate:
         from semgs.data.scene_lists import check_unseen, seen_before
         from semgs.weights.load import trained_scenes
 
-        said = () if labelling is None else (f"The classes are from {labelling(plan.scenes[0]).description}.",)
+        said: tuple[str, ...] = ()
+        if labelling is not None:
+            first = labelling(plan.scenes[0])
+            said = (f"The classes are from {first.description}.", *first.notes)
         if not self.weights:
             return said
         trained, tested = trained_scenes(self.weights), [scene.name for scene in plan.scenes]

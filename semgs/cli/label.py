@@ -76,6 +76,7 @@ class Label:
             from semgs.preparation.prepared_set import Reading, sources
             from semgs.segmenters.files import TABLE
             from semgs.segmenters.relabelling import relabelling
+            from semgs.segmenters.source import notes_of
 
             found = sources(self.src, read_list(self.scenes) if self.scenes else None)
             reading = Reading(self.reading.as_peers, self.reading.asked, needs_labels=False)
@@ -85,10 +86,14 @@ class Label:
             )  # fmt: skip
         # Networks use all cores by themselves, so there are no worker processes.
         index = prepared(self.out, found, Preparation(self.size, self.every), labelled, workers=0)
+        first = index["scenes"][0]
+        scene = next(labelled.reading.open(one) for one in found if one.name == first["name"])
+        for note in notes_of(labelled.source_of(scene)):
+            print(note)
         pixels = index["pixels"]
         share = 1 - pixels["ignored"] / max(1, sum(pixels.values()))
         print(f"{share:.1%} of the pixels have a label: one class is at least {self.confidence:.0%} likely")
-        table = open_scene(self.out / index["scenes"][0]["file"]).classes
+        table = open_scene(self.out / first["file"]).classes
         own = ""
         if table is not None and table != SCANNET20:
             write_json(self.out / TABLE, class_file(table))

@@ -65,7 +65,7 @@ def saved(result: Reconstruction) -> SavedScene:
         unit="metric" if result.metric else "unknown",
         frames=result.context.names,
         source=scene.name,
-        model=result.model,
+        model=result.model + (f", classes from {result.segmenter}" if result.segmenter else ""),
     )
     return replace(
         found,

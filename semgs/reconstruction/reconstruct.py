@@ -73,7 +73,7 @@ class Reconstruction:
         target: the held-out frames; None if there are none.
         notes: for the user, a sentence each.
         plan: how memory was used; None for a network that `memory_plan` does not support.
-        segmenter: where the classes come from, in a sentence; None for the model.
+        labelling: where the classes come from; None for the model.
         features: of the Gaussians; None for none.
         placed: how the Gaussians were placed at a sensor's depth; None if their depth is the model's.
     """
@@ -88,7 +88,7 @@ class Reconstruction:
     target: Shown | None
     notes: tuple[str, ...]
     plan: MemoryPlan | None = None
-    segmenter: str | None = None
+    labelling: Labelling | None = None
     features: SceneFeatures | None = None
     placed: Placed | None = None
 
@@ -111,6 +111,11 @@ class Reconstruction:
     def metric(self) -> bool:
         """Whether lengths are metres."""
         return self.scene.unit == "metric"
+
+    @property
+    def segmenter(self) -> str | None:
+        """Where the classes come from, in a sentence; None for the model."""
+        return None if self.labelling is None else self.labelling.description
 
     @property
     def depth_source(self) -> DepthSource:
@@ -202,10 +207,11 @@ def reconstruct(
             *_notes(scene, choice, context, classes),
             *(measured.notes([scene.frames[position].name for position in choice.context]) if measured else ()),
             *_note_of_memory(encoded.plan),
+            *(labelling.notes if labelling else ()),
             *(features.notes if features else ()),
         ),
         plan=encoded.plan,
-        segmenter=None if labelling is None else labelling.description,
+        labelling=labelling,
         features=features,
         placed=measured,
     )

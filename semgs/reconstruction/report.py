@@ -48,11 +48,13 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
         Link("export.json", "the matrix from the PLY files to the scene's coordinates, and the class table"),
         Link("scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"),
         Link("features.safetensors", "the features of the Gaussians, for `semgs query`"),
+        Link("segmenter/", "the segmenter's maps of the input photos, used again by --overwrite"),
         Link("renders/", f"images of every view: photo, render, {maps}{depth}, alpha"),
     ]
     absent = {
         *(() if result.classes is not None else ("semantics.ply",)),
         *(() if result.features is not None else ("features.safetensors",)),
+        *(() if result.labelling is not None and result.labelling.saves_maps else ("segmenter/",)),
     }
     return tuple(one for one in listed if one.name not in absent)
 

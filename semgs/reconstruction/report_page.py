@@ -81,8 +81,10 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
 
 def _own_lead(result: Reconstruction) -> str:
     """The text above the input views."""
-    return "The input photos, and the scene from the same cameras." + (
-        "" if result.classes is None else " Hatched: unseen (alpha below 0.5)."
+    return (
+        "The input photos, and the scene from the same cameras."
+        + ("" if result.classes is None else " Hatched: unseen (alpha below 0.5).")
+        + ("" if result.segmenter is None else f" Classes: {result.segmenter}.")
     )
 
 

@@ -119,27 +119,26 @@ class Description:
         if self.output == "class numbers":
             alone = found.shape[:-2] if self.layout == "NCHW" or found.ndim < 4 else (found.shape[0], found.shape[3])
             if found.ndim < 2 or found.dtype.kind not in "iu" or any(side != 1 for side in alone):
-                raise ValueError(f"expected whole numbers [height width], found {found.dtype} of shape {found.shape}")
+                raise ValueError(f"{found.dtype} of shape {found.shape} instead of whole numbers [height width]")
             numbers = found.reshape(found.shape[-2:] if alone == found.shape[:-2] else found.shape[1:3])
             if numbers.min() < 0 or numbers.max() >= count:
                 wrong = numbers.min() if numbers.min() < 0 else numbers.max()
-                raise ValueError(f"expected class numbers from 0 to {count - 1}, found {wrong}")
+                raise ValueError(f"class number {wrong}, outside 0 to {count - 1}")
             return one_hot(torch.from_numpy(numbers.astype(np.uint8)), count).numpy()
         axis = 1 if self.layout == "NCHW" else 3
         if found.ndim != 4 or found.shape[0] != 1 or found.shape[axis] != count:
             raise ValueError(
-                f"expected one image with {count} classes along axis {axis} ({self.layout}), found shape {found.shape}"
+                f"shape {found.shape} instead of one image with {count} classes along axis {axis} ({self.layout})"
             )
         values = torch.from_numpy(np.moveaxis(found[0], axis - 1, 0).astype(np.float32))
         if not values.isfinite().all():
-            raise ValueError(f"expected finite {self.output}")
+            raise ValueError("NaN or infinity")
         if self.output == "logits":
             return values.softmax(0).numpy()
         if values.min() < 0 or (off := float((values.sum(0) - 1).abs().max())) > SUMS_TO_1:
-            fault = (
+            raise ValueError(
                 "negative numbers" if values.min() < 0 else f"sums over the classes that are off 1 by up to {off:.2g}"
             )
-            raise ValueError(f"expected probabilities, found {fault}")
         return normalised(values).numpy()
 
 

@@ -4,7 +4,7 @@
     DIR/color/0.png             class numbers of the photo color/0.jpg, 8 bits, or
     DIR/color/0.npz             its probabilities [class height width], one array
     DIR/0.png, DIR/0.npz        the same, if no other frame of the scene has that file name without its ending
-    DIR/segmenter.json          written by semgs: which network the maps are from
+    DIR/segmenter.json          written by semgs: which network the maps are from, and a hash of each photo
 
 A map covers the whole photo as it is stored, distortion included, and may be smaller if its aspect is the same. Maps that semgs wrote are of the
 undistorted photo.
@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, final
 
@@ -38,6 +38,7 @@ from semgs.segmenters.maps import normalised, one_hot, to_view
 
 TABLE = "classes.json"
 RECORD = "segmenter.json"
+RECORDED = ("name", "digest", "licence")
 
 SUMS_TO_1 = 0.02
 """Probabilities in files sum to 1 up to this: they are often stored in half precision."""
@@ -76,12 +77,14 @@ class MapFiles:
         labels: the table, and the meaning of numbers.
         stems: how many frames of the scene have each file name, without folders and ending.
         made_by: the network that semgs made them with; None for maps from elsewhere, which are of the photos as stored.
+        photos: for each frame whose map semgs made, the hash of its undistorted photo.
     """
 
     folder: Path
     labels: LabelSet
     stems: Counter[str]
     made_by: MadeBy | None = None
+    photos: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def opened(cls, folder: Path, scene: Scene, table: Path | None = None) -> MapFiles:
@@ -99,7 +102,9 @@ class MapFiles:
         labels = read_class_file((table or folder) / TABLE)
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
-        return cls(folder, labels, stems, _made_by(folder) or _made_by(table or folder))
+        record = _record(folder) or _record(table or folder)
+        made_by = MadeBy(*(record[name] for name in RECORDED)) if record else None
+        return cls(folder, labels, stems, made_by, record.get("photos", {}))
 
     @property
     def title(self) -> str:
@@ -221,15 +226,23 @@ def save_table(folder: Path, classes: ClassTable, made_by: MadeBy) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / TABLE, class_file(classes))
-    write_json(folder / RECORD, asdict(made_by))
+    write_json(folder / RECORD, {**asdict(made_by), "photos": {}})
 
 
-def save_map(folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "class rows columns"]) -> None:
+def save_map(folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "class rows columns"], photo: str) -> None:
     """Write the map of a frame's undistorted photo, in half precision.
 
+    Args:
+        folder: that `save_table` wrote.
+        frame: the frame.
+        probabilities: the map.
+        photo: hash of the undistorted photo.
+
     Raises:
-        OSError: the file cannot be written.
+        OSError: a file cannot be written.
     """
+    record = _record(folder)
+    write_json(folder / RECORD, {**record, "photos": {**record["photos"], frame.name: photo}})
     path = folder / PurePosixPath(frame.name).with_suffix(".npz")
     path.parent.mkdir(parents=True, exist_ok=True)
     file = io.BytesIO()
@@ -237,17 +250,18 @@ def save_map(folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "cla
     write_bytes(path, file.getbuffer())
 
 
-def _made_by(folder: Path) -> MadeBy | None:
-    """The record in a folder; None if there is none.
+def _record(folder: Path) -> dict[str, Any]:
+    """The record in a folder: name, digest and licence of the network, and hashes of photos; empty if there is none.
 
     Raises:
         InputError: it is not one.
     """
     path = folder / RECORD
     if not path.is_file():
-        return None
+        return {}
     found: Any = read_json(path, "the record of a segmenter")
-    names = ("name", "digest", "licence")
-    if not isinstance(found, dict) or not all(isinstance(found.get(name), str) for name in names):
-        raise InputError(path, f"an object with {', '.join(names)}", f"{found!r:.60}")
-    return MadeBy(*(found[name] for name in names))
+    if not isinstance(found, dict) or not all(isinstance(found.get(name), str) for name in RECORDED):
+        raise InputError(path, f"an object with {', '.join(RECORDED)}", f"{found!r:.60}")
+    if not isinstance(found.get("photos", {}), dict):
+        raise InputError(path, "an object", f"{found['photos']!r:.60}", key="photos")
+    return found

@@ -6,6 +6,7 @@ code that comes with a model is never run.
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -190,12 +191,17 @@ def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
                 trust_remote_code=False,
                 local_files_only=True,
                 output_loading_info=True,
+                ignore_mismatched_sizes=True,  # they are refused by name below
                 dtype=torch.float32,
             )
         if report["missing_keys"]:
             raise InputError(
                 folder, f"all weights of {KNOWN[kind]}", f"none for {listed(sorted(report['missing_keys']), 3)}"
             )
+        if report["mismatched_keys"]:
+            name, found, expected = min(report["mismatched_keys"])
+            shapes = [" x ".join(map(str, shape)) for shape in (expected, found)]
+            raise InputError(folder, f"{name} of {shapes[0]}, as {CONFIG} says", shapes[1])
         with _loads(folder, "a processor of images"):
             processor = _processor(folder, kind, model.config, transformers)
     if fault := _fault(processor):
@@ -399,14 +405,16 @@ def _loads(folder: Path, expected: str) -> Iterator[None]:
 
 @contextmanager
 def _quiet(transformers: Any) -> Iterator[None]:
-    """Without progress bars and warnings of transformers."""
-    log = transformers.utils.logging
-    level, bars = log.get_verbosity(), log.is_progress_bar_enabled()
+    """Without progress bars and warnings of transformers, or of the hub's library, which reports each of its retries."""
+    log, hub = transformers.utils.logging, logging.getLogger("huggingface_hub")
+    level, bars, of_hub = log.get_verbosity(), log.is_progress_bar_enabled(), hub.level
     log.set_verbosity_error()
     log.disable_progress_bar()
+    hub.setLevel(logging.ERROR)
     try:
         yield
     finally:
+        hub.setLevel(of_hub)
         log.set_verbosity(level)
         if bars:
             log.enable_progress_bar()

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.data.frames import Frame
+from semgs.files.hashes import sha256_of
 from semgs.segmenters.cost import Cost, measured
 from semgs.segmenters.files import MadeBy, MapFiles, save_map
 from semgs.segmenters.maps import to_view
@@ -50,7 +51,7 @@ class Photos:
     Attributes:
         segmenter: the network.
         save: folder to write its maps to; None for nowhere.
-        earlier: maps from an earlier run of the same network, which are not computed again; None if there are none.
+        earlier: maps from an earlier run of the same network, which are not computed again for the same photos; None if there are none.
     """
 
     segmenter: Segmenter
@@ -83,27 +84,35 @@ class Photos:
         Raises:
             InputError: the photo cannot be read, or an earlier map is damaged.
         """
-        stored = self._stored(frame)
+        image = frame.read_undistorted()
+        stored = self._stored(frame, image)
         if stored is not None and self.earlier is not None:
             found = self.earlier.probabilities(stored, frame)
         else:
-            found = self.segmenter(frame.read_undistorted())
+            found = self.segmenter(image)
         if self.save is not None:
-            save_map(self.save, frame, found)
+            save_map(self.save, frame, found, sha256_of(image))
         return to_view(found, frame, size, undistorted=True)
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:
         """What the network takes for the frames without an earlier map: that of a grey image of the largest size, for each of them.
 
         Raises:
-            InputError: the network cannot take the image.
+            InputError: the network cannot take the image, or a photo cannot be read.
         """
-        sizes = [frame.lens.size for frame in frames if self._stored(frame) is None]
-        if not sizes:
+        left = [frame for frame in frames if self.earlier is None or not self._stored(frame, frame.read_undistorted())]
+        if not left:
             return None
-        grey = np.full((*max(sizes, key=math.prod), 3), 128, np.uint8)
-        return measured(lambda: self.segmenter(grey)).times(len(sizes))
+        grey = np.full((*max((frame.lens.size for frame in left), key=math.prod), 3), 128, np.uint8)
+        return measured(lambda: self.segmenter(grey)).times(len(left))
 
-    def _stored(self, frame: Frame) -> Path | None:
-        """The earlier map of a frame; None if there is none."""
-        return None if self.earlier is None else self.earlier.path_of(frame)
+    def _stored(self, frame: Frame, image: UInt8[np.ndarray, "h w 3"]) -> Path | None:
+        """The earlier map of a frame; None if there is none, or if the photo was another one then.
+
+        Args:
+            frame: the frame.
+            image: its undistorted photo.
+        """
+        if self.earlier is None or self.earlier.photos.get(frame.name) != sha256_of(image):
+            return None
+        return self.earlier.path_of(frame)

@@ -13,7 +13,8 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.model.encoding import Encoding
 from semgs.segmenters.fusion import LEAST, fused
-from semgs.segmenters.source import Source, distributions
+from semgs.segmenters.images import Photos
+from semgs.segmenters.source import Source, Translated, distributions, notes_of
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,17 @@ class Labelling:
         """Where the classes come from, in a sentence."""
         voters = f"{self.source.title}{', and the model' if self.own else ''}"
         return f"{voters}; {'fused over the input views' if self.fusion else 'each input view for itself'}"
+
+    @property
+    def saves_maps(self) -> bool:
+        """Whether the maps of a network are saved."""
+        source = self.source.source if isinstance(self.source, Translated) else self.source
+        return isinstance(source, Photos) and source.save is not None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """As `notes_of` the source."""
+        return notes_of(self.source)
 
     def __call__(self, encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views) -> Encoding:
         """The encoding of frames of a scene, with these classes.

@@ -111,8 +111,7 @@ def scannet20_of(names: Sequence[str]) -> Correspondence:
             unknown.append(name)
     if len(names) - len(unknown) < LEAST_KNOWN * len(names):
         raise ValueError(
-            f"{len(unknown)} of {len(names)} class names are unknown ({', '.join(unknown[:10])}{', ...' if len(unknown) > 10 else ''}); "
-            "expected at least half of them among the names of ADE20K, COCO or NYU40. Keep the model's own classes instead"
+            f"{len(unknown)} of {len(names)} class names are unknown ({', '.join(unknown)}); at least half must be known"
         )
     return Correspondence(table, SCANNET20, tuple(unknown))
 

@@ -175,5 +175,5 @@ def _correspondence(name: str | Path, classes: ClassTable) -> Correspondence:
     Raises:
         InputError: less than half of the names are known.
     """
-    with input_error(str(name), "class names that mean ScanNet's 20 classes", advice="use --classes own"):
+    with input_error(str(name), "class names of ADE20K, COCO or NYU40", advice="use --classes own"):
         return scannet20_of(classes.names)

@@ -103,6 +103,17 @@ class Translated:
         return cost_of(self.source, frames)
 
 
+def notes_of(source: Source) -> tuple[str, ...]:
+    """What the user should know about a source, a sentence each: which of its class names are unknown."""
+    if not isinstance(source, Translated) or not source.correspondence.unknown:
+        return ()
+    unknown, names = source.correspondence.unknown, source.source.classes.names
+    return (
+        f"{len(unknown)} of the {len(names)} class names of {source.title} are unknown, so they say nothing about the scene's "
+        f"classes: {', '.join(unknown)}.",
+    )
+
+
 def distributions(
     source: Source, scene: Scene, positions: Sequence[int], size: Sequence[int]
 ) -> Float[Tensor, "v class h w"]:

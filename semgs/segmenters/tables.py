@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import colorsys
 from collections.abc import Sequence
+from dataclasses import replace
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
 
 GOLDEN = 0.618034
 """Step between hues, so that neighbours in a table differ."""
 
-
 NOTHING = "none of these"
 """The class of pixels that no word of a user describes."""
+
+GREY = (205, 205, 205)
+"""Its colour, so that the words stand out."""
 
 
 def table_of(name: str, names: Sequence[str]) -> ClassTable:
@@ -42,7 +45,8 @@ def table_of_words(words: Sequence[str]) -> ClassTable:
         raise ValueError(f"expected different words, found {twice!r} twice")
     if not 0 < len(plain) < IGNORE:
         raise ValueError(f"expected 1 to {IGNORE - 1} words, found {len(plain)}")
-    return table_of("words", (*words, NOTHING))
+    found = table_of("words", (*words, NOTHING))
+    return replace(found, colours=(*found.colours[:-1], GREY))
 
 
 def _colour(place: int) -> tuple[int, int, int]:

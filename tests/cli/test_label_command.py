@@ -76,6 +76,19 @@ def test_scenes_get_the_segmenters_labels_and_the_command_that_learns_from_them(
     assert label(scans, out, "--segmenter", maps, "--confidence", "0.65", "--classes", "own") == 0, "nothing to resume"
 
 
+def test_names_that_are_unknown_are_counted(
+    scans: Path, maps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (maps / "attic/images/001.npz").unlink()
+    renamed = {"name": "few", "classes": [{"name": one, "colour": [1, 2, 3]} for one in ("wall", "gizmo")]}
+    (maps / "classes.json").write_text(json.dumps(renamed))
+    assert label(scans, tmp_path / "out", "--segmenter", maps) == 0
+    shown = capsys.readouterr().out
+    assert "left out: attic" in shown
+    assert "1 of the 2 class names of " in shown
+    assert "made by net.onnx (licence MIT) are unknown, so they say nothing about the scene's classes: gizmo." in shown
+
+
 def test_a_correspondence_says_what_the_classes_mean(scans: Path, maps: Path, tmp_path: Path):
     table = np.zeros((2, 20), np.float32)
     table[0, [1, 4]], table[1, 4] = (0.9, 0.1), 1

@@ -75,6 +75,10 @@ def test_a_second_run_takes_the_maps_of_the_first(
     first = semgs.load_scene(out / "scene.safetensors")
     assert first.classes is not None
     assert first.classes.name == "scannet20"
+    assert first.model == "small, classes from net.onnx (licence MIT); fused over the input views"
+    page = (out / "report.html").read_text()
+    assert "Classes: net.onnx (licence MIT); fused over the input views." in page
+    assert 'href="segmenter/"' in page
     saved = {path.name for path in (out / "segmenter").rglob("*") if path.is_file()}
     assert saved == {"000.npz", "003.npz", "classes.json", "segmenter.json"}
 
@@ -129,5 +133,21 @@ def test_an_answer_outside_the_table_ends_with_one_line_and_nothing_is_written(
     described(network, classes=["floor", "chair", "table"])
     assert main(command(room, tmp_path / "out", "--segmenter", str(network))) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "net.onnx: expected logits that fit net.json, found expected one image with 3 classes" in line
+    assert (
+        "net.onnx: expected logits that fit net.json, found shape (1, 2, 48, 64) instead of one image with 3 classes"
+        in line
+    )
     assert not (tmp_path / "out").exists()
+
+
+def test_unknown_class_names_are_counted_in_a_note(
+    room: Path, network: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "out"
+    described(network, classes=["floor", "gizmo"])
+    assert main(command(room, out, "--segmenter", str(network))) == 0
+    note = "1 of the 2 class names of net.onnx (licence MIT) are unknown, so they say nothing about the scene's classes: gizmo."
+    assert f"note      {note}" in capsys.readouterr().out
+    assert note in json.loads((out / "report.json").read_text())["notes"]
+    assert main([*command(room, out, "--segmenter", str(network)), "--classes", "own", "--overwrite"]) == 0
+    assert "unknown, so they" not in capsys.readouterr().out

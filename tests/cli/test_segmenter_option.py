@@ -57,7 +57,9 @@ def test_a_scene_has_the_classes_of_the_maps_with_every_network(
     assert (out / "semantics.ply").is_file()
     told = capsys.readouterr().out
     assert f"classes   {maps}; fused over the input views" in told
-    assert "Classes from" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "Classes from" in page
+    assert 'href="segmenter/"' not in page, "there are no maps of a network"
 
 
 @pytest.mark.parametrize(

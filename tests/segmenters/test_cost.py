@@ -8,6 +8,7 @@ from time import sleep
 
 import numpy as np
 import pytest
+from PIL import Image
 from scenes_on_disk import SIZE, write_labelled
 
 from semgs.data.classes import ClassTable
@@ -73,3 +74,16 @@ def test_maps_of_another_network_or_of_other_classes_are_made_anew(tmp_path: Pat
     Opened(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
     Opened(other).source(scene, earlier=tmp_path / "maps").of(scene.frames[0], SIZE)
     assert len(other.images) == 1
+
+
+def test_maps_of_other_photos_with_the_same_names_are_made_anew(tmp_path: Path):
+    """The output folder may have been another scene's before."""
+    scene = open_scene(write_labelled(tmp_path / "scene", 3))
+    Opened(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
+    photo = tmp_path / "scene" / scene.frames[0].name
+    Image.fromarray(255 - np.asarray(Image.open(photo))).save(photo)
+    network = Slow()
+    later = Opened(network).source(scene, earlier=tmp_path / "maps")
+    assert cost_of(later, scene.frames[:1]) is not None
+    later.of(scene.frames[0], SIZE)
+    assert len(network.images) == 2, "a grey image, and the photo"

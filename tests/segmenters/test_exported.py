@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 import torch
 
 from semgs.files.errors import InputError
-from semgs.segmenters.exported import Exported, open_exported
+from semgs.segmenters.exported import Exported, open_exported, read_description
 from semgs.segmenters.opening import network
 
 WEIGHT = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, -1, 0.25]])
@@ -146,6 +147,16 @@ def test_the_record_names_file_hashes_and_licence(tmp_path):
     assert other.licence == "unknown"
 
 
+def test_the_descriptions_in_the_docs_are_valid(tmp_path):
+    page = (Path(__file__).parents[2] / "docs/segmenters.md").read_text()
+    found = re.findall(r'^ +\{"size".*?\}$', page, re.DOTALL | re.MULTILINE)
+    counts = []
+    for number, text in enumerate(found):
+        (path := tmp_path / f"{number}.json").write_text(text)
+        counts.append(len(read_description(path).classes))
+    assert counts == [3, 32]
+
+
 @pytest.mark.parametrize(
     ("changed", "expected"),
     [
@@ -189,11 +200,11 @@ def test_another_number_type_than_the_file_has_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("output", "kind", "changed", "expected"),
     [
-        ("logits", "float32", {"classes": NAMES[:3]}, "expected one image with 3 classes along axis 1 (NCHW), found shape (1, 4, 4, 6)"),
-        ("numbers", "int64", {"classes": NAMES[:1], "output": "class numbers"}, "expected class numbers from 0 to 0, found 3"),
-        ("logits", "float32", {"output": "class numbers"}, "expected whole numbers [height width], found float32 of shape (1, 4, 4, 6)"),
-        ("logits", "float32", {"output": "probabilities"}, "expected probabilities, found negative numbers"),
-        ("numbers", "int64", {}, "expected one image with 4 classes"),
+        ("logits", "float32", {"classes": NAMES[:3]}, "found shape (1, 4, 4, 6) instead of one image with 3 classes along axis 1 (NCHW)"),
+        ("numbers", "int64", {"classes": NAMES[:1], "output": "class numbers"}, "found class number 3, outside 0 to 0"),
+        ("logits", "float32", {"output": "class numbers"}, "found float32 of shape (1, 4, 4, 6) instead of whole numbers [height width]"),
+        ("logits", "float32", {"output": "probabilities"}, "found negative numbers"),
+        ("numbers", "int64", {}, "instead of one image with 4 classes"),
     ],
 )  # fmt: skip
 def test_an_answer_that_is_not_as_described_is_refused(tmp_path, output, kind, changed, expected):
@@ -208,7 +219,7 @@ def test_logits_that_are_not_finite_are_refused(tmp_path):
     onnx_writer.write_pixelwise(
         path, WEIGHT * 3e38, BIAS, shape=(1, 3, *SIZE), outputs={"logits": "float32"}, dtype="float32"
     )
-    with pytest.raises(InputError, match="expected finite logits"):
+    with pytest.raises(InputError, match="found NaN or infinity"):
         open_exported(path)(np.full((*SIZE, 3), 255, np.uint8))
 
 

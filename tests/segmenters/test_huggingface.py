@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+import logging.handlers
 import math
 import re
 import shutil
@@ -17,6 +19,7 @@ import tiny_models
 import torch
 from PIL import Image
 
+from semgs.data.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.segmenters.huggingface import ClipSeg, Pretrained, licence_of
 from semgs.segmenters.opening import network, open_segmenter
@@ -127,6 +130,7 @@ def test_words_and_none_of_these_share_a_softmax(written):
     np.testing.assert_allclose(found[:3], raised / (1 + raised.sum(0)), atol=1e-4)
     np.testing.assert_allclose(found[3], 1 / (1 + raised.sum(0)), atol=1e-4)
     assert segmenter.classes.names == ("Mug", "power socket", "chair", "none of these")
+    assert segmenter.classes.colours[2:] == (SCANNET20.colours[4], (205, 205, 205)), "a chair's, and grey"
     assert found.std(axis=(1, 2)).max() > 1e-2
 
 
@@ -251,7 +255,7 @@ def without_a_weight(folder: Path) -> None:
         (lambda model: edited(model / "config.json", model_type="bert"), "config.json: model_type: expected a segmenter: segformer, upernet"),
         (lambda model: edited(model / "config.json", architectures=["SegformerForImageClassification"]), "config.json: architectures: expected a segmenter: SegformerForSemanticSegmentation, found ['SegformerForImageClassification']"),
         (lambda model: edited(model / "config.json", id2label=dict.fromkeys("01234", "wall")), "config.json: id2label: expected a table of classes, found class table model has a class name twice"),
-        (lambda model: edited(model / "config.json", decoder_hidden_size=24), ": expected SegformerForSemanticSegmentation, found"),
+        (lambda model: edited(model / "config.json", decoder_hidden_size=24), ": expected decode_head.batch_norm.bias of 24, as config.json says, found 16"),
         (lambda model: edited(model / "preprocessor_config.json", do_center_crop=True), ": expected a processor of images that keeps the whole image, found do_center_crop"),
         (lambda model: (model / "config.json").write_text("{"), "config.json: expected the configuration of a model"),
         (lambda model: (model / "config.json").write_text("[]"), "config.json: expected an object, found []"),
@@ -313,6 +317,25 @@ def offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_without_a_network_the_error_says_what_to_fetch_by_hand(offline):
     with pytest.raises(InputError, match=r"hf:owner/name: expected a model that can be downloaded, found .*https://huggingface.co/owner/name by other means and name its folder: --segmenter FOLDER"):  # fmt: skip
         network("hf:owner/name")
+
+
+def test_retries_of_the_download_are_not_shown(monkeypatch: pytest.MonkeyPatch):
+    """The library of the hub retries for half a minute without a network, and warns each time."""
+    import transformers
+
+    log, shown = logging.getLogger("huggingface_hub.utils._http"), logging.handlers.BufferingHandler(9)
+    monkeypatch.setattr(log, "handlers", [shown])
+
+    def failing(*_: object, **__: object) -> str:
+        log.warning("Retrying in 1s")
+        raise OSError("no connection")
+
+    monkeypatch.setattr(transformers.utils, "cached_file", failing)
+    with pytest.raises(InputError, match="found no connection"):
+        network("hf:owner/name")
+    assert shown.buffer == []
+    log.warning("later")
+    assert [record.getMessage() for record in shown.buffer] == ["later"]
 
 
 @pytest.mark.parametrize("name", ["hf:name", "hf:owner/name/more", "hf:owner/name@", "hf:../name", "hf:"])

@@ -70,9 +70,10 @@ def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scen
     made = MadeBy("net.onnx", "abc", "Apache-2.0")
     save_table(tmp_path / "out", table_of("net", ("wall", "chair")), made)
     given = np.stack((np.full((6, 8), 0.25, np.float32), np.full((6, 8), 0.75, np.float32)))
-    save_map(tmp_path / "out", scene.frames[2], given)
+    save_map(tmp_path / "out", scene.frames[2], given, "0f")
     maps = MapFiles.opened(tmp_path / "out", scene)
     assert maps.made_by == made
+    assert maps.photos == {scene.frames[2].name: "0f"}
     assert maps.title == f"{tmp_path / 'out'}, made by net.onnx (licence Apache-2.0)"
     assert maps.classes.colours == (SCANNET20.colours[0], SCANNET20.colours[4])
     torch.testing.assert_close(maps.of(scene.frames[2], SIZE)[1], torch.full(SIZE, 0.75))

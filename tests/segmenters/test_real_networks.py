@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -87,3 +88,18 @@ def test_a_real_scene_gets_its_classes(shared: Path, tmp_path: Path, capsys: pyt
     assert shares[scene.classes.index("table")] > 0.4
     assert shares[scene.classes.index("chair")] > 0.05
     assert shares[scene.classes.index("floor")] > 0.05
+
+
+def test_a_student_of_a_network_names_its_teacher(
+    shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+):
+    path, taught, run = beside(shared, tmp_path, name), str(tmp_path / "taught"), tmp_path / "run"
+    office = str(shared / "data/hololens_office")
+    assert main(["label", office, taught, "--segmenter", str(path), "--size", "96x128", "--every", "2"]) == 0
+    share = float(re.search(r"([\d.]+)% of the pixels have a label", capsys.readouterr().out)[1])
+    assert 50 < share < 95
+    command = ["train", "small", "--init", "small", "--data", taught, "--out", str(run), "--steps", "1", "--batch", "1"]
+    assert main(command) == 0
+    capsys.readouterr()
+    assert main(["weights", str(run / "weights.safetensors")]) == 0
+    assert f"labels by {name}.tflite (licence Apache-2.0)" in capsys.readouterr().out

@@ -85,7 +85,8 @@ def test_the_divergence_of_an_undecided_head_is_what_the_teacher_knows():
 
 def test_a_teacher_in_the_home_folder(scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    teacher = teacher_of(replace(presets.small(), teacher="~/teacher"))
+    single = replace(presets.small(), supervision="pictures", contexts=(1, 1), targets=0, teacher="~/teacher")
+    teacher = teacher_of(single)
     assert teacher is not None
     assert teacher.folder == tmp_path / "teacher"
 
