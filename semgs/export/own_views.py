@@ -18,6 +18,9 @@ SHORTEST_PX = 8.0
 ENLARGED = 2
 """The detector sees images with one pixel for each Gaussian, enlarged by this: it smooths them first."""
 
+OFFSET_PX = 0.5 / 0.8
+"""The detector shrinks images to 0.8 of their size and counts from the centre of the first pixel there."""
+
 
 def own_grid(scene: SavedScene) -> tuple[int, int, int]:
     """(views, rows, columns) of the Gaussians of a complete scene."""
@@ -58,8 +61,7 @@ def lines(scene: SavedScene) -> Float64[Tensor, "n 3"]:
         segments = detector.detect(grey)[0]
         if segments is None:
             continue
-        # In the detector's pixels, the centre of the first one is (0, 0).
-        ends = torch.from_numpy(np.asarray(segments, np.float64).reshape(-1, 2, 2) + 0.5) * (stride / ENLARGED)
+        ends = torch.from_numpy(np.asarray(segments, np.float64).reshape(-1, 2, 2) + OFFSET_PX) * (stride / ENLARGED)
         lengths = (ends[:, 0] - ends[:, 1]).norm(dim=-1)
         ends, lengths = ends[lengths >= SHORTEST_PX], lengths[lengths >= SHORTEST_PX]
         rays = torch.nn.functional.pad(ends, (0, 1), value=1.0) @ torch.linalg.inv(scene.cameras.intrinsics[view]).T

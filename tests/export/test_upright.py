@@ -173,6 +173,17 @@ def test_a_stripe_on_a_wall_lies_in_the_plane_of_its_line() -> None:
     assert upright_ones.double().mean() > 0.6
 
 
+def test_an_edge_between_two_columns_is_a_line_between_them() -> None:
+    scene = scene_of(looking(40), finer=8)
+    dark = torch.arange(scene.cameras.size[1]).expand(scene.cameras.size).reshape(-1) < 90
+    features = torch.where(dark[:, None, None], -1.5, 1.5).expand(-1, 1, 3)
+    changed = replace(scene.gaussians, colour=replace(scene.gaussians.colour, features=features))
+    (normal,) = lines(replace(scene, gaussians=changed)) @ scene.cameras.world_from_camera[0, :3, :3]
+    k = scene.cameras.intrinsics[0]
+    assert abs(normal[1] / normal[0]) < 1e-3, "it is parallel to the image's y axis"
+    assert k[0, 2] - k[0, 0] * normal[2] / normal[0] == pytest.approx(90, abs=0.1)
+
+
 def test_each_gaussian_has_the_colour_that_its_own_view_sees() -> None:
     scene = scene_of(looking(20), looking(65))
     features = torch.zeros(len(scene.gaussians), 4, 3)
