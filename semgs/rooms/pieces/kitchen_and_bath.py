@@ -151,7 +151,9 @@ def island(rng: np.random.Generator) -> Piece:
     parts += fronts(rng, own, body, grid)
     if rng.random() < 0.4:
         parts += [
-            block(own, body, (x + 0.02, back - 0.015, 0.1), (x + (width - 2 * ends) / columns - 0.02, back, over - 0.06))
+            block(
+                own, body, (x + 0.02, back - 0.015, 0.1), (x + (width - 2 * ends) / columns - 0.02, back, over - 0.06)
+            )
             for x in np.linspace(ends, width - ends, columns + 1)[:-1]
         ]
     look, middle = rng.random(), width * rng.uniform(0.35, 0.65)
@@ -162,7 +164,9 @@ def island(rng: np.random.Generator) -> Piece:
     if 0.3 <= look < 0.45:
         glass = m.plain(rng, (0.01, 0.01, 0.012), m.Noise(fine=0.0), gloss=0.7)
         y = front - 0.56
-        parts.append(block(IGNORE, glass, (middle - 0.3, max(y, 0.05), height), (middle + 0.3, front - 0.08, height + 0.006)))
+        parts.append(
+            block(IGNORE, glass, (middle - 0.3, max(y, 0.05), height), (middle + 0.3, front - 0.08, height + 0.006))
+        )
     return Piece("island", (width, depth, height), tuple(parts), surface=height)
 
 
@@ -192,7 +196,9 @@ def wall_cabinet(rng: np.random.Generator, width: float) -> Piece:
     """A cabinet with glazed doors and crockery, to hang on a wall; z = 0 is its lower edge."""
     body = m.carpentry(rng) if rng.random() < 0.6 else m.lacquer(rng)
     depth, height = rng.uniform(0.29, 0.36), rng.uniform(0.55, 0.85)
-    return Piece("wall cabinet", (width, depth + 0.02, height), tuple(_glazed(rng, body, (0, 0, 0), (width, depth, height))))
+    return Piece(
+        "wall cabinet", (width, depth + 0.02, height), tuple(_glazed(rng, body, (0, 0, 0), (width, depth, height)))
+    )
 
 
 def vitrine(rng: np.random.Generator) -> Piece:
@@ -225,14 +231,19 @@ def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple)
     parts = [
         block(label, inside, (left, 0, bottom), (right, 0.012, top)),
         *(block(label, upright, (x, 0.012, bottom), (x + thick, depth, top)) for x in (left, right - thick)),
-        *(block(label, body, (left + thick, 0.012, z), (right - thick, depth, z + thick)) for z in (bottom, top - thick)),
+        *(
+            block(label, body, (left + thick, 0.012, z), (right - thick, depth, z + thick))
+            for z in (bottom, top - thick)
+        ),
     ]
     columns, rows = max(1, round((right - left) / rng.uniform(0.35, 0.55))), max(1, round((top - bottom) / 0.32))
     step, rise = (right - left) / columns, (top - bottom - thick) / rows
     for row in range(rows):
         floor = bottom + row * rise + thick
         if row:
-            parts.append(block(label, inside, (left + thick, 0.012, floor - thick), (right - thick, depth - 0.02, floor)))
+            parts.append(
+                block(label, inside, (left + thick, 0.012, floor - thick), (right - thick, depth - 0.02, floor))
+            )
         parts += crockery(rng, label, (left + thick + 0.02, right - thick - 0.02), floor, min(depth, rise) - 0.05)
     clear, bar = rng.random() < CLEAR, rng.uniform(0.035, 0.075)
     pale = rng.random() < 0.5
@@ -243,15 +254,31 @@ def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple)
         start, end = left + column * step + 0.002, left + (column + 1) * step - 0.002
         lower, upper = bottom + 0.002, top - 0.002
         parts += [block(label, upright, (x, depth, lower), (x + bar, depth + 0.02, upper)) for x in (start, end - bar)]
-        parts += [block(label, body, (start + bar, depth, z), (end - bar, depth + 0.02, z + bar)) for z in (lower, upper - bar)]
+        parts += [
+            block(label, body, (start + bar, depth, z), (end - bar, depth + 0.02, z + bar))
+            for z in (lower, upper - bar)
+        ]
         if not clear:
-            parts.append(block(label, glass, (start + bar, depth + 0.006, lower + bar), (end - bar, depth + 0.01, upper - bar)))
+            parts.append(
+                block(label, glass, (start + bar, depth + 0.006, lower + bar), (end - bar, depth + 0.01, upper - bar))
+            )
         for x in np.linspace(start, end, mullions + 2)[1:-1]:
-            parts.append(block(label, upright, (x - 0.008, depth + 0.002, lower + bar), (x + 0.008, depth + 0.016, upper - bar)))
+            parts.append(
+                block(label, upright, (x - 0.008, depth + 0.002, lower + bar), (x + 0.008, depth + 0.016, upper - bar))
+            )
         for z in np.linspace(lower, upper, rails + 2)[1:-1]:
-            parts.append(block(label, body, (start + bar, depth + 0.003, z - 0.008), (end - bar, depth + 0.015, z + 0.008)))
+            parts.append(
+                block(label, body, (start + bar, depth + 0.003, z - 0.008), (end - bar, depth + 0.015, z + 0.008))
+            )
         side = start + bar / 2 if column % 2 else end - bar / 2
-        parts.append(block(label, m.metal(rng), (side - 0.008, depth + 0.02, lower + 0.06), (side + 0.008, depth + 0.04, lower + 0.1)))
+        parts.append(
+            block(
+                label,
+                m.metal(rng),
+                (side - 0.008, depth + 0.02, lower + 0.06),
+                (side + 0.008, depth + 0.04, lower + 0.1),
+            )
+        )
     return parts
 
 
@@ -286,8 +313,14 @@ def washstand(rng: np.random.Generator) -> Piece:
     low = rng.uniform(0.2, 0.35) if rng.random() < 0.5 else 0.06
     top = m.stone(rng) if rng.random() < 0.6 else m.wood(rng)
     parts = [block(label, body, (0.01, 0, low), (width - 0.01, depth - 0.04, height - 0.16))]
-    parts += [block(label, body, (0.01, y, height - 0.16), (width - 0.01, y + 0.02, height - 0.03)) for y in (0.0, depth - 0.06)]
-    parts += [block(label, body, (x, 0.02, height - 0.16), (x + 0.02, depth - 0.06, height - 0.03)) for x in (0.01, width - 0.03)]
+    parts += [
+        block(label, body, (0.01, y, height - 0.16), (width - 0.01, y + 0.02, height - 0.03))
+        for y in (0.0, depth - 0.06)
+    ]
+    parts += [
+        block(label, body, (x, 0.02, height - 0.16), (x + 0.02, depth - 0.06, height - 0.03))
+        for x in (0.01, width - 0.03)
+    ]
     if low < 0.1:
         parts.append(block(label, body, (0.03, 0, 0), (width - 0.03, depth - 0.1, low)))
     columns = max(1, round(width / 0.45))

@@ -134,7 +134,9 @@ def _bowl(rng: np.random.Generator, size: float) -> Piece:
     for _ in range(int(rng.integers(0, 6))):
         x, y, half = rng.uniform(0.3 * wide, 0.7 * wide), rng.uniform(0.3 * wide, 0.7 * wide), rng.uniform(0.03, 0.042)
         fruit = m.plain(rng, m.colour(rng, (-0.03, 0.3), (0.6, 0.95), (0.4, 0.9)), gloss=0.2)
-        parts.append(block(IGNORE, fruit, (x - half, y - half, tall - 0.03), (x + half, y + half, tall + 2 * half - 0.03), BALL))
+        parts.append(
+            block(IGNORE, fruit, (x - half, y - half, tall - 0.03), (x + half, y + half, tall + 2 * half - 0.03), BALL)
+        )
     return _piece(wide, wide, tall + 0.05, *parts)
 
 
@@ -183,7 +185,12 @@ def _microwave(rng: np.random.Generator, size: float) -> Piece:
 def _pan(rng: np.random.Generator, size: float) -> Piece:
     """A pot or a pan with a handle."""
     wide, tall, steel = rng.uniform(0.18, 0.28), rng.uniform(0.05, 0.16), m.metal(rng)
-    handle = block(IGNORE, _dark(rng), (wide, 0.45 * wide, 0.7 * tall), (wide + rng.uniform(0.05, 0.18), 0.55 * wide, 0.7 * tall + 0.015))
+    handle = block(
+        IGNORE,
+        _dark(rng),
+        (wide, 0.45 * wide, 0.7 * tall),
+        (wide + rng.uniform(0.05, 0.18), 0.55 * wide, 0.7 * tall + 0.015),
+    )
     return _piece(wide, wide, tall, block(IGNORE, steel, (0, 0, 0), (wide, wide, tall), CYLINDER), handle)
 
 

@@ -190,7 +190,11 @@ class Builder:
             if slack < 0:
                 continue
             left = 0.03 + slack * (float(rng.integers(2)) if self.chance(corner) else rng.random())
-            off = 0.025 + rng.choice([0.0, rng.uniform(0, 0.06)]) + {"bed": 0.07, "sofa": 0.05, "corner sofa": 0.05}.get(piece.name, 0.0)
+            off = (
+                0.025
+                + rng.choice([0.0, rng.uniform(0, 0.06)])
+                + {"bed": 0.07, "sofa": 0.05, "corner sofa": 0.05}.get(piece.name, 0.0)
+            )
             turn = rng.uniform(-0.3, 0.3) if piece.name in ("armchair", "other", "chair") and self.chance(0.5) else 0.0
             if self.beside_wall(wall, piece, left, off, turn):
                 return wall, left

@@ -121,7 +121,7 @@ def clutter(builder: Builder, zone: Zone) -> None:
     while builder.surfaces:
         top = builder.surfaces.pop()
         taken = list(top.blocked)
-        for _ in range(int(rng.integers(0, 8))):
+        for _ in range(int(rng.integers(top.name in PROPER, 8))):
             maker = PROPER.get(top.name, things.clutter) if builder.chance(PROPERLY) else things.clutter
             thing = snug(maker(rng, rng.uniform(0.08, 0.32)))
             wide, deep = thing.size[0], thing.size[1]

@@ -24,6 +24,7 @@ from semgs.rooms.plans.outlines import (
     with_corner_built_in,
 )
 
+
 def _one_of(*makers: Maker) -> Maker:
     """A maker that makes what one of these makes, each equally often."""
     return lambda rng: makers[int(rng.integers(len(makers)))](rng)
@@ -53,7 +54,7 @@ BIG: dict[str, tuple[Maker, ...]] = {
 """Furniture of each kind of room, most important first; `mixed` (a studio) gets a random selection."""
 
 SHARES = {
-    "bedroom": 0.2, "living": 0.21, "kitchen": 0.19, "dining": 0.06, "bathroom": 0.13, "office": 0.06, "study": 0.05,
+    "bedroom": 0.19, "living": 0.2, "kitchen": 0.18, "dining": 0.06, "bathroom": 0.15, "office": 0.07, "study": 0.05,
     "hallway": 0.03, "mixed": 0.07,
 }  # fmt: skip
 """How frequent each kind of room is: by how much time people spend in it and photograph it. Cameras come close to small things
@@ -243,7 +244,9 @@ def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
         _before_the_sofa(builder, zone, wall, left, piece)
     elif piece.name == "bathtub":
         _round_the_bathtub(builder, wall, piece)
-    elif piece.name in ("washbasin", "washstand") or (piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)):
+    elif piece.name in ("washbasin", "washstand") or (
+        piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)
+    ):
         wide, low = piece.size[0] * builder.rng.uniform(0.7, 1.1), max(1.15, piece.size[2] + 0.2)
         glass = openings.mirror(builder.rng, wide, builder.rng.uniform(0.5, 0.8))
         start = left + (piece.size[0] - wide) / 2
@@ -350,7 +353,9 @@ def _sofa_in_the_room(builder: Builder, zone: Zone, sofa: Piece) -> bool:
             _television_at(builder, wall, middle)
         low = snug(furniture.coffee_table(rng))
         if builder.chance(0.7):
-            builder.stand(low, *wall.at(middle - low.size[0] / 2, off - rng.uniform(0.35, 0.55) - low.size[1]), wall.yaw)
+            builder.stand(
+                low, *wall.at(middle - low.size[0] / 2, off - rng.uniform(0.35, 0.55) - low.size[1]), wall.yaw
+            )
         if builder.chance(0.5):
             dressing.rug(builder, zone, np.array(wall.at(middle, off - 0.4)), wall.yaw, width * rng.uniform(0.8, 1.3))
         return True
