@@ -9,7 +9,7 @@ from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.fittings import basin, tap
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts
 from semgs.rooms.pieces.materials import Material, Range
-from semgs.rooms.pieces.solids import BALL, CYLINDER, Part, Piece, Triple, block, post
+from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, Triple, block, post
 from semgs.rooms.pieces.texture_kernels import STRIPES
 
 CLEAR = 0.45
@@ -158,7 +158,7 @@ def island(rng: np.random.Generator) -> Piece:
         ]
     look, middle = rng.random(), width * rng.uniform(0.35, 0.65)
     if look < 0.3:
-        parts += _worktop_with_sink(rng, top, (width, depth), (height - slab, height), middle)
+        parts += _worktop_with_sink(rng, top, (width, depth), (height - slab, height), middle, back + 0.06)
     else:
         parts.append(block(own, top, (0, 0, height - slab), (width, depth, height)))
     if 0.3 <= look < 0.45:
@@ -171,13 +171,14 @@ def island(rng: np.random.Generator) -> Piece:
 
 
 def _worktop_with_sink(
-    rng: np.random.Generator, top: Material, size: tuple[float, float], upwards: Range, middle: float
+    rng: np.random.Generator, top: Material, size: tuple[float, float], upwards: Range, middle: float, behind: float
 ) -> list[Part]:
-    """A worktop (counter) around one or two bowls (sink), centred along it at `middle`, with a tap."""
+    """A worktop (counter) around one or two bowls (sink), centred along it at `middle`, with a tap in the strip `behind` the bowls, which
+    may be wider."""
     own, (width, depth), (low, high) = LABEL["counter"], size, upwards
     bowls = 2 if width > 1.3 and rng.random() < 0.4 else 1
     half = (0.36 if bowls == 2 else rng.uniform(0.2, 0.32)) + 0.005
-    near, far = depth - 0.1 - rng.uniform(0.36, 0.42), depth - 0.1
+    near, far = max(behind, depth - 0.1 - rng.uniform(0.36, 0.42)), depth - 0.1
     left, right = middle - half, middle + half
     parts = [
         block(own, top, (0, 0, low), (left, depth, high)),
@@ -284,8 +285,8 @@ def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple)
 
 def crockery(rng: np.random.Generator, label: int, across: Range, floor: float, room: float) -> list[Part]:
     """Plates, bowls, cups, glasses and jars in a row on a shelf, at most `room` high and deep [m]."""
-    parts, ware = [], m.ceramic(rng)
-    x = across[0]
+    parts: list[Part] = []
+    ware, x = m.ceramic(rng), across[0]
     while True:
         look = rng.random()
         wide = min(room, rng.uniform(0.14, 0.26) if look < 0.45 else rng.uniform(0.06, 0.12))
@@ -297,8 +298,10 @@ def crockery(rng: np.random.Generator, label: int, across: Range, floor: float, 
                 tall = min(room, rng.uniform(0.04, 0.14))
                 parts.append(block(label, ware, (x, y, floor), (right, y + wide, floor + tall), CYLINDER))
             elif look < 0.45:
-                tall = min(room, 0.5 * wide)
-                parts.append(block(label, ware, (x, y, floor - 0.4 * tall), (right, y + wide, floor + tall), BALL))
+                tall, inset = min(room, 0.4 * wide), 0.2 * wide
+                foot = (right - inset, y + wide - inset, floor + 0.4 * tall)
+                parts.append(block(label, ware, (x + inset, y + inset, floor), foot, CYLINDER))
+                parts.append(block(label, ware, (x, y, foot[2]), (right, y + wide, floor + tall), CYLINDER))
             else:
                 tall = min(room, rng.uniform(0.07, 0.22))
                 stuff = ware if look < 0.7 else m.thing(rng)
@@ -312,13 +315,13 @@ def washstand(rng: np.random.Generator) -> Piece:
     width, depth, height = rng.uniform(0.7, 1.5), rng.uniform(0.46, 0.56), rng.uniform(0.74, 0.86)
     low = rng.uniform(0.2, 0.35) if rng.random() < 0.5 else 0.06
     top = m.stone(rng) if rng.random() < 0.6 else m.wood(rng)
-    parts = [block(label, body, (0.01, 0, low), (width - 0.01, depth - 0.04, height - 0.16))]
+    parts = [block(label, body, (0.01, 0, low), (width - 0.01, depth - 0.04, height - 0.19))]
     parts += [
-        block(label, body, (0.01, y, height - 0.16), (width - 0.01, y + 0.02, height - 0.03))
+        block(label, body, (0.01, y, height - 0.19), (width - 0.01, y + 0.02, height - 0.03))
         for y in (0.0, depth - 0.06)
     ]
     parts += [
-        block(label, body, (x, 0.02, height - 0.16), (x + 0.02, depth - 0.06, height - 0.03))
+        block(label, body, (x, 0.02, height - 0.19), (x + 0.02, depth - 0.06, height - 0.03))
         for x in (0.01, width - 0.03)
     ]
     if low < 0.1:
@@ -328,7 +331,7 @@ def washstand(rng: np.random.Generator) -> Piece:
     parts += fronts(rng, label, body, doors)
     middle = width * rng.uniform(0.42, 0.58)
     if rng.random() < 0.5:
-        parts += _worktop_with_sink(rng, top, (width, depth), (height - 0.03, height), middle)
+        parts += _worktop_with_sink(rng, top, (width, depth), (height - 0.03, height), middle, 0.08)
         return Piece("washstand", (width, depth, height), tuple(parts), surface=height)
     parts.append(block(LABEL["counter"], top, (0, 0, height - 0.03), (width, depth, height)))
     ware = m.ceramic(rng)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from jaxtyping import Float64
 from semgs.data.classes import IGNORE
 from semgs.rooms.drawing.room import Room
 from semgs.rooms.drawing.shading import centres, look, pixel_directions
+from semgs.rooms.pieces.solids import Solids
 from semgs.rooms.plans.style import Style
 
 PROBE = (12, 16)
@@ -39,8 +40,8 @@ a view's score."""
 WALL_LABEL, FLOOR_LABEL = 0, 1
 SUBJECTS = (2, 3, 4, 5, 6, 9, 11, 12, 14, 15, 16, 17, 18, 19)
 """Classes of pieces that cameras come close to: all but wall, floor, door, window, picture and curtain."""
-SCARCE = (16, 17, 18)
-"""Those of them that are small and in few rooms (toilet, sink, bathtub)."""
+SCARCE = (16, 17)
+"""Those of them that are small and in few rooms (toilet, sink)."""
 CLOSE, WIDE, TILTED, WIDE_ANGLE, TELE = 0.35, 0.35, 0.2, 0.15, 0.1
 """Shares of cameras in homes that are close, take long steps, are tilted, and have other focal lengths."""
 
@@ -53,6 +54,7 @@ class Habit:
         robots: probability that a robot carries it.
         close: whether it shows one piece of furniture from close by, instead of much of the room.
         roll: added to the roll of its path [rad].
+        turn: added to the rotation of its path about z, per step [rad].
         step: range of the length of a step of its path [m].
         length: maximum length of its path, relative to the diagonal of the room.
         overlap: range of the overlap of views one step apart, below which the path is slowed down.
@@ -62,6 +64,7 @@ class Habit:
     robots: float = 0.2
     close: bool = False
     roll: float = 0.0
+    turn: float = 0.0
     step: tuple[float, float] = (0.05, 0.4)
     length: float = 0.3
     overlap: tuple[float, float] = (0.6, 0.9)
@@ -78,7 +81,8 @@ def draw_habit(rng: np.random.Generator, style: Style) -> Habit:
     own = rng.spawn(1)[0]
     habit = Habit(robots=0.25, close=bool(own.random() < CLOSE))
     if own.random() < WIDE:
-        habit = replace(habit, step=(0.2, 0.9), length=0.6, overlap=(0.25, 0.6))
+        turn = float(own.choice([-1, 0, 0, 1]) * own.uniform(0.15, 0.5))
+        habit = replace(habit, turn=turn, step=(0.4, 1.0), length=0.6, overlap=(0.25, 0.6))
     if own.random() < TILTED:
         habit = replace(habit, roll=float(own.uniform(-0.26, 0.26)))
     lens = own.random()
@@ -184,7 +188,7 @@ def draw_path(
         habit: of the camera.
     """
     paths: list[CameraPath] = []
-    subject = _subject(rng, room) if habit.close else None
+    subject = _subject(rng, room.plan.pieces, room.solids) if habit.close else None
     heights = ROBOT if rng.random() < habit.robots else (HAND if subject is None else NEAR_HEIGHTS)
     for middle in (place for _ in range(6) for place in _free_places(rng, room, heights, 150, subject)[:60]):
         path = _draw(rng, room, middle, reach, habit, subject)
@@ -236,21 +240,24 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
     return centres(PROBE) * (size[1] / PROBE[1], size[0] / PROBE[0])
 
 
-def _subject(rng: np.random.Generator, room: Room) -> Subject | None:
-    """A random piece of furniture, None if there is none. Scarce classes are three times as likely as others in the room."""
+def _subject(rng: np.random.Generator, pieces: Sequence[tuple[int, int]], solids: Solids) -> Subject | None:
+    """A random piece of furniture, given as its range of parts; None if there is none.
+
+    Scarce classes are four times as likely as others in the room. Of a piece with several classes one is the subject.
+    """
     found: dict[int, list[tuple[int, int]]] = {}
-    for first, end in room.plan.pieces:
-        for label in set(room.solids.labels[first:end].tolist()) & set(SUBJECTS):
+    for first, end in pieces:
+        for label in set(solids.labels[first:end].tolist()) & set(SUBJECTS):
             found.setdefault(label, []).append((first, end))
     if not found:
         return None
     labels = sorted(found)
-    weights = np.array([3.0 if label in SCARCE else 1.0 for label in labels])
+    weights = np.array([4.0 if label in SCARCE else 1.0 for label in labels])
     label = int(rng.choice(labels, p=weights / weights.sum()))
     first, end = found[label][int(rng.integers(len(found[label])))]
-    own = np.arange(first, end)[room.solids.labels[first:end] == label]
-    half = (np.abs(room.solids.rotations[own]) * room.solids.sizes[own, None] / 2).sum(-1)
-    return Subject(label, (room.solids.centres[own] - half).min(axis=0), (room.solids.centres[own] + half).max(axis=0))
+    own = np.arange(first, end)[solids.labels[first:end] == label]
+    half = (np.abs(solids.rotations[own]) * solids.sizes[own, None] / 2).sum(-1)
+    return Subject(label, (solids.centres[own] - half).min(axis=0), (solids.centres[own] + half).max(axis=0))
 
 
 def _free_places(
@@ -283,7 +290,7 @@ def _draw(
 ) -> CameraPath:
     """A random path through a place, not yet checked: usually sideways, else forwards or backwards.
 
-    A unit of s is 5-40 cm, by the habit up to 90 cm (less if the room is too short for twice the reach, or close to a subject), and
+    A unit of s is 5-40 cm, by the habit up to 1 m (less if the room is too short for twice the reach, or close to a subject), and
     1-15 degrees.
     """
     x, y, _ = room.plan.size
@@ -309,6 +316,7 @@ def _draw(
     turn = float(np.clip(turn, -0.26, 0.26))
     if abs(turn) < 0.0175:
         turn = 0.0175 if turn >= 0 else -0.0175
+    turn += habit.turn
     bend = step * rng.uniform(-0.06, 0.06, 3) * (1, 1, rise)
     return CameraPath(
         middle=middle,
