@@ -43,7 +43,7 @@ BIG: dict[str, tuple[Maker, ...]] = {
     "kitchen": (fittings.counter, FRIDGE, fittings.stove, ISLAND, furniture.dining_table, fittings.counter, fittings.cabinet),
     "dining": (furniture.dining_table, SIDEBOARD, fittings.cabinet, fittings.bookshelf, furniture.armchair, fittings.other),
     "bathroom": (fittings.bathtub, fittings.toilet, WASHSTAND, fittings.cabinet, fittings.other),
-    "office": (furniture.desk, furniture.desk, fittings.bookshelf, fittings.cabinet, ISLAND, furniture.desk, furniture.sofa, fittings.other),
+    "office": (furniture.desk, furniture.desk, fittings.bookshelf, fittings.cabinet, fittings.island, furniture.desk, furniture.sofa, fittings.other),
     "study": (furniture.desk, fittings.bookshelf, furniture.armchair, fittings.bookshelf, furniture.sofa, fittings.other),
     "hallway": (WARDROBE, fittings.other, furniture.side_table, fittings.bookshelf, furniture.chair),
     "mixed": (
@@ -54,8 +54,8 @@ BIG: dict[str, tuple[Maker, ...]] = {
 """Furniture of each kind of room, most important first; `mixed` (a studio) gets a random selection."""
 
 SHARES = {
-    "bedroom": 0.19, "living": 0.2, "kitchen": 0.18, "dining": 0.06, "bathroom": 0.15, "office": 0.07, "study": 0.05,
-    "hallway": 0.03, "mixed": 0.07,
+    "bedroom": 0.19, "living": 0.19, "kitchen": 0.18, "dining": 0.06, "bathroom": 0.17, "office": 0.07, "study": 0.05,
+    "hallway": 0.02, "mixed": 0.07,
 }  # fmt: skip
 """How frequent each kind of room is: by how much time people spend in it and photograph it. Cameras come close to small things
 instead (`semgs.rooms.sets.cameras`)."""

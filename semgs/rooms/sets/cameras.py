@@ -40,8 +40,8 @@ a view's score."""
 WALL_LABEL, FLOOR_LABEL = 0, 1
 SUBJECTS = (2, 3, 4, 5, 6, 9, 11, 12, 14, 15, 16, 17, 18, 19)
 """Classes of pieces that cameras come close to: all but wall, floor, door, window, picture and curtain."""
-SCARCE = (16, 17)
-"""Those of them that are small and in few rooms (toilet, sink)."""
+SCARCE = (16, 17, 18)
+"""Those of them that are in few rooms (toilet, sink, bathtub)."""
 CLOSE, WIDE, TILTED, WIDE_ANGLE, TELE = 0.35, 0.35, 0.2, 0.15, 0.1
 """Shares of cameras in homes that are close, take long steps, are tilted, and have other focal lengths."""
 

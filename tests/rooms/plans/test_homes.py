@@ -19,7 +19,7 @@ def furnished(seed: int, size=(6.5, 5.0, 2.6), kind="living") -> Builder:
 
 
 def test_people_live_in_kitchens_living_rooms_and_bedrooms():
-    """Of 1,000 outlines more than half are one of the three, a sixth has two rooms, and bathrooms and hallways are 18 % of the rest."""
+    """Of 1,000 outlines a sixth has two rooms; of the rest more than half are one of the three, and a fifth are bathrooms and hallways."""
     rng = np.random.default_rng(0)
     kinds = Counter(" + ".join(zone.kind for zone in home._outline(rng).zones) for _ in range(1000))
     single = {kind: count for kind, count in kinds.items() if "+" not in kind}
