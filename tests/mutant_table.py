@@ -1044,8 +1044,8 @@ MUTANTS = (
         ("tests/rooms/sets/test_cameras.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
     ),
     Mutant(
-        "close cameras measure the distance to the middle of their subject", "semgs/rooms/sets/cameras.py",
-        "np.maximum(subject.low - places, places - subject.high)", "abs(places - (subject.low + subject.high) / 2)",
+        "close cameras are anywhere in the room", "semgs/rooms/sets/cameras.py",
+        "150, subject)[:60]", "150)[:60]",
         ("tests/rooms/sets/test_cameras.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
     ),
     Mutant(
