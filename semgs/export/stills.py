@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
@@ -14,8 +14,7 @@ from semgs.figures.classes import class_picture, overlay
 from semgs.figures.views import as_bytes
 from semgs.files.colours import depth_limits, depth_picture, heat_picture
 from semgs.geometry.cameras import Cameras
-from semgs.rendering.render import render
-from semgs.rendering.rendering import SEEN_ALPHA, Rendering, label_maps
+from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
 
 Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha"]
 """What an image shows: the colours; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest class;
@@ -57,8 +56,7 @@ class Stills:
         """For each camera [n] the images, in the order of `shows`."""
         limits = depth_limits([self.scene.depths.numpy()])  # one scale for the whole path
         for index in range(cameras.batch[0]):
-            rendering = render(self.scene.gaussians, cameras[index : index + 1], near=self.scene.near)
-            rendering = replace(rendering, classes=self.scene.classes)
+            rendering = self.scene.render(cameras[index : index + 1])
             yield tuple(self._image(show, rendering, limits) for show in self.shows)
 
     def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
@@ -73,9 +71,8 @@ class Stills:
         assert rendering.semantics is not None
         assert self.scene.classes is not None
         if show == "confidence":
-            shares = rendering.semantics[0].max(0).values.numpy().astype(np.float64)
-            shares[rendering.alphas[0].numpy() < SEEN_ALPHA] = np.nan
-            return heat_picture(shares, (0.0, 1.0))
+            shares = confidence_maps(rendering)[0]
+            return heat_picture(np.where(shares > 0, shares, np.nan), (0.0, 1.0))
         labels = label_maps(rendering, self.min_confidence)[0]
         if show == "classes":
             return class_picture(labels, self.scene.classes)
