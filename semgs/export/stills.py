@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
+import torch
 from jaxtyping import UInt8
 
 from semgs.export.scene import SavedScene
@@ -14,14 +15,20 @@ from semgs.figures.classes import class_picture, overlay
 from semgs.figures.views import as_bytes
 from semgs.files.colours import depth_limits, depth_picture, heat_picture
 from semgs.geometry.cameras import Cameras
-from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
+from semgs.rendering.rendering import Rendering, check_may_be_unknown, confidence_maps, label_maps
 
-Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha"]
-"""What an image shows: the colours; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest class;
-the opacity."""
+Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"]
+"""What an image shows: the colours over black; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest
+class; the opacity; the colours with the opacity as transparency."""
 
 OF_CLASSES = ("classes", "overlay", "confidence")
 """Images of scenes that have classes."""
+
+TRANSPARENT = ("rgba",)
+"""Images with a fourth channel, which videos cannot have."""
+
+LEAST_ALPHA = 1 / 255
+"""The colour of pixels with less opacity would be noise."""
 
 GAP_PX = 4
 """White between images side by side."""
@@ -38,7 +45,7 @@ class Stills:
         min_confidence: pixels whose likeliest class is less likely are unknown.
 
     Raises:
-        ValueError: `shows` is empty, or names classes and the scene has none.
+        ValueError: `shows` is empty, or names classes and the scene has none, or has too many for some to be unknown.
     """
 
     scene: SavedScene
@@ -51,20 +58,25 @@ class Stills:
         missing = [show for show in self.shows if show in OF_CLASSES]
         if missing and self.scene.classes is None:
             raise ValueError(f"the scene has no classes, so it cannot show {missing[0]}")
+        if self.scene.classes is not None and self.min_confidence > 0:
+            check_may_be_unknown(len(self.scene.classes))
 
-    def images(self, cameras: Cameras) -> Iterator[tuple[UInt8[np.ndarray, "h w 3"], ...]]:
+    def images(self, cameras: Cameras) -> Iterator[tuple[UInt8[np.ndarray, "h w channel"], ...]]:
         """For each camera [n] the images, in the order of `shows`."""
         limits = depth_limits([self.scene.depths.numpy()])  # one scale for the whole path
         for index in range(cameras.batch[0]):
             rendering = self.scene.render(cameras[index : index + 1])
             yield tuple(self._image(show, rendering, limits) for show in self.shows)
 
-    def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
+    def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w channel"]:
         """One image of a rendering of one view."""
         if show == "depth":
             return depth_picture(rendering.depths[0].numpy(), limits)
         if show == "alpha":
             return as_bytes(rendering.alphas.expand(3, -1, -1))
+        if show == "rgba":
+            straight = rendering.images[0] / rendering.alphas[0].clamp(min=LEAST_ALPHA)
+            return as_bytes(torch.cat((straight, rendering.alphas)))
         colour = as_bytes(rendering.images[0])
         if show == "colour":
             return colour

@@ -14,7 +14,7 @@ from semgs.figures.page import Notes, Picture, Section
 from semgs.files.colours import depth_picture
 
 
-def as_bytes(image: Float[Tensor, "3 h w"]) -> UInt8[np.ndarray, "h w 3"]:
+def as_bytes(image: Float[Tensor, "channel h w"]) -> UInt8[np.ndarray, "h w channel"]:
     """An image of 0..1 (clamped) as bytes, channels last."""
     return np.rint(255 * image.clamp(0, 1).permute(1, 2, 0).numpy()).astype(np.uint8)
 

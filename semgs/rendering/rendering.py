@@ -73,6 +73,16 @@ def confidence_maps(rendering: Rendering) -> Float32[np.ndarray, "*batch v h w"]
     return np.where(_unseen(rendering), np.float32(0), confidence)
 
 
+def check_may_be_unknown(classes: int) -> None:
+    """Check that 254 is free to say "unknown".
+
+    Raises:
+        ValueError: it is a class.
+    """
+    if classes > UNKNOWN:
+        raise ValueError(f"the table has {classes} classes; expected at most {UNKNOWN} if pixels may be unknown")
+
+
 def label_maps(rendering: Rendering, min_confidence: float = 0.0) -> UInt8[np.ndarray, "*batch v h w"]:
     """The most likely class of every pixel; 255 for unseen pixels, where the colour pass has alpha < 0.5.
 
@@ -87,10 +97,7 @@ def label_maps(rendering: Rendering, min_confidence: float = 0.0) -> UInt8[np.nd
         raise ValueError(WITHOUT_CLASSES)
     labels = likeliest(rendering.semantics).cpu().numpy()
     if min_confidence > 0:
-        if rendering.semantics.shape[-3] > UNKNOWN:
-            raise ValueError(
-                f"the table has {rendering.semantics.shape[-3]} classes; expected at most {UNKNOWN} where some may be unknown"
-            )
+        check_may_be_unknown(rendering.semantics.shape[-3])
         labels[confidence_maps(rendering) < min_confidence] = UNKNOWN
     labels[_unseen(rendering)] = UNSEEN
     return labels
