@@ -21,7 +21,7 @@ from semgs.rendering.rendering import UNKNOWN, UNSEEN, confidence_maps
 
 _TICKS = 5
 
-MOST_SPREAD = 0.25
+MOST_SPREAD = 0.3
 """The uncertainty of depth at the end of its colour scale."""
 
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."

@@ -98,7 +98,7 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
         assert part in text, part
     bar, own, held_out, enlarged = 1, 2 * 9, 2 * 9, 1
     assert html.count("<img") == bar + own + held_out + enlarged
-    more = "True classes, measured depth, classes over the photo, confidence (black 0 %, yellow 100 %), uncertainty of depth (black 0 %, yellow 25 % or more)"
+    more = "True classes, measured depth, classes over the photo, confidence (black 0 %, yellow 100 %), uncertainty of depth (black 0 %, yellow 30 % or more)"
     assert (text.count(more), text.count("true classes")) == (4, 4)
     assert text.count("measured depth") == 2 * 4 + 1  # once more in the reason
 
