@@ -86,6 +86,13 @@ class Gallery:
 
 
 @dataclass(frozen=True)
+class Plot:
+    """A plot with its caption."""
+
+    picture: Picture
+
+
+@dataclass(frozen=True)
 class Legend:
     """Class colours and names, plus the hatching of unseen pixels and the grey of unknown ones if their share of the pixels is above 0; rare classes
     are folded."""
@@ -184,7 +191,7 @@ class Links:
     files: tuple[Link, ...]
 
 
-Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes | Links
+Block = Facts | Table | Gallery | Plot | Legend | Scale | Bars | Matrix | Notes | Links
 
 
 @dataclass(frozen=True)

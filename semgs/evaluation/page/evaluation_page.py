@@ -171,7 +171,7 @@ def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> lis
                 f"Confidence from {views} views",
                 "If only the most confident pixels keep their class, fewer are wrong: --min-confidence sets the threshold. AURC: mean of this curve. ECE: "
                 "mean |confidence − accuracy| in 15 bins with the same number of pixels. Labelled and seen pixels; bands are 95 % intervals.",
-                (page.Gallery("", "", (picture,)), _risk_table(numbers)),
+                (page.Plot(picture), _risk_table(numbers)),
                 folded=True,
             )
         )
