@@ -61,6 +61,8 @@ def write_video(path: Path, frames: Iterable[UInt8[np.ndarray, "h w 3"]], fps: i
             if stream is not None:
                 container.mux(stream.encode())
         partial.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error  # with this name, not the temporary one
     finally:
         partial.unlink(missing_ok=True)
 

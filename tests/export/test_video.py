@@ -73,3 +73,9 @@ def test_without_the_library_the_error_says_what_to_install(tmp_path: Path, monk
     with pytest.raises(ImportError, match=r"pip install '\.\[video\]'"):
         write_video(tmp_path / "a.mp4", frames((32, 48), 1), fps=30)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_errors_of_the_system_name_the_video(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="No such file") as caught:
+        write_video(tmp_path / "none" / "a.mp4", frames((32, 48), 1), fps=30)
+    assert caught.value.filename == str(tmp_path / "none" / "a.mp4")
