@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from semgs.export.scene import SavedScene, load_scene, save_scene
     from semgs.geometry.cameras import Cameras
     from semgs.geometry.gaussians import Gaussians
-    from semgs.objectives.calibration import tempered
     from semgs.rendering.render import render
+    from semgs.rendering.temperatures import tempered
     from semgs.weights.load import load
 
 __all__ = [
@@ -35,7 +35,7 @@ _HOMES = {
     "save_ply": "semgs.export.ply",
     "save_scene": "semgs.export.scene",
     "save_semantic_ply": "semgs.export.ply",
-    "tempered": "semgs.objectives.calibration",
+    "tempered": "semgs.rendering.temperatures",
 }
 
 

@@ -112,6 +112,10 @@ OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
 OF_CHOICE = ("tests/data/test_choice.py",)
 OF_COVISIBILITY = ("tests/data/test_covisibility.py",)
 OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
+OF_CAMERA_PATHS = ("tests/geometry/test_camera_paths.py",)
+OF_CAMERA_FILES = ("tests/export/test_camera_files.py",)
+OF_CONFIDENCE = ("tests/export/test_confidence.py",)
+OF_SELECTIVE = ("tests/objectives/test_selective.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
 MUTANTS = (
@@ -699,6 +703,83 @@ MUTANTS = (
         'f"{100 * share:.0f} %"', 'f"{share:.0f} %"', ("tests/figures/test_numbers.py",),
     ),
     # Files that carry Gaussians
+    # Camera paths and files, images
+    Mutant(
+        "an orbit leaves the directions of the camera as they are", "semgs/geometry/camera_paths.py",
+        "poses[:, :3, :3] = turns @ start[:3, :3]", "poses[:, :3, :3] = start[:3, :3]", OF_CAMERA_PATHS,
+    ),
+    Mutant(
+        "an orbit is around the origin", "semgs/geometry/camera_paths.py",
+        "pivot + turns @ (start[:3, 3] - pivot)", "turns @ start[:3, 3]", OF_CAMERA_PATHS,
+    ),
+    Mutant(
+        "a swing goes by its whole angle to either side", "semgs/geometry/camera_paths.py",
+        "radians(degrees) / 2 * np.sin", "radians(degrees) * np.sin", OF_CAMERA_PATHS,
+    ),
+    Mutant(
+        "the middle of a wider view stays where it was", "semgs/geometry/camera_paths.py",
+        "[[scale, 0, (size[1] - scale * cameras.size[1]) / 2]", "[[scale, 0, 0]", OF_CAMERA_PATHS,
+    ),
+    Mutant(
+        "the field of view of a camera path is horizontal", "semgs/export/camera_files.py",
+        "focal_px = height / 2 /", "focal_px = width / 2 /", OF_CAMERA_FILES,
+    ),
+    Mutant(
+        "cameras of files have OpenCV axes", "semgs/export/camera_files.py",
+        "pose.reshape(4, 4) @ OPENCV_FROM_OPENGL", "pose.reshape(4, 4)", OF_CAMERA_FILES,
+    ),
+    Mutant(
+        "colour with transparency is darkened twice", "semgs/export/stills.py",
+        "rendering.images[0] / rendering.alphas[0].clamp(min=LEAST_ALPHA)", "rendering.images[0]", ("tests/export/test_stills.py",),
+    ),
+    # Confidence
+    Mutant(
+        "a Gaussian takes the temperature of pixels", "semgs/export/confidence.py",
+        "scene.temperatures.gaussians", "scene.temperatures.rendered", OF_CONFIDENCE,
+    ),
+    Mutant(
+        "a pixel takes the temperature of Gaussians", "semgs/export/scene.py",
+        "self.temperatures.rendered", "self.temperatures.gaussians", OF_CONFIDENCE,
+    ),
+    Mutant(
+        "a temperature multiplies", "semgs/rendering/temperatures.py",
+        "(logarithms(distributions) / temperature)", "(logarithms(distributions) * temperature)", OF_CONFIDENCE,
+    ),
+    Mutant(
+        "classes from elsewhere keep the temperatures of the network's", "semgs/model/encoding.py",
+        "classes=classes, temperatures=None)", "classes=classes)", ("tests/model/test_with_classes.py",),
+    ),
+    Mutant(
+        "unseen pixels may be unknown", "semgs/rendering/rendering.py",
+        "    labels[_unseen(rendering)] = UNSEEN\n", "    labels[_unseen(rendering) & (labels != UNKNOWN)] = UNSEEN\n",
+        ("tests/figures/test_classes_picture.py",),
+    ),
+    Mutant(
+        "the spread of rendered depth forgets that depths are apart", "semgs/rendering/depth_spread.py",
+        "torch.stack((log, log.square() + depth_spread.square()), 1)", "torch.stack((0 * log, depth_spread.square()), 1)",
+        ("tests/rendering/test_depth_spread.py::test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them",),
+    ),
+    Mutant(
+        "percent of confidence are rounded to the nearest", "semgs/reconstruction/renders.py",
+        "np.floor(100 *", "np.rint(100 *", ("tests/reconstruction/test_renders.py",),
+    ),
+    Mutant(
+        "a risk-coverage curve begins with the least confident", "semgs/objectives/selective.py",
+        "pixels = counts[..., ::-1, 0]", "pixels = counts[..., 0]", OF_SELECTIVE,
+    ),
+    Mutant(
+        "the area under a risk-coverage curve forgets earlier errors", "semgs/objectives/selective.py",
+        "(missed - wrong - rate * before) * growth", "(0 - rate * before) * growth", OF_SELECTIVE,
+    ),
+    Mutant(
+        "errors of calibration cancel within all bins", "semgs/objectives/selective.py",
+        "np.abs(sums).sum(-1)", "np.abs(sums.sum(-1))", OF_SELECTIVE,
+    ),
+    Mutant(
+        "unseen pixels count for the calibration", "semgs/evaluation/scoring/frame_scores.py",
+        "(labels != IGNORE) & (prediction.confidences > 0)", "labels != IGNORE",
+        ("tests/evaluation/scoring/test_frame_scores.py::test_only_labelled_and_seen_pixels_count_for_the_confidence",),
+    ),
     Mutant(
         "a PLY holds scales for their logarithm", "semgs/export/ply.py",
         "scales.clamp(min=_SMALLEST_SCALE).log()", "scales.clamp(min=_SMALLEST_SCALE)", ("tests/export/test_ply.py",),
@@ -1037,6 +1118,31 @@ MUTANTS = (
         "shaded rooms are added to traced ones", "semgs/rooms/sets/scenes.py",
         'SHADED = "shaded"', 'SHADED = "traced"',
         ("tests/rooms/sets/test_dataset.py::test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not",),
+    ),
+    Mutant(
+        "cameras of the held-out world are used as those in homes", "semgs/rooms/sets/cameras.py",
+        'if style != "home":', 'if style == "nowhere":',
+        ("tests/rooms/sets/test_cameras.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
+    ),
+    Mutant(
+        "close cameras are anywhere in the room", "semgs/rooms/sets/cameras.py",
+        "150, subject)[:60]", "150)[:60]",
+        ("tests/rooms/sets/test_cameras.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
+    ),
+    Mutant(
+        "a sofa in the room has its front to it", "semgs/rooms/plans/home.py",
+        "*wall.at(left + width, off + depth), wall.yaw + np.pi,", "*wall.at(left, off), wall.yaw,",
+        ("tests/rooms/plans/test_homes.py::test_a_sofa_in_the_room_has_its_back_a_metre_or_more_from_the_wall_behind_it",),
+    ),
+    Mutant(
+        "glazed cabinets hang in windows", "semgs/rooms/plans/home.py",
+        " or not wall.free(start, end, low, high)", "",
+        ("tests/rooms/plans/test_homes.py::test_no_glazed_cabinet_hangs_in_a_window",),
+    ),
+    Mutant(
+        "a washstand's bowl is full of cabinet", "semgs/rooms/pieces/kitchen_and_bath.py",
+        "(width - 0.01, depth - 0.04, height - 0.19)", "(width - 0.01, depth - 0.04, height - 0.05)",
+        ("tests/rooms/pieces/test_kitchen_and_bath.py::test_a_washstand_is_a_sink_in_a_counter_on_a_cabinet",),
     ),
     Mutant(
         "a run in a world that is given up goes on in homes", "semgs/training/settings.py",

@@ -28,7 +28,8 @@ class Calibrate:
     """Calibrate confidence on labelled scenes, and save the result in the header of the weights.
 
     This fits two temperatures: one for rendered pixels, one for single Gaussians. They change how confident the network is, never which
-    class wins, so class maps and scores stay the same. semgs.tempered(distributions, temperature) applies one.
+    class wins, so class maps and scores stay the same. semgs reconstruct uses them, and so does whatever reads its output;
+    semgs.tempered(distributions, temperature) applies one.
 
     Without --out, nothing is fitted; the existing temperatures are measured on these scenes. The output is the expected calibration error
     before and after.
@@ -68,12 +69,13 @@ class Calibrate:
         with show_stage("Starting"):
             from semgs.data.scene_lists import check_unseen
             from semgs.evaluation.run import labelled_scenes, plan_of
-            from semgs.evaluation.scoring.confidence import statements, temperature_effect
+            from semgs.evaluation.scoring.confidence import KINDS, statements, temperature_effect
             from semgs.evaluation.tables.grid import printed
             from semgs.files.atomic import write_bytes
+            from semgs.rendering.temperatures import Temperatures
             from semgs.weights.file import is_ours, read_header, restate
             from semgs.weights.load import find, load, trained_scenes
-            from semgs.weights.temperatures import KEY, KINDS, read_temperatures, temperatures_text
+            from semgs.weights.temperatures import KEY, read_temperatures, temperatures_text
 
             data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
             if data.classes is None:
@@ -93,11 +95,12 @@ class Calibrate:
         with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
             said = statements(plan, model, done=done)
         known = held if self.out is None else None
-        found = {kind: temperature_effect(said[kind], known[kind] if known else None) for kind in KINDS}
+        found = {kind: temperature_effect(said[kind], getattr(known, kind) if known else None) for kind in KINDS}
         if self.plot is not None:
             write_bytes(self.plot, _plot(found))
         if self.out is not None:
-            restate(path, self.out, {KEY: temperatures_text({kind: one.temperature for kind, one in found.items()})})
+            fitted = Temperatures(**{kind: one.temperature for kind, one in found.items()})
+            restate(path, self.out, {KEY: temperatures_text(fitted)})
         print(printed(_grid(found, f"{len(plan.tasks)} targets of {self.data}"), "text"))
 
     def _check(self) -> None:

@@ -14,7 +14,7 @@ from semgs.cli.feature_options import FeatureOptions
 from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.segmenter_options import SegmenterOptions
-from semgs.cli.types import AutoSize, Device, Views, WeightsOrRandom
+from semgs.cli.types import AutoSize, Device, Probability, Views, WeightsOrRandom
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.reconstruction.stages import Stages
@@ -48,8 +48,9 @@ class Reconstruct:
     - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class. Both are turned upright and
     centred; export.json has the matrix back, and semgs export writes other formats and frames
     - scene.safetensors: everything, for semgs.load_scene in Python; with --features also features.safetensors, for semgs query
-    - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen), depth
-    (16-bit millimetres, or float TIFF where the scene's unit is unknown), alpha, and the photo beside them
+    - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen, 254 = unknown), confidence
+    (percent), depth (16-bit millimetres, or float TIFF where the scene's unit is unknown), depth_spread (its uncertainty, millimetres per
+    metre), alpha, and the photo beside them
 
     The folder appears only once it is complete. Bad input ends with a one-line error and exit code 2.
 
@@ -87,6 +88,9 @@ class Reconstruct:
     depth: Literal["network", "sensor", "both"] = "network"
     """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
     the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
+    min_confidence: Probability = 0.0
+    """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
+    hatched and 255. Scores do not change."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
@@ -130,6 +134,7 @@ class Reconstruct:
                     labelling=labelling,
                     featuring=self.featuring.featuring(scene),
                     stages=stages,
+                    min_confidence=self.min_confidence,
                     notes=self._notes(),
                 )
             result = write_results(folder, result, origin, stages)

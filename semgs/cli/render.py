@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 VIDEO = ".mp4"
 CAMERAS = "transforms.json"
-SWING = 40.0
+SWING = 24.0
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Render:
     Examples
     - semgs render out/office --out office.mp4
     - semgs render out/office --out office.mp4 --path inputs --show colour overlay depth --size 480x640
-    - semgs render out/office --out stills --path orbit --frames 8
+    - semgs render out/office --out stills --frames 8 --show colour rgba
     - semgs render out/office --out path.mp4 --path camera_path.json
     """
 
@@ -48,14 +48,18 @@ class Render:
     path: Annotated[str, tyro.conf.arg(metavar="orbit|inputs|FILE")] = "orbit"
     """orbit swings around what the first input view looks at; inputs goes from the first input view to the last and back; FILE is a camera path of
     nerfstudio or a transforms.json, in the coordinates of the scene's poses."""
-    show: tuple[Literal["colour", "classes", "overlay", "depth", "confidence", "alpha"], ...] = ("colour", "classes")
-    """What to show. A scene without classes shows colour and depth by default."""
+    show: Annotated[
+        tuple[Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"], ...],
+        tyro.conf.arg(help_behavior_hint="(default: colour classes; without classes, colour depth)"),
+    ] = ()
+    """What to show. overlay is colour tinted by class, confidence the probability of the likeliest class, alpha the opacity, and rgba colour with
+    transparency, for images only."""
     frames: Annotated[
         Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 120; a FILE has its own)")
     ] = None
     """Number of images along the path."""
     degrees: float = SWING
-    """Angle of the orbit: the whole swing to both sides, or 360 for a full circle. Two views show little of what is behind things."""
+    """Angle of the orbit: half of it to each side, or 360 for a full circle. The further from the input views, the more holes there are."""
     size: Annotated[Size | None, tyro.conf.arg(metavar="HxW", help_behavior_hint="")] = None
     """Height x width of the images, in pixels; by default that of the reconstruction. The height of the view stays; more or less is seen to both sides."""
     fps: Count = 30
@@ -78,6 +82,8 @@ class Render:
         video = self.out.suffix.lower() == VIDEO
         if not 0 < self.degrees <= 360:
             raise UsageError(f"--degrees is {self.degrees:g}; expected more than 0, at most 360")
+        if video and "rgba" in self.show:
+            raise UsageError("--show rgba is for images; a video has no transparency")
         if self.frames is not None and self.path not in ("orbit", "inputs"):
             raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
         if video:
@@ -95,6 +101,8 @@ class Render:
             scene = load_scene(self.scene)
             stills = self._stills(scene)
             cameras, note = self._cameras(scene)
+            if video:
+                self._check_width(cameras, len(stills.shows))
         count = cameras.batch[0]
         if video:
             self._write_video(stills, cameras)
@@ -110,9 +118,7 @@ class Render:
         """What renders the images."""
         from semgs.export.stills import OF_CLASSES, Stills
 
-        shows = self.show
-        if scene.classes is None and shows == Render.show:
-            shows = ("colour", "depth")
+        shows = self.show or (("colour", "depth") if scene.classes is None else ("colour", "classes"))
         missing = [show for show in shows if show in OF_CLASSES]
         if scene.classes is None and missing:
             raise InputError(
@@ -143,6 +149,17 @@ class Render:
         else:
             cameras = read_camera_file(Path(self.path)).relative_to(scene.origin)
         return (cameras if self.size is None else resized(cameras, self.size)), note
+
+    def _check_width(self, cameras: Cameras, shows: int) -> None:
+        """Check that images fit side by side into a video."""
+        from semgs.export.stills import GAP_PX
+        from semgs.export.video import WIDEST
+
+        width = shows * (cameras.size[1] + GAP_PX) - GAP_PX
+        if width > WIDEST:
+            raise UsageError(
+                f"the images are {width} pixels wide side by side; a video has at most {WIDEST}: use --size or fewer --show"
+            )
 
     def _write_video(self, stills: Stills, cameras: Cameras) -> None:
         """Write the video."""

@@ -3,9 +3,9 @@
 Poses are camera to world with OpenGL axes (x right, y up, z backward), in the coordinates of the scene's own poses.
 
 - nerfstudio's camera path: `render_height`, `render_width`, and a list `camera_path` of `camera_to_world` (16 numbers, row by row) and `fov`
-  (vertical, degrees).
+  (vertical, degrees). `camera_type`, if it is there, is "perspective".
 - `transforms.json`: a list `frames` of `transform_matrix`; `w`, `h`, `fl_x` and optionally `fl_y`, `cx`, `cy`, for all frames or in each. Images
-  are not needed.
+  are not needed, and lens distortion is ignored.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ def read_camera_file(path: Path) -> Cameras:
     found = []
     for index, entry in enumerate(entries):
         with input_error(path, "a camera", key=f"{key}[{index}]"):
+            if not isinstance(entry, dict):
+                raise ValueError(f"{entry!r:.40}, which is no object")
             found.append(read(entry, content))
     sizes = {camera.size for camera in found}
     if len(sizes) > 1:
@@ -77,6 +79,8 @@ def write_camera_file(path: Path, cameras: Cameras) -> None:
 
 def _of_camera_path(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:
     """A camera of nerfstudio's camera path."""
+    if (kind := content.get("camera_type", "perspective")) != "perspective":
+        raise ValueError(f"camera_type is {kind!r}; expected 'perspective'")
     height, width = _count(content, "render_height"), _count(content, "render_width")
     fov = _number(entry, "fov")
     if not 0 < fov < 180:
@@ -87,7 +91,7 @@ def _of_camera_path(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:
 
 def _of_frame(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:
     """A camera of `transforms.json`."""
-    of = {**content, **entry} if isinstance(entry, dict) else content
+    of = content | entry
     height, width = _count(of, "h"), _count(of, "w")
     fx = _number(of, "fl_x")
     numbers = (fx, _number(of, "fl_y", fx), _number(of, "cx", width / 2), _number(of, "cy", height / 2))
@@ -107,7 +111,7 @@ def _camera(
 
 def _number(of: dict[str, Any], key: str, default: float | None = None) -> float:
     """A finite number under a key."""
-    value = of.get(key, default) if isinstance(of, dict) else None
+    value = of.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
         raise ValueError(f"{key} is {value!r}; expected a number")
     return float(value)

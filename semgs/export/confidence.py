@@ -7,14 +7,15 @@ from torch import Tensor
 
 from semgs.export.scene import SavedScene
 from semgs.model.encoding import per_gaussian
+from semgs.rendering.temperatures import highest
 
 
 def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
-    """The probability of each Gaussian's likeliest class, 0..1; for colour-only models that of its depth."""
+    """The probability of each Gaussian's likeliest class, 0..1, calibrated if the scene has temperatures; for colour-only models that of its depth."""
     semantic = scene.gaussians.semantic
     if semantic is None:
         return per_gaussian(scene.confidences[:, None], len(scene.gaussians))[:, 0]
-    return semantic.features.max(-1).values
+    return highest(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)
 
 
 def depth_spreads(scene: SavedScene) -> Float[Tensor, " g"] | None:

@@ -2,7 +2,8 @@
 
 Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene"), `version`, `unit`, `image_size`
 [height, width], `frames` (names of the context frames in the source), `source`, `model`, `classes` (null, or `name`,
-`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null if the source has none).
+`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null if the source has none). If the class distributions
+can be calibrated, `temperatures` has two numbers, `rendered` and `gaussians` (absent in files of semgs 0.1.0 and earlier).
 If the source is far from the origin of its coordinates, the version is 2 and `origin` contains three numbers: `means` are relative to that
 point, in float32; `cameras.world_from_camera` is in the source's coordinates.
 Tensors are float32 unless noted; g Gaussians, v context views:
@@ -18,9 +19,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Float, Float64
@@ -37,6 +38,9 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import summary
 from semgs.model.encoding import Encoding
+from semgs.rendering.render import render
+from semgs.rendering.rendering import Rendering
+from semgs.rendering.temperatures import Temperatures
 
 FILE_NAME = "scene.safetensors"
 """Name of the scene file in an output folder of `semgs reconstruct`."""
@@ -67,6 +71,7 @@ class SavedScene:
         applied_transform: nerfstudio's transform of the source's poses [3 4] or [4 4]; None if unknown.
         applied_scale: nerfstudio's scale of the source's poses; None if unknown.
         depth_spread: standard deviation of log depth: 0.1 is about 10 % of the depth; None if unknown.
+        temperatures: calibrate the class distributions; None if unknown.
         origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
 
     Raises:
@@ -88,6 +93,7 @@ class SavedScene:
     applied_scale: float | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_spread: Float[Tensor, "v h w"] | None = None
+    temperatures: Temperatures | None = None
 
     def __post_init__(self) -> None:
         maps = (len(self.frames), *self.cameras.size)
@@ -153,6 +159,7 @@ class SavedScene:
             depths=encoding.depths,
             confidences=encoding.confidences,
             depth_spread=encoding.depth_spread,
+            temperatures=encoding.temperatures,
             depth_range=views.depth_range,
             unit=unit,
             classes=encoding.classes,
@@ -180,6 +187,17 @@ class SavedScene:
     def near(self) -> float:
         """The smallest near bound of the views, for `render` [unit of the scene]."""
         return float(self.depth_range[:, 0].min())
+
+    def render(self, cameras: Cameras, **options: Any) -> Rendering:
+        """Render the Gaussians from cameras; arguments and errors as for `Encoding.render`.
+
+        Args:
+            cameras: the views [v], relative to `origin`.
+            options: as for `semgs.render`.
+        """
+        rendering = render(self.gaussians, cameras, **({"near": self.near} | options))
+        temperature = None if self.temperatures is None else self.temperatures.rendered
+        return replace(rendering, classes=self.classes, temperature=temperature)
 
 
 def save_scene(path: str | Path, scene: SavedScene) -> None:
@@ -227,6 +245,7 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         },
         "applied_transform": scene.applied_transform and [list(row) for row in scene.applied_transform],
         "applied_scale": scene.applied_scale,
+        **({"temperatures": asdict(scene.temperatures)} if scene.temperatures else {}),
         **({"origin": list(scene.origin)} if any(scene.origin) else {}),
     }
     write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, allow_nan=False)}))
@@ -286,6 +305,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
     if not all(isinstance(one, str) for one in (*header["frames"], header["source"], header["model"])):
         raise ValueError("frames, source and model must be texts")
     x, y, z = header.get("origin", (0.0, 0.0, 0.0))
+    temperatures = header.get("temperatures")
     cameras = Cameras(tensors["cameras.world_from_camera"], tensors["cameras.intrinsics"], (height, width))
     return SavedScene(
         gaussians=Gaussians(
@@ -313,4 +333,5 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         applied_scale=header["applied_scale"],
         origin=(x, y, z),
         depth_spread=tensors.get("depth_spread"),
+        temperatures=None if temperatures is None else Temperatures(**temperatures),
     )

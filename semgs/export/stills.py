@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
+import torch
 from jaxtyping import UInt8
 
 from semgs.export.scene import SavedScene
@@ -14,15 +15,20 @@ from semgs.figures.classes import class_picture, overlay
 from semgs.figures.views import as_bytes
 from semgs.files.colours import depth_limits, depth_picture, heat_picture
 from semgs.geometry.cameras import Cameras
-from semgs.rendering.render import render
-from semgs.rendering.rendering import SEEN_ALPHA, Rendering, label_maps
+from semgs.rendering.rendering import Rendering, check_may_be_unknown, confidence_maps, label_maps
 
-Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha"]
-"""What an image shows: the colours; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest class;
-the opacity."""
+Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"]
+"""What an image shows: the colours over black; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest
+class; the opacity; the colours with the opacity as transparency."""
 
 OF_CLASSES = ("classes", "overlay", "confidence")
 """Images of scenes that have classes."""
+
+TRANSPARENT = ("rgba",)
+"""Images with a fourth channel, which videos cannot have."""
+
+LEAST_ALPHA = 1 / 255
+"""The colour of pixels with less opacity would be noise."""
 
 GAP_PX = 4
 """White between images side by side."""
@@ -39,7 +45,7 @@ class Stills:
         min_confidence: pixels whose likeliest class is less likely are unknown.
 
     Raises:
-        ValueError: `shows` is empty, or names classes and the scene has none.
+        ValueError: `shows` is empty, or names classes and the scene has none, or has too many for some to be unknown.
     """
 
     scene: SavedScene
@@ -52,30 +58,33 @@ class Stills:
         missing = [show for show in self.shows if show in OF_CLASSES]
         if missing and self.scene.classes is None:
             raise ValueError(f"the scene has no classes, so it cannot show {missing[0]}")
+        if self.scene.classes is not None and self.min_confidence > 0:
+            check_may_be_unknown(len(self.scene.classes))
 
-    def images(self, cameras: Cameras) -> Iterator[tuple[UInt8[np.ndarray, "h w 3"], ...]]:
+    def images(self, cameras: Cameras) -> Iterator[tuple[UInt8[np.ndarray, "h w channel"], ...]]:
         """For each camera [n] the images, in the order of `shows`."""
         limits = depth_limits([self.scene.depths.numpy()])  # one scale for the whole path
         for index in range(cameras.batch[0]):
-            rendering = render(self.scene.gaussians, cameras[index : index + 1], near=self.scene.near)
-            rendering = replace(rendering, classes=self.scene.classes)
+            rendering = self.scene.render(cameras[index : index + 1])
             yield tuple(self._image(show, rendering, limits) for show in self.shows)
 
-    def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w 3"]:
+    def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w channel"]:
         """One image of a rendering of one view."""
         if show == "depth":
             return depth_picture(rendering.depths[0].numpy(), limits)
         if show == "alpha":
             return as_bytes(rendering.alphas.expand(3, -1, -1))
+        if show == "rgba":
+            straight = rendering.images[0] / rendering.alphas[0].clamp(min=LEAST_ALPHA)
+            return as_bytes(torch.cat((straight, rendering.alphas)))
         colour = as_bytes(rendering.images[0])
         if show == "colour":
             return colour
         assert rendering.semantics is not None
         assert self.scene.classes is not None
         if show == "confidence":
-            shares = rendering.semantics[0].max(0).values.numpy().astype(np.float64)
-            shares[rendering.alphas[0].numpy() < SEEN_ALPHA] = np.nan
-            return heat_picture(shares, (0.0, 1.0))
+            shares = confidence_maps(rendering)[0]
+            return heat_picture(np.where(shares > 0, shares, np.nan), (0.0, 1.0))
         labels = label_maps(rendering, self.min_confidence)[0]
         if show == "classes":
             return class_picture(labels, self.scene.classes)

@@ -13,8 +13,11 @@ from semgs.files.atomic import partial_name
 CRF = "18"
 """Constant quality: visually lossless."""
 
-BT709 = 1
-"""Number of the colour space of HD video. Without it in the file, players guess by the size of the image."""
+BT709, LIMITED_RANGE = 1, 1
+"""Numbers of the colour space of HD video and of its range, 16..235. Without them in the file, players guess by the size of the image."""
+
+WIDEST = 16384
+"""Encoders refuse wider images [px]."""
 
 
 def check_video_library() -> None:
@@ -33,7 +36,7 @@ def write_video(path: Path, frames: Iterable[UInt8[np.ndarray, "h w 3"]], fps: i
 
     Args:
         path: the file.
-        frames: of one size, at least 2x2, one after the other; at least one.
+        frames: of one size, at least 2x2 and at most `WIDEST` wide, one after the other; at least one.
         fps: frames per second.
 
     Raises:
@@ -52,11 +55,14 @@ def write_video(path: Path, frames: Iterable[UInt8[np.ndarray, "h w 3"]], fps: i
                     stream.height, stream.width, stream.pix_fmt = height, width, "yuv420p"
                     stream.codec_context.colorspace = stream.codec_context.color_primaries = BT709
                     stream.codec_context.color_trc = BT709
+                    stream.codec_context.color_range = LIMITED_RANGE
                 rgb = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame[:height, :width]), format="rgb24")
                 container.mux(stream.encode(rgb.reformat(format="yuv420p", dst_colorspace="ITU709")))
             if stream is not None:
                 container.mux(stream.encode())
         partial.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error  # with this name, not the temporary one
     finally:
         partial.unlink(missing_ok=True)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.classes import LegendEntry
+from semgs.figures.classes import UNKNOWN_GREY, LegendEntry
 from semgs.figures.numbers import percent
 from semgs.files.colours import HATCH
 from semgs.files.pictures import jpeg_bytes, png_bytes
@@ -86,11 +86,20 @@ class Gallery:
 
 
 @dataclass(frozen=True)
+class Plot:
+    """A plot with its caption."""
+
+    picture: Picture
+
+
+@dataclass(frozen=True)
 class Legend:
-    """Class colours and names, plus the hatching if `unseen`, a share of the pixels, is above 0; rare classes are folded."""
+    """Class colours and names, plus the hatching of unseen pixels and the grey of unknown ones if their share of the pixels is above 0; rare classes
+    are folded."""
 
     entries: tuple[LegendEntry, ...]
     unseen: float = 0.0
+    unknown: float = 0.0
 
     @property
     def common(self) -> tuple[LegendEntry, ...]:
@@ -182,7 +191,7 @@ class Links:
     files: tuple[Link, ...]
 
 
-Block = Facts | Table | Gallery | Legend | Scale | Bars | Matrix | Notes | Links
+Block = Facts | Table | Gallery | Plot | Legend | Scale | Bars | Matrix | Notes | Links
 
 
 @dataclass(frozen=True)
@@ -219,7 +228,7 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     )
     template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(
-        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, percent=percent,
+        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, grey=UNKNOWN_GREY, percent=percent,
         kind=lambda block: type(block).__name__.lower(),
     )  # fmt: skip
 

@@ -10,11 +10,12 @@ from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.figures.classes import class_picture, true_class_picture
+from semgs.figures.numbers import percent
 from semgs.figures.page import Notes, Picture, Section
-from semgs.files.colours import depth_picture
+from semgs.files.colours import depth_picture, heat_picture
 
 
-def as_bytes(image: Float[Tensor, "3 h w"]) -> UInt8[np.ndarray, "h w 3"]:
+def as_bytes(image: Float[Tensor, "channel h w"]) -> UInt8[np.ndarray, "h w channel"]:
     """An image of 0..1 (clamped) as bytes, channels last."""
     return np.rint(255 * image.clamp(0, 1).permute(1, 2, 0).numpy()).astype(np.uint8)
 
@@ -37,6 +38,12 @@ def true_class_map(labels: UInt8[Tensor, "h w"], classes: ClassTable) -> Picture
 def depth_map(depths: Float[Tensor, "h w"], limits: tuple[float, float], caption: str = "depth") -> Picture:
     """z-depth in colours between two limits."""
     return Picture(depth_picture(depths.numpy(), limits), caption, lossy=True)
+
+
+def heat_map(values: Float[np.ndarray, "h w"], most: float, name: str) -> Picture:
+    """Shares in colours, from black at 0 to yellow at `most` or more; hatched where unseen (NaN)."""
+    end = percent(most) + ("" if most >= 1 else " or more")
+    return Picture(heat_picture(values, (0.0, most)), f"{name} (black 0 %, yellow {end})", lossy=True)
 
 
 def please_note(sentences: Sequence[str]) -> list[Section]:

@@ -234,7 +234,7 @@ def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:
-    """Write a PNG atomically: uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w].
+    """Write a PNG atomically: uint8 [h w 3] (RGB) or [h w 4] (RGBA), uint8 [h w] or uint16 [h w].
 
     Raises:
         ValueError: another type or shape.
@@ -243,15 +243,15 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
 
 
 def png_bytes(array: np.ndarray) -> bytes:
-    """A PNG of uint8 [h w 3] (RGB), uint8 [h w] or uint16 [h w].
+    """A PNG of uint8 [h w 3] (RGB) or [h w 4] (RGBA), uint8 [h w] or uint16 [h w].
 
     Raises:
         ValueError: another type or shape.
     """
-    rgb = array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
-    if not (rgb or (array.dtype in (np.uint8, np.uint16) and array.ndim == 2)) or not array.size:
+    colour = array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] in (3, 4)
+    if not (colour or (array.dtype in (np.uint8, np.uint16) and array.ndim == 2)) or not array.size:
         raise ValueError(
-            f"the image is {array.dtype} {array.shape}; expected uint8 [h w 3], uint8 [h w] or uint16 [h w]"
+            f"the image is {array.dtype} {array.shape}; expected uint8 [h w 3], [h w 4] or [h w], or uint16 [h w]"
         )
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=4)

@@ -17,6 +17,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import array_of, summary
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
+from semgs.rendering.temperatures import Temperatures
 
 SUMS_TO_1 = 1e-3
 """Probabilities sum to 1 up to this."""
@@ -34,6 +35,7 @@ class Encoding:
             depth. It carries no gradient.
         depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
         classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
+        temperatures: calibrate the class distributions; None if unknown.
     """
 
     gaussians: Gaussians
@@ -42,6 +44,7 @@ class Encoding:
     depth_spread: Float[Tensor, "*batch v h w"]
     depth_range: Float[Tensor, "*batch v 2"]
     classes: ClassTable | None = None
+    temperatures: Temperatures | None = None
 
     def __repr__(self) -> str:
         return summary(
@@ -73,12 +76,14 @@ class Encoding:
         """
         near = self.depth_range[..., 0].amin(-1, keepdim=True)
         rendering = render(self.gaussians, cameras, **({"near": near} | options))
-        return replace(rendering, classes=self.classes)
+        temperature = None if self.temperatures is None else self.temperatures.rendered
+        return replace(rendering, classes=self.classes, temperature=temperature)
 
     def with_classes(self, distributions: Float[Tensor, "*batch v class h w"], classes: ClassTable) -> Encoding:
         """The same Gaussians with other classes: each takes the distribution of the pixels that it stands for.
 
-        Semantic Gaussians keep their shapes. Without a semantic branch they take those of the colour Gaussians.
+        Semantic Gaussians keep their shapes. Without a semantic branch they take those of the colour Gaussians. The temperatures of the
+        former classes are dropped.
 
         Args:
             distributions: over the classes of every pixel of the context views, at their size; summing to 1.
@@ -99,7 +104,7 @@ class Encoding:
         features = features / features.sum(-1, keepdim=True)
         shape = self.gaussians.semantic or self.gaussians.colour
         semantic = replace(shape, features=features)
-        return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes)
+        return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
 
     def per_gaussian(self, maps: Float[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
         """For each Gaussian the mean over the pixels that it stands for.

@@ -24,6 +24,7 @@ from semgs.model.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
 from semgs.model.transformer import CameraTransformer
+from semgs.rendering.temperatures import Temperatures
 
 __all__ = ["STAGES", "ColourBranch", "SemGS"]
 
@@ -62,8 +63,7 @@ class SemGS(nn.Module):
         class_count: number of classes, 0 without a class table.
         stride: pixels per Gaussian along each side.
         origin: one sentence on where the weights come from.
-        temperatures: for `semgs.tempered`, of "rendered" pixels and of single "gaussians", if the weights have any; the network itself
-            never applies them.
+        temperatures: calibrate the class distributions; None if the weights have none. The network itself never applies them.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class SemGS(nn.Module):
         self.classes = classes
         self.class_count = 0 if classes is None else len(classes)
         self.origin = "untrained"
-        self.temperatures: dict[str, float] = {}
+        self.temperatures: Temperatures | None = None
         self.cnn = cnn
         self.colour = colour
         self.semantic = semantic
@@ -136,7 +136,7 @@ class SemGS(nn.Module):
         # So far each view was a scene of its own; now views of the same scene are joined.
         leading, count = views.images.shape[:-4], len(views)
         encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
-        return replace(encoding, classes=self.classes)
+        return replace(encoding, classes=self.classes, temperatures=self.temperatures)
 
     def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of every pixel of N >= 2 views, from the semantic branch alone.

@@ -1,7 +1,6 @@
 """Calibration: are predictions with 80 % confidence right in 80 % of cases? One temperature brings them closer to that.
 
-A temperature T takes the distribution p to softmax(log p / T) (Guo et al. 2017, on log S of a rendered pixel or on a Gaussian's own
-distribution). It never changes the order of the classes, so arg max and every class metric stay as they are.
+`semgs.rendering.temperatures` says what a temperature does to a rendered pixel or to a Gaussian's own distribution.
 """
 
 from __future__ import annotations
@@ -13,6 +12,8 @@ from jaxtyping import Float, Int
 from scipy.optimize import minimize_scalar
 from torch import Tensor
 from torchmetrics.functional.classification import multiclass_calibration_error
+
+from semgs.rendering.temperatures import logarithms
 
 BINS = 15
 """Bins of confidence, equally wide, as in Guo et al."""
@@ -36,17 +37,6 @@ class Bin:
     accuracy: float
 
 
-def tempered(distributions: Float[Tensor, "*batch class"], temperature: float) -> Float[Tensor, "*batch class"]:
-    """softmax(log p / T) of distributions over their last axis; a T of 1 changes nothing but rounding.
-
-    Raises:
-        ValueError: the temperature is not positive.
-    """
-    if not temperature > 0:
-        raise ValueError(f"a temperature of {temperature}; expected one above 0")
-    return (_logarithms(distributions) / temperature).softmax(-1)
-
-
 def fitted_temperature(distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"]) -> float:
     """The temperature that minimises the negative log-likelihood of labelled distributions, between 0.05 and 20.
 
@@ -57,10 +47,10 @@ def fitted_temperature(distributions: Float[Tensor, "n class"], labels: Int[Tens
     """
     if not len(labels):
         raise ValueError("there are no labelled pixels to fit a temperature to")
-    logarithms = _logarithms(distributions.double())
+    logged = logarithms(distributions.double())
 
     def mean_cost(inverse: float) -> float:
-        return float(torch.nn.functional.cross_entropy(logarithms * inverse, labels.long()))
+        return float(torch.nn.functional.cross_entropy(logged * inverse, labels.long()))
 
     found = minimize_scalar(mean_cost, bounds=(1 / HOTTEST, 1 / COLDEST), method="bounded", options={"xatol": 1e-4})
     return 1 / float(found.x)
@@ -83,9 +73,3 @@ def reliability(
     counts = torch.bincount(of, minlength=bins).double()
     sums = [torch.bincount(of, weights=values, minlength=bins) / counts.clamp(min=1) for values in (confidence, right)]
     return tuple(Bin(*row) for row in torch.stack((counts / max(len(labels), 1), *sums), 1).tolist())
-
-
-def _logarithms(distributions: Float[Tensor, "*batch class"]) -> Float[Tensor, "*batch class"]:
-    """log p in float32 or better; the smallest normal number replaces zeros."""
-    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
-    return exact.clamp(min=torch.finfo(exact.dtype).tiny).log()

@@ -8,7 +8,7 @@ from __future__ import annotations
 TITLES = {
     "miou": "mIoU", "miou_per_image": "mIoU/image", "miou_per_image_seen": "mIoU/image (seen)", "accuracy": "acc.",
     "accuracy_per_image": "acc./image", "accuracy_per_image_seen": "acc./image (seen)", "class_accuracy": "class acc.",
-    "class_accuracy_per_image": "class acc./image", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
+    "class_accuracy_per_image": "class acc./image", "aurc": "AURC", "ece": "ECE", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
     "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
     "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
 }  # fmt: skip

@@ -6,7 +6,10 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
 
 from semgs.data.choice import Choice
 from semgs.data.classes import ClassTable
@@ -22,7 +25,8 @@ from semgs.reconstruction.encode import Network, encode
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.sensor import DepthSource, Placed, check_listed, check_measured, placed
 from semgs.reconstruction.stages import Stages
-from semgs.rendering.rendering import Rendering
+from semgs.rendering.depth_spread import rendered_depth_spread
+from semgs.rendering.rendering import Rendering, check_may_be_unknown, label_maps
 from semgs.segmenters.cost import cost_of
 from semgs.segmenters.features import Featuring, SceneFeatures
 from semgs.segmenters.labelling import Labelling
@@ -44,6 +48,7 @@ class Shown:
         views: the true views, at the size of the reconstruction.
         rendering: of the Gaussians from the same cameras.
         scores: one per view.
+        depth_spread: standard deviation of log depth at every pixel, as `rendered_depth_spread` gives it.
     """
 
     positions: tuple[int, ...]
@@ -51,6 +56,7 @@ class Shown:
     views: Views
     rendering: Rendering
     scores: tuple[ViewScores, ...]
+    depth_spread: Float[Tensor, "v h w"]
 
     @property
     def titles(self) -> list[str]:
@@ -76,6 +82,7 @@ class Reconstruction:
         labelling: where the classes come from; None for the model.
         features: of the Gaussians; None for none.
         placed: how the Gaussians were placed at a sensor's depth; None if their depth is the model's.
+        min_confidence: seen pixels with less are unknown in label maps.
     """
 
     scene: Scene
@@ -91,6 +98,7 @@ class Reconstruction:
     labelling: Labelling | None = None
     features: SceneFeatures | None = None
     placed: Placed | None = None
+    min_confidence: float = 0.0
 
     @property
     def depth_range(self) -> DepthRange:
@@ -106,6 +114,10 @@ class Reconstruction:
     def shown(self) -> list[Shown]:
         """The context views and, if there are any, the target views."""
         return [self.context] if self.target is None else [self.context, self.target]
+
+    def label_maps(self, shown: Shown) -> UInt8[np.ndarray, "v h w"] | None:
+        """The class map of each view, with unseen (255) and unknown (254) pixels; None for a colour-only model."""
+        return None if self.classes is None else label_maps(shown.rendering, self.min_confidence)
 
     @property
     def metric(self) -> bool:
@@ -137,6 +149,7 @@ def reconstruct(
     depth: DepthSource = "network",
     labelling: Labelling | None = None,
     featuring: Featuring | None = None,
+    min_confidence: float = 0.0,
     stages: Stages | None = None,
     notes: Sequence[str] = (),
 ) -> Reconstruction:
@@ -152,15 +165,22 @@ def reconstruct(
         depth: where the depth of the Gaussians comes from: the model, the sensor that measured the frames' depth maps, or both.
         labelling: gives the Gaussians their classes; None for those of the model.
         featuring: gives the Gaussians features; None for none.
+        min_confidence: seen pixels with less are unknown in label maps; scores do not change.
         stages: shows and times the stages read, encode, place, segment, features and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
         InputError: a frame cannot be read, or the sensor measured too little of an input frame.
         NotEnoughMemoryError: it would not fit in memory.
-        ValueError: fewer than two context frames, or a position outside the scene; or as `Labelling`.
+        ValueError: fewer than two context frames, or a position outside the scene; a least confidence without classes, or with too many;
+            or as `Labelling`.
     """
     stages = stages or Stages()
+    if min_confidence > 0:
+        table = model.classes if labelling is None else labelling.source.classes
+        if table is None:
+            raise ValueError("the model predicts colour only; expected one with classes for a least confidence")
+        check_may_be_unknown(len(table))
     if depth != "network":
         check_listed(scene, choice.context)
     native = scene.frames[choice.context[0]].lens.size
@@ -188,8 +208,8 @@ def reconstruct(
         with stages("features", f"Features of {len(context)} photos from {featuring.source.title}"):
             features = featuring(encoding, scene, choice.context, context)
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
-        own = encoding.render(context.cameras)
-        held_out = encoding.render(target.cameras) if target is not None else None
+        own = _shown(scene, choice.context, context, encoding, classes)
+        held_out = None if target is None else _shown(scene, choice.targets, target, encoding, classes)
     return Reconstruction(
         scene=scene,
         choice=choice,
@@ -197,8 +217,8 @@ def reconstruct(
         encoding=encoding,
         classes=classes,
         model=model.name,
-        context=_shown(scene, choice.context, context, own, classes),
-        target=None if target is None or held_out is None else _shown(scene, choice.targets, target, held_out, classes),
+        context=own,
+        target=held_out,
         notes=(
             *notes,
             *scene.notes,
@@ -214,6 +234,7 @@ def reconstruct(
         labelling=labelling,
         features=features,
         placed=measured,
+        min_confidence=min_confidence,
     )
 
 
@@ -225,14 +246,24 @@ def _cost(labelling: Labelling, frames: Sequence[Frame], stages: Stages) -> str:
 
 
 def _shown(
-    scene: Scene, positions: Sequence[int], views: Views, rendering: Rendering, classes: ClassTable | None
+    scene: Scene, positions: Sequence[int], views: Views, encoding: Encoding, classes: ClassTable | None
 ) -> Shown:
-    """Views with their renderings and scores; labels with another class table than the model's are not scored."""
+    """Views, renderings from their cameras, and scores; labels with another class table than the model's are not scored."""
+    rendering = encoding.render(views.cameras)
+    spread = encoding.per_gaussian(encoding.depth_spread[:, None])[:, 0]
+    near = float(encoding.depth_range[:, 0].min())
     comparable = views
     if views.labels is not None and views.classes != classes:
         comparable = views.changed(labels=None)
     names = tuple(scene.frames[position].name for position in positions)
-    return Shown(tuple(positions), names, views, rendering, scores(rendering, comparable))
+    return Shown(
+        tuple(positions),
+        names,
+        views,
+        rendering,
+        scores(rendering, comparable),
+        rendered_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
+    )
 
 
 def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | None) -> list[str]:

@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from semgs.data.classes import IGNORE
 from semgs.figures.classes import legend
 from semgs.figures.page import Link
-from semgs.reconstruction.reconstruct import Reconstruction
+from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.scores import ViewScores, mean_scores
-from semgs.rendering.rendering import label_maps
+from semgs.rendering.rendering import UNKNOWN, UNSEEN, confidence_maps
 from semgs.segmenters.features import SceneFeatures
 
 
@@ -36,7 +35,11 @@ class Origin:
 def outputs(result: Reconstruction) -> tuple[Link, ...]:
     """The output files of a reconstruction, the most important first."""
     depth = "16-bit depth in millimetres" if result.metric else "depth as 32-bit float TIFF in the scene's unit"
-    maps = "" if result.classes is None else "class maps (coloured, and as numbers with 255 for unseen), "
+    maps = (
+        ""
+        if result.classes is None
+        else "class maps (coloured, and as numbers with 255 for unseen), confidence in percent, "
+    )
     listed = [
         Link("report.html", "start here: the report, one page that needs no network and no other file"),
         Link("report.json", "all numbers of the report"),
@@ -49,7 +52,7 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
         Link("scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"),
         Link("features.safetensors", "the features of the Gaussians, for `semgs query`"),
         Link("segmenter/", "the segmenter's maps of the input photos, used again by --overwrite"),
-        Link("renders/", f"images of every view: photo, render, {maps}{depth}, alpha"),
+        Link("renders/", f"images of every view: photo, render, {maps}{depth} and its uncertainty, alpha"),
     ]
     absent = {
         *(() if result.classes is not None else ("semantics.ply",)),
@@ -66,8 +69,9 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
     the scene's coordinates. `psnr` is in dB, and None for equal images.
     """
     scene = result.scene
-    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in result.shown]
+    maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]
     pixels = np.concatenate([one.ravel() for one in maps]) if maps else np.zeros(0, np.uint8)
+    temperatures = result.encoding.temperatures
     return {
         "format": "semgs.report.reconstruct",
         "version": 1,
@@ -116,9 +120,11 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
         "gaussians": len(result.encoding.gaussians),
         "features": result.features and _features(result.features),
         "views": [
-            {"role": role, "position": position, "name": name, **_rounded(score)}
+            {"role": role, "position": position, "name": name, **_rounded(score), **_certainty(result, shown, index)}
             for role, shown in zip(("context", "target"), result.shown, strict=False)
-            for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True)
+            for index, (position, name, score) in enumerate(
+                zip(shown.positions, shown.names, shown.scores, strict=True)
+            )
         ],
         "means": {
             "context": _rounded(mean_scores(result.context.scores)),
@@ -128,10 +134,26 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             {"name": entry.name, "share": rounded(entry.share)}
             for entry in (legend(maps, result.classes) if result.classes is not None else ())
         ],
-        "unseen": rounded(float((pixels == IGNORE).mean())) if pixels.size else None,
+        "unseen": rounded(float((pixels == UNSEEN).mean())) if pixels.size else None,
+        "unknown": rounded(float((pixels == UNKNOWN).mean())) if pixels.size else None,
+        "min_confidence": result.min_confidence,
+        "temperatures": temperatures and asdict(temperatures),
         "seconds": {name: round(value, 3) for name, value in seconds.items()},
         "notes": list(result.notes),
     }
+
+
+def _certainty(result: Reconstruction, shown: Shown, index: int) -> dict[str, float | None]:
+    """How sure the classes and the depth of one view are, at its seen pixels."""
+    spread = shown.depth_spread[index]
+    found = {"median_depth_spread": rounded(spread.nanmedian().item()), "mean_confidence": None, "unknown": None}
+    labels = result.label_maps(shown)
+    if labels is not None:
+        confidence = confidence_maps(shown.rendering)[index]
+        if (confidence > 0).any():
+            found["mean_confidence"] = rounded(float(confidence[confidence > 0].mean()))
+        found["unknown"] = rounded(float((labels[index] == UNKNOWN).mean()))
+    return found
 
 
 def _features(features: SceneFeatures) -> dict:

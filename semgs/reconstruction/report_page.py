@@ -6,21 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semgs.data.classes import IGNORE
 from semgs.figures import page
 from semgs.figures.classes import legend, overlay
 from semgs.figures.depth import depth_bar, depth_ticks
 from semgs.figures.numbers import decibels, duration, length, percent
-from semgs.figures.views import as_bytes, class_map, depth_map, photo, please_note, true_class_map
+from semgs.figures.views import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
 from semgs.files.colours import depth_limits
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.reconstruct import Reconstruction
 from semgs.reconstruction.report import Origin, outputs
 from semgs.reconstruction.score_table import score_table, scores_lead
 from semgs.reconstruction.scores import by_measure, mean_scores
-from semgs.rendering.rendering import label_maps
+from semgs.rendering.rendering import UNKNOWN, UNSEEN, confidence_maps
 
 _TICKS = 5
+
+MOST_SPREAD = 0.3
+"""The uncertainty of depth at the end of its colour scale."""
 
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
@@ -28,7 +30,7 @@ HELD_OUT = "The model did not get these frames: they test the reconstruction. Wh
 def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> str:
     """The report as one self-contained HTML page."""
     scene = result.scene
-    maps = [] if result.classes is None else [label_maps(shown.rendering) for shown in result.shown]
+    maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]
     limits = depth_limits(_depth_maps(result))
     held_out = len(result.target.positions) if result.target else 0
     sections = [
@@ -81,11 +83,14 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
 
 def _own_lead(result: Reconstruction) -> str:
     """The text above the input views."""
-    return (
-        "The input photos, and the scene from the same cameras."
-        + ("" if result.classes is None else " Hatched: unseen (alpha below 0.5).")
-        + ("" if result.segmenter is None else f" Classes: {result.segmenter}.")
-    )
+    lead = "The input photos, and the scene from the same cameras."
+    if result.classes is not None:
+        lead += " Hatched: unseen (alpha below 0.5)."
+        if result.min_confidence > 0:
+            lead += f" Light grey: unknown (seen, but no class has a confidence of {percent(result.min_confidence)})."
+    if result.segmenter is not None:
+        lead += f" Classes: {result.segmenter}."
+    return lead
 
 
 def _keys(
@@ -99,8 +104,9 @@ def _keys(
     )
     if result.classes is None:
         return (scale,)
-    unseen = float(np.mean(np.concatenate([one.ravel() for one in maps]) == IGNORE))
-    return page.Legend(legend(maps, result.classes), unseen), scale
+    pixels = np.concatenate([one.ravel() for one in maps])
+    unseen, unknown = (float(np.mean(pixels == value)) for value in (UNSEEN, UNKNOWN))
+    return page.Legend(legend(maps, result.classes), unseen, unknown), scale
 
 
 def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -> tuple[page.Block, ...]:
@@ -108,7 +114,8 @@ def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -
     shown = result.context if own else result.target
     if shown is None:
         return ()
-    labels = None if result.classes is None else label_maps(shown.rendering)
+    labels = result.label_maps(shown)
+    confidence = None if labels is None else confidence_maps(shown.rendering)
     rows = []
     for index, (position, name) in enumerate(zip(shown.positions, shown.names, strict=True)):
         pictures = [
@@ -126,8 +133,13 @@ def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -
         if labels is not None and result.classes is not None:
             tinted = overlay(as_bytes(shown.views.images[index]), labels[index], result.classes)
             more.append(page.Picture(tinted, "classes over the photo", lossy=True))
+        if confidence is not None:
+            more.append(heat_map(np.where(confidence[index] > 0, confidence[index], np.nan), 1.0, "confidence"))
+        more.append(heat_map(shown.depth_spread[index].numpy(), MOST_SPREAD, "uncertainty of depth"))
         one = shown.scores[index]
         detail = f"frame {position}, PSNR {decibels(one.psnr)}, {percent(one.coverage)} seen"
+        if labels is not None and result.min_confidence > 0:
+            detail += f", {percent(float(np.mean(labels[index] == UNKNOWN)))} unknown"
         rows.append(page.Gallery(name, detail, tuple(pictures), tuple(more)))
     return tuple(rows)
 
@@ -161,9 +173,19 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
         rows.append(("Classes from", result.segmenter))
     if result.classes is not None:
         rows.append(("Class table", f"{result.classes.name}, {len(result.classes)} classes"))
+        rows.append(("Confidence", _calibration(result)))
     if result.features is not None:
         rows.append(("Features", result.features.description))
     return page.Facts(tuple(rows))
+
+
+def _calibration(result: Reconstruction) -> str:
+    """Where the confidence comes from."""
+    said = "the probability of the likeliest class"
+    if (temperatures := result.encoding.temperatures) is not None:
+        return f"{said}, calibrated with the temperatures {temperatures.rendered:.3f} (pixels) and {temperatures.gaussians:.3f} (Gaussians)"
+    whose = "the weights have no temperatures" if result.segmenter is None else "the classes are not the model's own"
+    return f"{said}, not calibrated: {whose}"
 
 
 def _timings(seconds: dict[str, float]) -> page.Table:

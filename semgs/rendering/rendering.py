@@ -6,18 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
 from semgs.files.colours import NamedColours
 from semgs.files.notebook import Strip, class_row, depth_row, html, photo_row
 from semgs.geometry.summaries import array_of, summary
+from semgs.rendering.temperatures import highest
 
 SEEN_ALPHA = 0.5
 """If alpha is less than this, class maps say "unseen"."""
 
 UNSEEN, UNKNOWN = 255, 254
 """The values for pixels that no input view saw, and for pixels whose class is not sure enough."""
+
+WITHOUT_CLASSES = "the rendering has no classes; expected Gaussians with a semantic branch"
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Rendering:
         depths: z-depth: sum(w z) / sum(w) of the colour pass, 0 where nothing was rendered [m].
         alphas: sum(w) of the colour pass, 0..1.
         classes: names and colours of the classes, for display; None if unknown.
+        temperature: calibrates `semantics`, as `confidence_maps` does; None if unknown.
     """
 
     images: Float[Tensor, "*batch v 3 h w"]
@@ -37,6 +41,7 @@ class Rendering:
     depths: Float[Tensor, "*batch v h w"]
     alphas: Float[Tensor, "*batch v h w"]
     classes: NamedColours | None = None
+    temperature: float | None = None
 
     def __repr__(self) -> str:
         return summary(
@@ -56,24 +61,48 @@ def likeliest(semantics: Float[Tensor, "*any class h w"]) -> UInt8[Tensor, "*any
     return semantics.detach().max(-3).indices.to(torch.uint8)  # three times as fast as `argmax`
 
 
+def confidence_maps(rendering: Rendering) -> Float32[np.ndarray, "*batch v h w"]:
+    """The probability of every pixel's most likely class, calibrated by the rendering's temperature if it has one; 0 for unseen pixels.
+
+    Raises:
+        ValueError: the rendering has no classes.
+    """
+    if rendering.semantics is None:
+        raise ValueError(WITHOUT_CLASSES)
+    confidence = highest(rendering.semantics.detach().movedim(-3, -1), rendering.temperature).float().cpu().numpy()
+    return np.where(_unseen(rendering), np.float32(0), confidence)
+
+
+def check_may_be_unknown(classes: int) -> None:
+    """Check that 254 is free to say "unknown".
+
+    Raises:
+        ValueError: it is a class.
+    """
+    if classes > UNKNOWN:
+        raise ValueError(f"the table has {classes} classes; expected at most {UNKNOWN} if pixels may be unknown")
+
+
 def label_maps(rendering: Rendering, min_confidence: float = 0.0) -> UInt8[np.ndarray, "*batch v h w"]:
     """The most likely class of every pixel; 255 for unseen pixels, where the colour pass has alpha < 0.5.
 
     Args:
         rendering: with classes.
-        min_confidence: seen pixels whose most likely class has a lower probability are unknown: 254.
+        min_confidence: seen pixels with less confidence, as in `confidence_maps`, are unknown: 254.
 
     Raises:
         ValueError: the rendering has no classes, or so many that 254 is one of them and some may be unknown.
     """
     if rendering.semantics is None:
-        raise ValueError("the rendering has no classes; expected Gaussians with a semantic branch")
+        raise ValueError(WITHOUT_CLASSES)
     labels = likeliest(rendering.semantics).cpu().numpy()
     if min_confidence > 0:
-        if rendering.semantics.shape[-3] > UNKNOWN:
-            raise ValueError(
-                f"the table has {rendering.semantics.shape[-3]} classes; expected at most {UNKNOWN} where some may be unknown"
-            )
-        labels[rendering.semantics.detach().amax(-3).cpu().numpy() < min_confidence] = UNKNOWN
-    labels[rendering.alphas.detach().cpu().numpy() < SEEN_ALPHA] = UNSEEN
+        check_may_be_unknown(rendering.semantics.shape[-3])
+        labels[confidence_maps(rendering) < min_confidence] = UNKNOWN
+    labels[_unseen(rendering)] = UNSEEN
     return labels
+
+
+def _unseen(rendering: Rendering) -> Bool[np.ndarray, "*batch v h w"]:
+    """The pixels that no input view saw."""
+    return rendering.alphas.detach().cpu().numpy() < SEEN_ALPHA

@@ -202,7 +202,7 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
         warning = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
         warnings.warn(warning, TermsWarning, stacklevel=3)
     model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
-    model.temperatures = temperatures_in(header.metadata, path) or {}
+    model.temperatures = temperatures_in(header.metadata, path)
     return model
 
 

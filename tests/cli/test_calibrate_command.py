@@ -32,7 +32,7 @@ def test_temperatures_are_fitted_kept_beside_the_same_tensors_and_measured(
     fitted = capsys.readouterr().out
     temperatures = read_temperatures(out)
     assert temperatures is not None
-    assert f"{temperatures['rendered']:.3f}" in fitted
+    assert f"{temperatures.rendered:.3f}" in fitted
     assert plot.read_bytes().startswith(b"\x89PNG")
     before, after = read_tensors(shipped("small")), read_tensors(out)
     assert all((before[name] == after[name]).all() for name in before)

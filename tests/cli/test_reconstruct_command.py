@@ -49,7 +49,7 @@ def test_all_files_appear_and_the_summary_tells_what_was_done(done: tuple[Path, 
         str(out / "gaussians.ply"), f"Open {out / 'report.html'} in a browser.",
     ):  # fmt: skip
         assert part in told, part
-    assert len(list((out / "renders").glob("target_001_*.png"))) == 6
+    assert len(list((out / "renders").glob("target_001_*.png"))) == 8
     assert "untrained" in (out / "report.html").read_text()
 
 
@@ -144,3 +144,18 @@ def test_pictures_are_checked_once_when_they_are_read(
     arguments = ["--out", str(tmp_path / "out"), "--weights", "random", "--context", "0", "3", "--size", "32x48"]
     assert main(["reconstruct", str(room), *arguments]) == 0
     assert checks[0] <= 3
+
+
+def test_the_least_confidence_reaches_the_label_files(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--weights", "random", "--context", "0", "3", "--size", "32x48"]
+    assert main(["reconstruct", str(room), "--out", str(tmp_path / "out"), *options, "--min-confidence", "1"]) == 0
+    numbers = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert (numbers["min_confidence"], numbers["temperatures"]) == (1, None)
+    assert numbers["unknown"] + numbers["unseen"] == pytest.approx(1, abs=1e-4)
+    assert numbers["classes"] == []
+    capsys.readouterr()
+    colour_only = [*options, "--model", "mvsplat", "--min-confidence", "0.5"]
+    assert main(["reconstruct", str(room), "--out", str(tmp_path / "b"), *colour_only]) == 2
+    assert "predicts colour only" in capsys.readouterr().err

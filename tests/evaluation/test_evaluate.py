@@ -387,3 +387,29 @@ def test_what_is_shown_of_the_best_and_worst_is_what_was_predicted(plan: FramePl
             assert held.depths is not None
             assert read.depths is not None
             assert (held.depths - read.depths).abs().max() < 0.00051
+
+
+def test_a_method_that_says_how_sure_it_is_has_its_curve_in_report_and_page(plan: FramePlan, tmp_path: Path):
+    class Sure(Oracle):
+        """Sure of what is right, and at 0.6 of the wrong rows."""
+
+        def predict(self, inputs: Inputs) -> Prediction:
+            confidences = torch.full((36, 48), 0.99)
+            confidences[: self.wrong] = 0.6
+            return replace(super().predict(inputs), confidences=confidences)
+
+    rows = evaluate(plan, Sure(wrong=9), tmp_path)
+    evaluation = done(plan, rows)
+    saved = report(tmp_path, plan, rows)
+    for result in saved.results.values():
+        curve = {point["coverage"]: point["risk"] for point in result.numbers["risk_coverage"]}
+        assert curve[0.5] == 0
+        assert curve[1.0] == pytest.approx(1 - result.numbers["accuracy"])
+        assert 0 < result.numbers["aurc"] < curve[1.0]
+        assert summary(result.frames)["ece"] == pytest.approx(result.numbers["ece"])
+    html = evaluation_page(evaluation, saved)
+    assert html.count("Confidence from") == 2
+    assert "wrong classes among the most confident pixels" in html
+    plain = evaluation_numbers(done(plan, evaluate(plan, Oracle(wrong=9), tmp_path)))
+    assert [entry["risk_coverage"] for entry in plain["results"]] == [[], []]
+    assert [entry["ece"] for entry in plain["results"]] == [None, None]

@@ -14,6 +14,7 @@ from semgs.export.scene import FILE_NAME, SavedScene, load_scene, save_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.rendering.temperatures import Temperatures
 
 
 def some_scene(classes: bool = True) -> SavedScene:
@@ -43,6 +44,7 @@ def some_scene(classes: bool = True) -> SavedScene:
         model="small",
         applied_transform=((1.0, 0.0, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
         applied_scale=0.25,
+        temperatures=Temperatures(0.8, 1.1) if classes else None,
     )
 
 
@@ -113,6 +115,16 @@ def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) ->
         load_scene(write(header, tensors | {"cameras.world_from_camera": torch.full((2, 4, 4), float("nan")).double()}))
     with pytest.raises(InputError, match="depths"):
         load_scene(write(header | {"image_size": [4, 3]}, tensors))
+    for wrong in (
+        [1.0, 2.0],
+        {"rendered": 1.0},
+        {"rendered": 0.0, "gaussians": 1.0},
+        {"rendered": "1", "gaussians": 1.0},
+    ):
+        with pytest.raises(InputError, match="a valid scene"):
+            load_scene(write(header | {"temperatures": wrong}, tensors))
+    del header["temperatures"]  # as in files of earlier versions
+    assert load_scene(write(header, tensors)).temperatures is None
 
 
 def test_a_scene_whose_parts_disagree_cannot_be_made() -> None:

@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from semgs.data.classes import SCANNET20
-from semgs.figures.classes import class_picture, legend, overlay, true_class_picture
+from semgs.figures.classes import UNKNOWN_GREY, class_picture, legend, overlay, true_class_picture
 from semgs.files.colours import HATCH
-from semgs.rendering.rendering import Rendering, label_maps, likeliest
+from semgs.rendering.rendering import Rendering, confidence_maps, label_maps, likeliest
 
 FLOOR, CHAIR = SCANNET20.index("floor"), SCANNET20.index("chair")
 
@@ -60,6 +60,33 @@ def test_a_pixel_is_the_likeliest_class_where_it_was_seen_and_255_elsewhere() ->
     assert label_maps(rendering).tolist() == [[[255, 255, CHAIR], [CHAIR, CHAIR, CHAIR]]]
     with pytest.raises(ValueError, match="no classes"):
         label_maps(Rendering(rendering.images, None, rendering.depths, alphas))
+
+
+def test_a_seen_pixel_with_too_little_confidence_is_unknown_which_is_not_unseen() -> None:
+    """A probability of 0.6 is 0.36 / 0.52 = 0.69 at a temperature of 0.5, and 0.551 at 2."""
+    semantics = torch.tensor([0.6, 0.4])[:, None, None].expand(1, 2, 2, 3)
+    alphas = torch.tensor([[[0.0, 0.49, 0.5], [0.51, 0.9, 1.0]]])
+    unsure, sure = [[255, 255, 254], [254, 254, 254]], [[255, 255, 0], [0, 0, 0]]
+    for temperature, threshold, expected in (
+        (None, 0.6, sure), (None, 0.61, unsure), (0.5, 0.69, sure), (0.5, 0.7, unsure), (2.0, 0.55, sure), (2.0, 0.56, unsure),
+    ):  # fmt: skip
+        rendering = Rendering(torch.zeros(1, 3, 2, 3), semantics, torch.ones(1, 2, 3), alphas, temperature=temperature)
+        assert label_maps(rendering, threshold).tolist() == [expected]
+    confidence = confidence_maps(rendering)[0]
+    assert confidence[0].tolist() == pytest.approx([0, 0, 0.6**0.5 / (0.6**0.5 + 0.4**0.5)])
+    with pytest.raises(ValueError, match="no classes"):
+        confidence_maps(Rendering(rendering.images, None, rendering.depths, alphas))
+    picture = class_picture(np.array([[FLOOR, 254]], np.uint8), SCANNET20)
+    assert picture[0].tolist() == [list(SCANNET20.colours[FLOOR]), list(UNKNOWN_GREY)]
+
+
+def test_where_some_may_be_unknown_a_table_has_at_most_254_classes() -> None:
+    rendering = Rendering(
+        torch.zeros(1, 3, 2, 3), torch.full((1, 255, 2, 3), 1 / 255), torch.ones(1, 2, 3), torch.ones(1, 2, 3)
+    )
+    assert (label_maps(rendering) == 0).all()
+    with pytest.raises(ValueError, match="255 classes; expected at most 254"):
+        label_maps(rendering, 0.5)
 
 
 def test_of_equally_likely_classes_the_first_is_taken() -> None:

@@ -21,6 +21,7 @@ from semgs.figures.page import (
     Matrix,
     Notes,
     Picture,
+    Plot,
     Scale,
     Section,
     Table,
@@ -61,7 +62,8 @@ def page() -> str:
                 "Second",
                 "",
                 (
-                    Legend((LegendEntry("chair", (188, 189, 34), 0.25),), unseen=0.1),
+                    Legend((LegendEntry("chair", (188, 189, 34), 0.25),), unseen=0.1, unknown=0.07),
+                    Plot(Picture(pixels, "a curve")),
                     Scale(Picture(pixels, "bar"), ("0.5 m", "9 m"), "depth"),
                     Gallery("a.jpg", "frame 3", (Picture(pixels, "photo"), Picture(pixels, "render"))),
                     Table(("view", "PSNR"), (("a", "20"), ("b", "30"))),
@@ -80,7 +82,8 @@ def test_the_page_is_well_formed_and_says_everything_with_markup_escaped() -> No
     assert parser.open == []
     text = " ".join(" ".join(parser.text).split())
     for part in (
-        "Room <1>", "a lead & more", "21.3 dB", "Mind the gap.", "chair", "25 %", "unseen", "10 %", "9 m", "made here",
+        "Room <1>", "a lead & more", "21.3 dB", "Mind the gap.", "chair", "25 %", "unseen", "10 %", "unknown", "7 %", "a curve", "9 m",
+        "made here",
     ):  # fmt: skip
         assert part in text
     assert "<1>" not in page()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from semgs.data.classes import ClassTable
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.encoding import Encoding
+from semgs.rendering.temperatures import Temperatures
 
 TABLE = ClassTable("three", ("wall", "mug", "socket"), ((1, 2, 3), (4, 5, 6), (7, 8, 9)), (0, 1, 2))
 
@@ -31,7 +34,7 @@ def test_each_gaussian_takes_the_mean_of_its_pixels_and_those_at_the_border_of_w
     maps[1, :, 0, 0] = torch.tensor([0.0, 1, 0])
     maps[1, :, 0, 4] = torch.tensor([0.0, 0, 1])
     maps[1, :, 2, 4] = torch.tensor([0.0, 0.5, 0.5])
-    before = encoding(2, 20)
+    before = replace(encoding(2, 20), temperatures=Temperatures(0.8, 1.1))
     after = before.with_classes(maps, TABLE)
     features = after.gaussians.semantic.features.view(2, 2, 3, 3)
     assert (features[0] == torch.tensor([1.0, 0, 0])).all()
@@ -39,6 +42,7 @@ def test_each_gaussian_takes_the_mean_of_its_pixels_and_those_at_the_border_of_w
     torch.testing.assert_close(features[1, 0, 2], torch.tensor([0.5, 0, 0.5]))
     torch.testing.assert_close(features[1, 1, 2], torch.tensor([0, 0.5, 0.5]))
     assert after.classes is TABLE
+    assert after.temperatures is None
     assert after.gaussians.semantic.scales is before.gaussians.semantic.scales
     assert after.gaussians.means is before.gaussians.means
 

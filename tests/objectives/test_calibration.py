@@ -7,8 +7,8 @@ from semgs.objectives.calibration import (
     expected_calibration_error,
     fitted_temperature,
     reliability,
-    tempered,
 )
+from semgs.rendering.temperatures import tempered
 
 CLASSES = 20
 

@@ -8,12 +8,14 @@ from dataclasses import replace
 import pytest
 
 from semgs.data.choice import given
+from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
 from semgs.reconstruction.reconstruct import Network, reconstruct
 from semgs.reconstruction.report import Origin, outputs, report_numbers, rounded
 from semgs.reconstruction.report_page import report_page
 from semgs.reconstruction.score_table import score_lines, score_table
 from semgs.reconstruction.scores import ViewScores, mean_scores
+from semgs.rendering.temperatures import Temperatures
 
 ORIGIN = Origin("semgs 9.9", "drawn from a hat", 1234567, "cpu")
 SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
@@ -42,6 +44,45 @@ def test_the_numbers_are_those_of_the_result(wall_scene: Callable[..., Scene], o
     assert numbers["means"]["target"]["psnr"] == pytest.approx(sum(held_out) / 2, rel=1e-4)
     assert numbers["views"][2]["psnr"] == pytest.approx(held_out[0], rel=1e-4)
     assert 0 <= numbers["unseen"] < 0.05
+    assert (numbers["min_confidence"], numbers["unknown"], numbers["temperatures"]) == (0, 0, None)
+    assert [view["unknown"] for view in numbers["views"]] == [0] * 4
+    assert [view["mean_confidence"] for view in numbers["views"]] == pytest.approx([0.8] * 4, abs=0.03)
+    assert [view["median_depth_spread"] for view in numbers["views"]] == pytest.approx([0.1] * 4, abs=0.01)
+
+
+def test_unknown_is_not_unseen_and_the_report_has_the_share_of_both(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """With a temperature of 4 the oracle's 0.81 becomes 3 / (3 + 19) of 20 classes, 0.136, because 0.81 / 0.01 is 3^4."""
+    scene = wall_scene()
+    usual, choice = oracle.forward, given(scene, [0, 3])
+    oracle.forward = lambda views: replace(usual(views), temperatures=Temperatures(rendered=4.0, gaussians=1.0))
+    for threshold, unknown in ((0.13, 0.0), (0.14, 1.0)):
+        result = reconstruct(scene, choice, oracle, min_confidence=threshold)
+        numbers = report_numbers(result, ORIGIN, SECONDS)
+        assert numbers["unknown"] == pytest.approx(unknown, abs=0.05)
+        assert numbers["unknown"] + numbers["unseen"] <= 1
+        assert numbers["temperatures"] == {"rendered": 4.0, "gaussians": 1.0}
+        assert numbers["views"][0]["mean_confidence"] == pytest.approx(3 / 22, abs=0.01)
+        assert numbers["means"] == report_numbers(reconstruct(scene, choice, oracle), ORIGIN, SECONDS)["means"]
+    text = text_of(report_page(result, ORIGIN, SECONDS))
+    assert "Light grey: unknown (seen, but no class has a confidence of 14 %)" in text
+    assert "calibrated with the temperatures 4.000 (pixels) and 1.000 (Gaussians)" in text
+    share = text.index("% unknown")
+    assert 95 <= int(text[:share].split()[-1]) <= 100
+    assert "unknown 9" in text or "unknown 100 %" in text  # the legend
+
+
+def test_a_least_confidence_needs_classes_and_a_number_for_unknown(
+    wall_scene: Callable[..., Scene], colour_oracle: Network
+) -> None:
+    scene = wall_scene()
+    with pytest.raises(ValueError, match="colour only; expected one with classes"):
+        reconstruct(scene, given(scene, [0, 3]), colour_oracle, min_confidence=0.5)
+    names = tuple(f"class {number}" for number in range(255))
+    colour_oracle.classes = ClassTable("many", names, ((1, 2, 3),) * 255, tuple(range(255)))
+    with pytest.raises(ValueError, match="255 classes; expected at most 254"):
+        reconstruct(scene, given(scene, [0, 3]), colour_oracle, min_confidence=0.5)
 
 
 def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[..., Scene], oracle: Network) -> None:
@@ -55,9 +96,10 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
         "32x48 (height x width), read from 40x56",
     ):  # fmt: skip
         assert part in text, part
-    bar, own, held_out, enlarged = 1, 2 * 7, 2 * 7, 1
+    bar, own, held_out, enlarged = 1, 2 * 9, 2 * 9, 1
     assert html.count("<img") == bar + own + held_out + enlarged
-    assert (text.count("True classes, measured depth, classes over the photo"), text.count("true classes")) == (4, 4)
+    more = "True classes, measured depth, classes over the photo, confidence (black 0 %, yellow 100 %), uncertainty of depth (black 0 %, yellow 30 % or more)"
+    assert (text.count(more), text.count("true classes")) == (4, 4)
     assert text.count("measured depth") == 2 * 4 + 1  # once more in the reason
 
 
@@ -103,7 +145,8 @@ def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], 
     captions = [re.findall(r"<figcaption>([^<]+)</figcaption>", view) for view in html.split('<div class="view">')[1:]]
     assert [view[1:4] for view in captions] == [["render", "classes", "depth"]] * 4
     assert captions[0][0] == "photo (input)"
-    assert [view[4:] for view in captions] == [["true classes", "measured depth", "classes over the photo"]] * 4
+    more = ["true classes", "measured depth", "classes over the photo", "confidence", "uncertainty of depth"]
+    assert [[caption.split(" (")[0] for caption in view[4:]] for view in captions] == [more] * 4
 
 
 def test_all_files_but_the_page_itself_are_links(wall_scene: Callable[..., Scene], oracle: Network) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from semgs.files.errors import InputError
+from semgs.rendering.temperatures import Temperatures
 from semgs.weights.file import save
 from semgs.weights.load import load
 from semgs.weights.temperatures import KEY, read_temperatures, temperatures_text
@@ -17,15 +18,15 @@ def written(folder: Path, text: str | None) -> Path:
 
 
 def test_what_is_written_is_read_and_the_network_carries_it(tmp_path: Path):
-    path = written(tmp_path, temperatures_text({"rendered": 1.5, "gaussians": 2.25}))
-    assert read_temperatures(path) == {"rendered": 1.5, "gaussians": 2.25}
-    assert load("small", path).temperatures == {"rendered": 1.5, "gaussians": 2.25}
+    path = written(tmp_path, temperatures_text(Temperatures(1.5, 2.25)))
+    assert read_temperatures(path) == Temperatures(rendered=1.5, gaussians=2.25)
+    assert load("small", path).temperatures == Temperatures(1.5, 2.25)
 
 
 def test_weights_may_have_none(tmp_path: Path):
     path = written(tmp_path, None)
     assert read_temperatures(path) is None
-    assert load("small", path).temperatures == {}
+    assert load("small", path).temperatures is None
 
 
 @pytest.mark.parametrize(

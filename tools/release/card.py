@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from semgs.evaluation.tables.card import card_grids
+from semgs.evaluation.tables.card import card_grids, risk_curve
 from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.evaluation.tables.grid import printed
-from semgs.files.atomic import write_json
+from semgs.figures.risk_coverage import risk_coverage_picture
+from semgs.files.atomic import write_bytes, write_json
+from semgs.files.pictures import png_bytes
 from semgs.files.strict_json import read_json
-from tools.release.pages import CARD, SCORES, write_between
+from tools.release.pages import CARD, RISKS, SCORES, write_between
 
 BEGIN, END = "<!-- tables of docs/scores -->", "<!-- end of tables -->"
 """Markers of the tables in the card."""
@@ -46,8 +48,24 @@ def tables(folder: Path) -> str:
     return "\n\n".join(printed(grid, "markdown") for grid in grids)
 
 
+def risk_picture(folder: Path) -> bytes:
+    """The risk-coverage curves of all reports in a folder, as PNG; empty if none has one.
+
+    Raises:
+        InputError: a report cannot be read.
+    """
+    reports = [read_report(path) for path in sorted(folder.glob("*.json"))]
+    curves = [
+        risk_curve(f"{report.data_name}, {views} views", result.numbers)
+        for report in reports
+        for views, result in report.results.items()
+        if result.numbers.get("risk_coverage")
+    ]
+    return png_bytes(risk_coverage_picture(curves)) if curves else b""
+
+
 def write_card(reports: Mapping[str, Path]) -> None:
-    """Write the tables into the card.
+    """Write the tables into the card, and the plot of its risk-coverage curves.
 
     Args:
         reports: to add to docs/scores first, by title; a report with the same title is replaced. Delete those of older weights by hand.
@@ -62,3 +80,5 @@ def write_card(reports: Mapping[str, Path]) -> None:
         assert isinstance(content, dict)
         write_json(SCORES / f"{title.replace(' ', '_')}.json", reduced(content, title))
     write_between(CARD, tables(SCORES), BEGIN, END)
+    if picture := risk_picture(SCORES):
+        write_bytes(RISKS, picture)

@@ -12,7 +12,7 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.model.nearest import NearestViews
 from semgs.reconstruction.encode import Network, encode, now
-from semgs.rendering.rendering import SEEN_ALPHA, likeliest
+from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
 from semgs.segmenters.labelling import Labelling
 
 
@@ -69,6 +69,7 @@ class NetworkMethod:
             unseen=rendering.alphas[0].cpu() < SEEN_ALPHA,
             seconds_encode=encoded.seconds,
             seconds_render=seconds,
+            confidences=None if classes is None else torch.from_numpy(confidence_maps(rendering)[0]),
         )
 
     def __getstate__(self) -> dict[str, object]:

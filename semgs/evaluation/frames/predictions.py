@@ -56,6 +56,7 @@ class Prediction:
         image: RGB, 0..1 (clamped for the comparison).
         depths: z-depth, 0 = none [m, or the scene's unit].
         unseen: where the method saw nothing, whatever it predicts there.
+        confidences: the probability of the predicted class, calibrated if possible; 0 where the method saw nothing.
         seconds_encode: from its inputs to its scene; None if not measured.
         seconds_render: from its scene to this view.
     """
@@ -66,6 +67,7 @@ class Prediction:
     unseen: Bool[Tensor, "h w"] | None = None
     seconds_encode: float | None = None
     seconds_render: float | None = None
+    confidences: Float[Tensor, "h w"] | None = None
 
     def copy(self) -> Prediction:
         """A copy with its own memory."""

@@ -16,12 +16,14 @@ from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.evaluate import SHOWN, Rows
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
+from semgs.evaluation.tables.card import risk_curve
 from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.figures import page
 from semgs.figures.classes import LegendEntry
 from semgs.figures.depth import WORST_ERROR, depth_error_bar, depth_error_picture
 from semgs.figures.numbers import percent
+from semgs.figures.risk_coverage import risk_coverage_picture
 from semgs.figures.views import class_map, depth_map, photo, please_note, true_class_map
 from semgs.files.colours import depth_limits
 from semgs.files.text import listed
@@ -161,6 +163,18 @@ def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> lis
                 (_bars(result, classes), _matrix(result, classes)),
             )
         )
+    if numbers["risk_coverage"]:
+        curve = risk_curve(evaluation.subject.name, numbers)
+        picture = page.Picture(risk_coverage_picture([curve]), "wrong classes among the most confident pixels")
+        sections.append(
+            page.Section(
+                f"Confidence from {views} views",
+                "If only the most confident pixels keep their class, fewer are wrong: --min-confidence sets the threshold. AURC: mean of this curve. ECE: "
+                "mean |confidence − accuracy| in 15 bins with the same number of pixels. Labelled and seen pixels; bands are 95 % intervals.",
+                (page.Plot(picture), _risk_table(numbers)),
+                folded=True,
+            )
+        )
     galleries = _galleries(rows, result, evaluation)
     if galleries:
         sections.append(
@@ -184,6 +198,16 @@ def _metrics(result: SavedResult, name: str) -> page.Table:
         texts = [shown_number(metric, value) for value in columns]
         rows.append((TITLES[metric], texts[0] + mark, interval, *texts[1:]))
     return page.Table(("metric", name, "95 % interval", *[ROWS[row] for row in result.trivial]), tuple(rows))
+
+
+def _risk_table(numbers: Mapping[str, Any]) -> page.Table:
+    """Some points of the risk-coverage curve, with the threshold that gives each."""
+    rows = [
+        (percent(point["coverage"]), f"{point['confidence']:.2f}", percent(point["risk"]))
+        for point in numbers["risk_coverage"]
+        if round(20 * point["coverage"]) % 2 == 0
+    ]
+    return page.Table(("pixels that keep their class", "--min-confidence", "of these wrong"), tuple(rows))
 
 
 def _scene_table(numbers: Mapping[str, Any]) -> page.Table:

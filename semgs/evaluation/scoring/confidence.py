@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float, Int
@@ -14,9 +14,13 @@ from semgs.evaluation.frames.frame_plan import FramePlan
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
-from semgs.objectives.calibration import Bin, expected_calibration_error, fitted_temperature, reliability, tempered
+from semgs.objectives.calibration import Bin, expected_calibration_error, fitted_temperature, reliability
 from semgs.reconstruction.encode import encode
-from semgs.weights.temperatures import DIGITS, KINDS
+from semgs.rendering.temperatures import Temperatures, tempered
+from semgs.weights.temperatures import DIGITS
+
+KINDS = tuple(field.name for field in fields(Temperatures))
+"""What has its own temperature: "rendered" pixels, and single "gaussians"."""
 
 PIXELS = 2048
 """Labelled pixels sampled from each view; more would add little, because neighbours are alike."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Int64, UInt8
+from torch import Tensor
 
 from semgs.data.classes import IGNORE
 from semgs.data.views import Views
@@ -14,6 +15,7 @@ from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
 from semgs.objectives.map_scores import Maps, MapScores, map_scores
 from semgs.objectives.metrics import DepthScores
+from semgs.objectives.selective import counts_by_confidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,7 @@ class FrameScores:
         miou_seen, accuracy_seen, psnr_seen, depth_seen: mean IoU, accuracy, PSNR and depth over the seen pixels; None also if
             the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
+        confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
     """
 
     scene: str
@@ -49,6 +52,7 @@ class FrameScores:
     accuracy_seen: float | None = None
     psnr_seen: float | None = None
     depth_seen: DepthScores | None = None
+    confidences: Int64[np.ndarray, "level 2"] | None = None
 
 
 def score(
@@ -93,4 +97,13 @@ def score(
         accuracy_seen=part.accuracy,
         psnr_seen=part.psnr,
         depth_seen=part.depth,
+        confidences=None if labels is None else _confidences(prediction, labels),
     )
+
+
+def _confidences(prediction: Prediction, labels: UInt8[Tensor, "h w"]) -> Int64[np.ndarray, "level 2"] | None:
+    """The labelled and seen pixels by their confidence; None if there is none."""
+    if prediction.confidences is None or prediction.labels is None:
+        return None
+    counted = (labels != IGNORE) & (prediction.confidences > 0)
+    return counts_by_confidence(prediction.confidences[counted], (prediction.labels == labels)[counted])

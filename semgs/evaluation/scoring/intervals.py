@@ -6,7 +6,7 @@ similar, so the interval is too narrow for other scenes. The seed is fixed, so n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.summary import MetricGroup, metric_groups
+from semgs.evaluation.scoring.summary import MetricGroup, Values, metric_groups
 
 LEVEL = 0.95
 RESAMPLES = 5000
@@ -45,7 +45,7 @@ def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:
     over = units(frames)
     found: dict[str, Interval] = {}
     for group in metric_groups(frames):
-        found |= _intervals(group, over, group.values)
+        found |= group_intervals(group, over)
     return found
 
 
@@ -66,12 +66,19 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
     for group in metric_groups(first):
         other = others.get(group.names)
         if other is not None and np.array_equal(group.scene_of, other.scene_of):
-            found |= _intervals(group, over, lambda *times, a=group, b=other: b.values(*times) - a.values(*times))
+            found |= group_intervals(group, over, lambda *times, a=group, b=other: b.values(*times) - a.values(*times))
     return found
 
 
-def _intervals(group: MetricGroup, over: Over, values: Callable[..., np.ndarray]) -> dict[str, Interval]:
-    """The intervals of a group of metrics; none for a single scene or frame, or if a metric is infinite."""
+def group_intervals(group: MetricGroup, over: Over, values: Values | None = None) -> dict[str, Interval]:
+    """The intervals of a group of metrics; none for a single scene or frame, or if a metric is infinite.
+
+    Args:
+        group: the metrics.
+        over: what is resampled.
+        values: computes other numbers from the same targets; None for those of the group.
+    """
+    values = values or group.values
     scenes = int(group.scene_of.max()) + 1
     count = scenes if over == "scenes" else len(group.scene_of)
     if count < 2:

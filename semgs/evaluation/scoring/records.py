@@ -12,6 +12,7 @@ from jaxtyping import Int64
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
+from semgs.objectives.selective import LEVELS
 
 
 def finite(value: float | None) -> float | None:
@@ -22,7 +23,8 @@ def finite(value: float | None) -> float | None:
 def record(frame: FrameScores) -> dict[str, Any]:
     """The scores of a target, ready for JSON.
 
-    `confusion` lists "true predicted pixels" of each pair that occurs; `truth` likewise "class pixels".
+    `confusion` lists "true predicted pixels" of each pair that occurs; `truth` likewise "class pixels"; `confidences` "level 0 pixels" and "level 1 pixels
+    that are right".
     """
     found: dict[str, Any] = {"scene": frame.scene, "target": frame.target, "contexts": list(frame.contexts)}
     if frame.confusion is not None and frame.truth is not None:
@@ -48,6 +50,8 @@ def record(frame: FrameScores) -> dict[str, Any]:
     if frame.confusion is not None and frame.truth is not None:
         found["confusion"] = _sparse(frame.confusion)
         found["truth"] = _sparse(frame.truth)
+    if frame.confidences is not None:
+        found["confidences"] = _sparse(frame.confidences)
     return found
 
 
@@ -76,6 +80,7 @@ def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
         contexts=tuple(entry["contexts"]),
         confusion=_dense(entry["confusion"], (classes, classes)) if "confusion" in entry else None,
         truth=_dense(entry["truth"], (classes,)) if "truth" in entry else None,
+        confidences=_dense(entry["confidences"], (LEVELS, 2)) if "confidences" in entry else None,
         depth=depth,
         depth_seen=None
         if seen is None

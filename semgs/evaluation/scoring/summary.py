@@ -7,6 +7,7 @@
 | psnr, ssim, lpips | for each target; mean over targets |
 | depth_abs_rel, depth_delta_125 | over all pixels of all targets that have a true depth |
 | miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the seen pixels |
+| aurc, ece | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
 | unseen | share of all pixels |
 | not_given | share of the labelled pixels without a predicted class |
 
@@ -27,6 +28,7 @@ from jaxtyping import Float, Int, Int64
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.objectives.measures import TITLES
 from semgs.objectives.metrics import accuracy, class_accuracy, intersection_over_union, miou
+from semgs.objectives.selective import area_under_risk_coverage, equal_mass_calibration_error
 
 CLASS_METRICS = (
     "miou", "miou_per_image", "accuracy", "accuracy_per_image", "class_accuracy", "class_accuracy_per_image", "not_given",
@@ -36,10 +38,12 @@ DEPTH_METRICS = ("depth_abs_rel", "depth_delta_125")
 SEEN_METRICS = ("miou_per_image_seen", "accuracy_per_image_seen", "psnr_seen", "depth_abs_rel_seen")
 """Metrics over the pixels that a method saw. Methods see different pixels, so these do not rank methods."""
 
+CONFIDENCE_METRICS = ("aurc", "ece")
+
 METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 """All names, in the order of tables."""
 
-LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given")
+LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given", *CONFIDENCE_METRICS)
 
 
 Values = Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
@@ -84,10 +88,43 @@ def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     for names, needed, values in groups:
         those = [frame for frame in frames if getattr(frame, needed) is not None]
         if those:
-            order = {scene: number for number, scene in enumerate(dict.fromkeys(frame.scene for frame in those))}
-            scene_of = np.array([order[frame.scene] for frame in those], np.int64)
+            scene_of = _scene_numbers(those)
             found.append(MetricGroup(names, scene_of, values(those, scene_of)))
+    if any(frame.confidences is not None and frame.confidences.any() for frame in frames):
+        found.append(
+            confidence_group(
+                frames,
+                CONFIDENCE_METRICS,
+                lambda counts: np.stack([area_under_risk_coverage(counts), equal_mass_calibration_error(counts)], -1),
+            )
+        )
     return found
+
+
+def confidence_group(
+    frames: Sequence[FrameScores], names: tuple[str, ...], metrics: Callable[[np.ndarray], np.ndarray]
+) -> MetricGroup:
+    """Metrics of the confidence at the labelled and seen pixels of all targets together.
+
+    Args:
+        frames: some of which have such pixels; the others are left out.
+        names: of the metrics.
+        metrics: computes them [trial metric] from counts [trial level 2].
+    """
+    those = [frame for frame in frames if frame.confidences is not None and frame.confidences.any()]
+    counts = np.stack([frame.confidences for frame in those if frame.confidences is not None])
+    flat = counts.reshape(len(those), -1).astype(np.float64)  # exact up to 2^53 pixels, and fast to multiply
+
+    def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
+        return metrics((times @ flat).astype(np.int64).reshape(-1, *counts.shape[1:])).T
+
+    return MetricGroup(names, _scene_numbers(those), values)
+
+
+def _scene_numbers(frames: Sequence[FrameScores]) -> Int64[np.ndarray, " n"]:
+    """The number of each target's scene, 0, 1, ... ."""
+    order = {scene: number for number, scene in enumerate(dict.fromkeys(frame.scene for frame in frames))}
+    return np.array([order[frame.scene] for frame in frames], np.int64)
 
 
 def summary(frames: Sequence[FrameScores]) -> dict[str, float]:

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from semgs.evaluation.scoring.summary import CONFIDENCE_METRICS
 from semgs.evaluation.tables.compare import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.grid import Cell, Grid
 from semgs.evaluation.tables.texts import with_interval
+from semgs.figures.risk_coverage import RiskCurve
 from semgs.objectives.measures import TITLES, shown_number
 from semgs.weights.header_scores import Figure
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
 """The columns."""
+
+KEPT = (50, 80, 90, 100)
+"""Shares of the pixels, the most confident ones [%]."""
 
 
 def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
@@ -37,7 +42,19 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
         ),
     )
     labelled = [(report, result) for report, result in pairs if result.numbers["per_class"]]
-    return [scores, *([_classes(labelled)] if labelled else [])]
+    sure = [(report, result) for report, result in pairs if result.numbers.get("risk_coverage")]
+    return [scores, *([_classes(labelled)] if labelled else []), *([_confidence(sure)] if sure else [])]
+
+
+def risk_curve(name: str, numbers: Mapping[str, Any]) -> RiskCurve:
+    """The risk-coverage curve of an entry.
+
+    Args:
+        name: of the curve.
+        numbers: with `risk_coverage`.
+    """
+    keys = ("coverage", "risk", "low", "high")
+    return RiskCurve(name, *(tuple(point[key] for point in numbers["risk_coverage"]) for key in keys))
 
 
 def figures(numbers: Mapping[str, Any]) -> dict[str, Figure]:
@@ -60,6 +77,35 @@ def _row(name: str, numbers: Mapping[str, Any], worse: Sequence[str]) -> tuple[C
             else Cell("–")
             for metric in METRICS
         ],
+    )
+
+
+def _confidence(pairs: Sequence[tuple[SavedReport, SavedResult]]) -> Grid:
+    """How far confidence can be trusted."""
+    rows = []
+    for report, result in pairs:
+        numbers = result.numbers
+        points = {round(100 * point["coverage"]): point for point in numbers["risk_coverage"]}
+        cells = [Cell(f"{report.data_name} ({len(report.sizes)}), {result.views} views")]
+        for name in CONFIDENCE_METRICS:
+            cells.append(Cell(with_interval(name, numbers[name], *numbers["intervals"].get(name, (None, None)))))
+        for coverage in KEPT:
+            point = points[coverage]
+            cells.append(Cell(f"{100 * point['risk']:.1f} % ({point['confidence']:.2f})"))
+        rows.append(tuple(cells))
+    return Grid(
+        title="Confidence",
+        groups=(),
+        head=(
+            "data (scenes), input views",
+            *[TITLES[name] for name in CONFIDENCE_METRICS],
+            *[f"wrong in {share} %" for share in KEPT],
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Labelled and seen pixels. AURC: area under the risk-coverage curve. ECE: 15 bins with the same number of pixels. Then: wrong classes among the most "
+            "confident pixels, with the least confidence of these in brackets.",
+        ),
     )
 
 

@@ -15,7 +15,15 @@ from semgs.evaluation.scoring.evaluate import Rows
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals, units
 from semgs.evaluation.scoring.records import finite, frame_of, number, record, seconds
-from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, METRICS, SEEN_METRICS, class_scores, summary
+from semgs.evaluation.scoring.risk_coverage import risk_coverage
+from semgs.evaluation.scoring.summary import (
+    CONFIDENCE_METRICS,
+    LOWER_IS_BETTER,
+    METRICS,
+    SEEN_METRICS,
+    class_scores,
+    summary,
+)
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
 
@@ -119,6 +127,7 @@ def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
         "below_copy": below(numbers, trivial["copy"]),
         "trivial": trivial,
         "per_class": [],
+        "risk_coverage": [asdict(point) for point in risk_coverage(rows.method)],
         "per_scene": [
             {"scene": scene, **_metrics(these), "samples": len(these)}
             for scene in scenes
@@ -258,8 +267,8 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
     for entry in content["results"]:
         for row in (entry, *entry["trivial"].values()):
             for name in METRICS:
-                # Reports of older versions have no metrics of the seen pixels.
-                number(row.get(name) if name in SEEN_METRICS else row[name])
+                # Reports of older versions have neither metrics of the seen pixels nor of confidence.
+                number(row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name])
         number(entry["fps_encoding_each"])
         if entry["intervals_over"] not in ("scenes", "frames"):
             raise ValueError(f"intervals_over is {entry['intervals_over']!r}")

@@ -26,9 +26,11 @@ class Tabletop:
     """A surface for small things: the top of a piece at (x, y), turned by `yaw` [m, rad].
 
     Attributes:
+        name: of the piece.
         blocked: places that are taken: left, right, near and far edge in the piece's frame [m].
     """
 
+    name: str
     x: float
     y: float
     yaw: float
@@ -161,7 +163,7 @@ class Builder:
         piece = self.exchanged(piece)
         self.add(moved(piece.parts, (x, y, 0.0), yaw))
         if piece.surface is not None:
-            self.surfaces.append(Tabletop(x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
+            self.surfaces.append(Tabletop(piece.name, x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
         return True
 
     def beside_wall(self, wall: Wall, piece: Piece, left: float, off: float = 0.03, turn: float = 0.0) -> bool:
@@ -188,7 +190,11 @@ class Builder:
             if slack < 0:
                 continue
             left = 0.03 + slack * (float(rng.integers(2)) if self.chance(corner) else rng.random())
-            off = 0.025 + rng.choice([0.0, rng.uniform(0, 0.06)]) + {"bed": 0.07, "sofa": 0.05}.get(piece.name, 0.0)
+            off = (
+                0.025
+                + rng.choice([0.0, rng.uniform(0, 0.06)])
+                + {"bed": 0.07, "sofa": 0.05, "corner sofa": 0.05}.get(piece.name, 0.0)
+            )
             turn = rng.uniform(-0.3, 0.3) if piece.name in ("armchair", "other", "chair") and self.chance(0.5) else 0.0
             if self.beside_wall(wall, piece, left, off, turn):
                 return wall, left

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import openings, things
-from semgs.rooms.pieces.solids import block, moved, post
+from semgs.rooms.pieces.solids import Piece, block, moved, post
 from semgs.rooms.plans.builder import Builder, snug
 from semgs.rooms.plans.floor_plan import Lamp
 from semgs.rooms.plans.footprints import Span, Wall, placed, rectangle
@@ -104,14 +106,24 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
             builder.lamps.append(Lamp((x, y, piece.size[2] + 0.1), float(rng.uniform(0.5, 1.5))))
 
 
+PROPER: dict[str, Callable[[np.random.Generator, float], Piece]] = {
+    "desk": things.on_desk, "table": things.on_table, "coffee table": things.on_table, "counter": things.on_worktop,
+    "island": things.on_worktop,
+}  # fmt: skip
+"""What belongs on a piece of furniture."""
+PROPERLY = 0.7
+"""Share of the things on such a piece that belong there."""
+
+
 def clutter(builder: Builder, zone: Zone) -> None:
-    """Put small things on tables and cabinets, and some on the floor."""
+    """Put small things on tables and cabinets, most of them where they belong, and some on the floor."""
     rng = builder.rng
     while builder.surfaces:
         top = builder.surfaces.pop()
         taken = list(top.blocked)
-        for _ in range(int(rng.integers(0, 8))):
-            thing = snug(things.clutter(rng, rng.uniform(0.08, 0.32)))
+        for _ in range(int(rng.integers(top.name in PROPER, 8))):
+            maker = PROPER.get(top.name, things.clutter) if builder.chance(PROPERLY) else things.clutter
+            thing = snug(maker(rng, rng.uniform(0.08, 0.32)))
             wide, deep = thing.size[0], thing.size[1]
             if wide > top.width - 0.08 or deep > top.depth - 0.08:
                 continue

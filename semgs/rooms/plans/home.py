@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from semgs.rooms.pieces import fittings, furniture, openings, things
+from semgs.rooms.pieces import cloth, fittings, furniture, kitchen_and_bath, openings, things
 from semgs.rooms.pieces.furniture import Maker
 from semgs.rooms.pieces.solids import Piece, moved
 from semgs.rooms.plans import dressing
@@ -23,33 +24,52 @@ from semgs.rooms.plans.outlines import (
     with_corner_built_in,
 )
 
+
+def _one_of(*makers: Maker) -> Maker:
+    """A maker that makes what one of these makes, each equally often."""
+    return lambda rng: makers[int(rng.integers(len(makers)))](rng)
+
+
+FRIDGE = _one_of(kitchen_and_bath.refrigerator, kitchen_and_bath.refrigerator, fittings.refrigerator)
+ISLAND = _one_of(kitchen_and_bath.island, kitchen_and_bath.island, fittings.island)
+WARDROBE = _one_of(cloth.canvas_wardrobe, fittings.cabinet, fittings.cabinet)
+SOFA = _one_of(furniture.sofa, furniture.sofa, cloth.corner_sofa)
+SIDEBOARD = _one_of(kitchen_and_bath.vitrine, fittings.sideboard)
+WASHSTAND = _one_of(kitchen_and_bath.washstand, fittings.washbasin)
+
 BIG: dict[str, tuple[Maker, ...]] = {
-    "bedroom": (furniture.bed, fittings.cabinet, furniture.desk, fittings.bookshelf, furniture.armchair, fittings.other),
-    "living": (furniture.sofa, fittings.sideboard, fittings.bookshelf, furniture.armchair, furniture.sofa, fittings.other, furniture.dining_table),
-    "kitchen": (fittings.counter, fittings.refrigerator, fittings.stove, furniture.dining_table, fittings.counter, fittings.island, fittings.cabinet),
-    "dining": (furniture.dining_table, fittings.sideboard, fittings.cabinet, fittings.bookshelf, furniture.armchair, fittings.other),
-    "bathroom": (fittings.bathtub, fittings.toilet, fittings.washbasin, fittings.cabinet, fittings.other),
+    "bedroom": (furniture.bed, WARDROBE, furniture.desk, fittings.bookshelf, furniture.armchair, fittings.other),
+    "living": (SOFA, SIDEBOARD, fittings.bookshelf, furniture.armchair, SOFA, fittings.other, furniture.dining_table),
+    "kitchen": (fittings.counter, FRIDGE, fittings.stove, ISLAND, furniture.dining_table, fittings.counter, fittings.cabinet),
+    "dining": (furniture.dining_table, SIDEBOARD, fittings.cabinet, fittings.bookshelf, furniture.armchair, fittings.other),
+    "bathroom": (fittings.bathtub, fittings.toilet, WASHSTAND, fittings.cabinet, fittings.other),
     "office": (furniture.desk, furniture.desk, fittings.bookshelf, fittings.cabinet, fittings.island, furniture.desk, furniture.sofa, fittings.other),
     "study": (furniture.desk, fittings.bookshelf, furniture.armchair, fittings.bookshelf, furniture.sofa, fittings.other),
-    "hallway": (fittings.cabinet, fittings.other, furniture.side_table, fittings.bookshelf, furniture.chair),
+    "hallway": (WARDROBE, fittings.other, furniture.side_table, fittings.bookshelf, furniture.chair),
     "mixed": (
-        furniture.bed, furniture.sofa, furniture.desk, furniture.dining_table, fittings.bookshelf, fittings.cabinet, fittings.counter,
-        fittings.island, fittings.refrigerator, fittings.other, furniture.armchair,
+        furniture.bed, SOFA, furniture.desk, furniture.dining_table, fittings.bookshelf, WARDROBE, fittings.counter, ISLAND, FRIDGE,
+        fittings.other, furniture.armchair,
     ),
 }  # fmt: skip
 """Furniture of each kind of room, most important first; `mixed` (a studio) gets a random selection."""
 
 SHARES = {
-    "bedroom": 0.19, "living": 0.14, "kitchen": 0.15, "dining": 0.06, "bathroom": 0.23, "office": 0.06, "study": 0.05,
-    "hallway": 0.03, "mixed": 0.09,
+    "bedroom": 0.19, "living": 0.19, "kitchen": 0.18, "dining": 0.06, "bathroom": 0.17, "office": 0.07, "study": 0.05,
+    "hallway": 0.02, "mixed": 0.07,
 }  # fmt: skip
-"""How frequent each kind of room is, chosen so that classes of small objects occur often enough."""
+"""How frequent each kind of room is: by how much time people spend in it and photograph it. Cameras come close to small things
+instead (`semgs.rooms.sets.cameras`)."""
 
 PAIRS = (("living", "dining"), ("living", "kitchen"), ("dining", "kitchen"), ("bedroom", "study"), ("bedroom", "bathroom"), ("living", "bedroom"))  # fmt: skip
 TWO_ROOMS = 0.16
 """Share of plans with two rooms joined by an opening."""
 
 FREE_STANDING = ("table", "island")
+SOFAS = ("sofa", "corner sofa")
+SOFA_IN_THE_ROOM = 0.45
+"""Share of sofas with their back to the room, if there is space."""
+CHAIR_AT_DESK = 0.65
+"""Share of desks with a chair."""
 WET = ("bathroom", "kitchen")
 
 
@@ -208,19 +228,25 @@ def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
         return
     if piece.name in ("refrigerator", "stove", "counter") and _continue_the_row(builder, zone, piece):
         return
+    if piece.name in SOFAS and builder.chance(SOFA_IN_THE_ROOM) and _sofa_in_the_room(builder, zone, piece):
+        return
     where = builder.against_wall(zone, piece, corner=0.15 if piece.name in ("bed", "sofa", "desk") else 0.55)
     if where is None:
         return
     wall, left = where
     if piece.name == "bed":
         _beside_the_bed(builder, zone, wall, left, piece)
-    elif piece.name == "desk":
+    elif piece.name == "desk" and builder.chance(CHAIR_AT_DESK):
         _chair_at_the_desk(builder, wall, left, piece)
-    elif piece.name == "sofa":
+    elif piece.name == "counter":
+        _above_the_counter(builder, wall, left, piece)
+    elif piece.name in SOFAS:
         _before_the_sofa(builder, zone, wall, left, piece)
     elif piece.name == "bathtub":
         _round_the_bathtub(builder, wall, piece)
-    elif piece.name == "washbasin" or (piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)):
+    elif piece.name in ("washbasin", "washstand") or (
+        piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)
+    ):
         wide, low = piece.size[0] * builder.rng.uniform(0.7, 1.1), max(1.15, piece.size[2] + 0.2)
         glass = openings.mirror(builder.rng, wide, builder.rng.uniform(0.5, 0.8))
         start = left + (piece.size[0] - wide) / 2
@@ -286,19 +312,72 @@ def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa
         x, y = wall.at(middle - low.size[0] / 2, sofa.size[1] + rng.uniform(0.35, 0.55))
         builder.stand(low, x, y, wall.yaw)
     if builder.chance(0.35):
-        opposite = [
-            other for other in zone.walls if abs(np.cos(other.yaw - wall.yaw) + 1) < 1e-6 and other.length > 1.6
-        ]
+        opposite = [other for other in zone.walls if abs(np.cos(other.yaw - wall.yaw) + 1) < 1e-6]
         if opposite:
             other = opposite[int(rng.integers(len(opposite)))]
-            bench = builder.exchanged(snug(fittings.sideboard(rng)))
-            start = (other.length - bench.size[0]) * rng.uniform(0.2, 0.8)
-            screen = things.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
-            if bench.surface is not None and builder.beside_wall(other, bench, start):
-                builder.surfaces.pop()
-                x, y = other.at(start + (bench.size[0] - screen.size[0]) / 2, 0.1)
-                builder.add(moved(screen.parts, (x, y, bench.surface), other.yaw))
-                other.taken.append((start, start + bench.size[0], bench.surface, bench.surface + screen.size[2]))
+            _television_at(builder, other, other.length * rng.uniform(0.3, 0.7))
+
+
+def _television_at(builder: Builder, wall: Wall, middle: float) -> None:
+    """Put a sideboard with a television at a wall, centred `middle` along it if it fits."""
+    rng = builder.rng
+    bench = builder.exchanged(snug(fittings.sideboard(rng)))
+    start = float(np.clip(middle - bench.size[0] / 2, 0.03, max(0.03, wall.length - bench.size[0] - 0.03)))
+    screen = things.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
+    if bench.surface is not None and builder.beside_wall(wall, bench, start):
+        builder.surfaces.pop()
+        x, y = wall.at(start + (bench.size[0] - screen.size[0]) / 2, 0.1)
+        builder.add(moved(screen.parts, (x, y, bench.surface), wall.yaw))
+        wall.taken.append((start, start + bench.size[0], bench.surface, bench.surface + screen.size[2]))
+
+
+def _sofa_in_the_room(builder: Builder, zone: Zone, sofa: Piece) -> bool:
+    """Put a sofa away from all walls, with its front to one and its back to the room. False if there is no room behind it.
+
+    Between it and the wall are a television, a coffee table and a rug.
+    """
+    rng = builder.rng
+    width, depth, _ = sofa.size
+    for number in rng.permutation(len(zone.walls)):
+        wall = zone.walls[int(number)]
+        across = abs(np.sin(wall.yaw)) > 0.5
+        deep = zone.high[0] - zone.low[0] if across else zone.high[1] - zone.low[1]
+        slack, off = wall.length - width - 0.6, rng.uniform(1.5, 2.6)
+        if slack < 0 or off + depth + 1.0 > deep:
+            continue
+        left = 0.3 + slack * rng.uniform(0.15, 0.85)
+        if not builder.stand(sofa, *wall.at(left + width, off + depth), wall.yaw + np.pi, margin=0.1):
+            continue
+        middle = left + width / 2
+        if builder.chance(0.75):
+            _television_at(builder, wall, middle)
+        low = snug(furniture.coffee_table(rng))
+        if builder.chance(0.7):
+            builder.stand(
+                low, *wall.at(middle - low.size[0] / 2, off - rng.uniform(0.35, 0.55) - low.size[1]), wall.yaw
+            )
+        if builder.chance(0.5):
+            dressing.rug(builder, zone, np.array(wall.at(middle, off - 0.4)), wall.yaw, width * rng.uniform(0.8, 1.3))
+        return True
+    return False
+
+
+def _above_the_counter(builder: Builder, wall: Wall, left: float, counter: Piece) -> None:
+    """Hang cabinets with glazed doors above a counter that has no wall cabinets, with nothing tall below them."""
+    rng = builder.rng
+    if counter.surface is None or not builder.chance(0.6):
+        return
+    piece = kitchen_and_bath.wall_cabinet(rng, counter.size[0] * rng.uniform(0.4, 1.0))
+    low = rng.uniform(1.42, 1.55)
+    start = left + (counter.size[0] - piece.size[0]) * float(rng.choice([0.0, 0.5, 1.0]))
+    end, high = start + piece.size[0], low + piece.size[2]
+    if high > builder.size[2] - 0.03 or end > wall.length or not wall.free(start, end, low, high):
+        return
+    builder.hang(wall, piece, start, low)
+    if builder.surfaces and builder.surfaces[-1].name == "counter":
+        top = builder.surfaces[-1]
+        under = (start - left, end - left, 0.0, piece.size[1])
+        builder.surfaces[-1] = replace(top, blocked=(*top.blocked, under))
 
 
 def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:

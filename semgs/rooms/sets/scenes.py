@@ -20,13 +20,16 @@ from semgs.rooms.assets.library import Library
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.style import STYLES, Style
-from semgs.rooms.sets.cameras import draw_intrinsics, draw_path
+from semgs.rooms.sets.cameras import draw_habit, draw_intrinsics, draw_path
 from semgs.rooms.sets.stream import fitted, generator, shoot
 
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
 SHADED = "shaded"
 """Lighting method. Earlier releases also had another one and wrote this entry, so files still contain it."""
+
+EDITIONS: dict[Style, str] = {"home": ", second edition of homes", "other": ""}
+"""Added to the version in settings: a version of SemGS that is not released yet may make other rooms than before."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +80,9 @@ class Recipe:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
 
     def as_json(self) -> dict:
-        """The content of `settings.json`. It includes the version of SemGS, as another version may make other rooms."""
+        """The content of `settings.json`. It includes the version of SemGS and of the style, as another version may make other rooms."""
         return {
-            "semgs": __version__,
+            "semgs": __version__ + EDITIONS[self.style],
             "seed": self.seed,
             "size": list(self.size),
             "frames": self.frames,
@@ -99,9 +102,11 @@ def draw_scene(recipe: Recipe, index: int) -> Walk:
     """
     rng = generator(recipe.seed, index)
     room = build_room(rng, recipe.library, recipe.style)
-    intrinsics = draw_intrinsics(rng, recipe.size)
+    habit = draw_habit(rng, recipe.style)
+    intrinsics = draw_intrinsics(rng, recipe.size, habit)
     reach = (recipe.frames - 1) / 2
-    path = fitted(rng, room, draw_path(rng, room, intrinsics, recipe.size, reach), intrinsics, recipe.size)
+    path = draw_path(rng, room, intrinsics, recipe.size, reach, habit)
+    path = fitted(rng, room, path, intrinsics, recipe.size, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
     return Walk(shoot(rng, room, poses, intrinsics, recipe.size), room.plan, room.files)
 

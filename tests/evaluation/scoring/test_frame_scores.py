@@ -56,6 +56,23 @@ def test_pixels_without_a_prediction_enter_no_confusion_matrix_and_their_truth_i
     assert 0 < expected.sum() < counts.sum()
 
 
+def test_only_labelled_and_seen_pixels_count_for_the_confidence(target: tuple[Task, Views]):
+    """In every second column the class is right, with 0.9; elsewhere it is wrong, with 0.6. The first 5 rows are unseen."""
+    task, truth = target
+    assert truth.labels is not None
+    true = truth.labels[0]
+    labels, confidence = true.clone(), torch.full((36, 48), 0.9)
+    labels[:, 1::2], confidence[:, 1::2] = 19, 0.6
+    confidence[:5] = 0
+    found = score(task, Prediction(labels=labels, confidences=confidence), truth).confidences
+    assert found is not None
+    counted = (true != 255)[5:]
+    sure, unsure = int(counted[:, ::2].sum()), int(counted[:, 1::2].sum())
+    assert found[found[:, 0] > 0].tolist() == [[unsure, int((true[5:, 1::2] == 19).sum())], [sure, sure]]
+    assert sure > 100
+    assert score(task, Prediction(labels=labels), truth).confidences is None
+
+
 def test_what_is_missing_has_no_score(target: tuple[Task, Views]):
     task, truth = target
     nothing = score(task, Prediction(), truth)

@@ -97,7 +97,7 @@ def brute_force(corners: np.ndarray, origin: np.ndarray, way: np.ndarray) -> int
 def test_labels_of_mesh_pixels_are_those_of_a_second_ray_caster(library):
     """Rays from the middle of rooms with meshes; triangles are put together anew from the plan's parts."""
     rng, met = np.random.default_rng(5), 0
-    for index in range(6):
+    for index in range(10):
         room = build_room(generator(11, index), library)
         shells = [part for part in room.plan.parts if part.shell is not None]
         if not shells:

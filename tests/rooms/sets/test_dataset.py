@@ -97,7 +97,7 @@ def test_scenes_of_other_settings_are_not_mixed(whole, change, told):
 
 def test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not(tmp_path):
     record = {
-        "semgs": __version__, "seed": 11, "size": [36, 48], "frames": 3, "style": "home", "render": "shaded", "assets": None,
+        "semgs": RECIPE.as_json()["semgs"], "seed": 11, "size": [36, 48], "frames": 3, "style": "home", "render": "shaded", "assets": None,
     }  # fmt: skip
     for render in ("shaded", "traced"):
         (tmp_path / render).mkdir()
@@ -105,6 +105,18 @@ def test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not
     claim(tmp_path / "shaded", RECIPE, 2)
     with pytest.raises(ValueError, match="render is traced there, not shaded"):
         claim(tmp_path / "traced", RECIPE, 2)
+
+
+def test_scenes_of_the_first_edition_of_homes_are_not_mixed_with_those_of_the_second(tmp_path):
+    """The held-out world has not changed, so its data sets go on."""
+    first = tmp_path / "first"
+    for style in ("home", "other"):
+        recipe = replace(RECIPE, style=style)
+        (first / style).mkdir(parents=True)
+        (first / style / "settings.json").write_text(json.dumps({**recipe.as_json(), "semgs": __version__}))
+    claim(first / "other", replace(RECIPE, style="other"), 2)
+    with pytest.raises(ValueError, match="second edition of homes"):
+        claim(first / "home", RECIPE, 2)
 
 
 def test_fewer_scenes_than_are_there_are_refused(whole):

@@ -80,7 +80,7 @@ def test_neighbouring_contexts_share_most_of_what_they_see(sixty):
         points = back_project(context.depths.double(), context.cameras)[0].reshape(-1, 3)
         x, y, z = project(points, context.cameras[1]).unbind(-1)
         shares.append(((z > 0) & (x > 0) & (y > 0) & (x < SIZE[1]) & (y < SIZE[0])).double().mean())
-    assert np.quantile(shares, 0.05) > 0.55
+    assert np.quantile(shares, 0.05) > 0.25  # a third of the cameras takes long steps
     assert np.median(shares) > 0.65
 
 

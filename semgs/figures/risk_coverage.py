@@ -1,0 +1,62 @@
+"""Plots of risk-coverage curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import UInt8
+
+COLOURS = ("#4c72b0", "#c44e52", "#55a868", "#8172b3")
+SIZE = 7.0
+"""Font size [points]."""
+
+
+@dataclass(frozen=True)
+class RiskCurve:
+    """A curve.
+
+    Attributes:
+        name: in the legend.
+        coverages: shares of the pixels, the most confident ones, ascending.
+        risks: the share of these that is wrong.
+        lows, highs: the ends of the intervals; None without.
+    """
+
+    name: str
+    coverages: tuple[float, ...]
+    risks: tuple[float, ...]
+    lows: tuple[float | None, ...]
+    highs: tuple[float | None, ...]
+
+
+def risk_coverage_picture(curves: Sequence[RiskCurve]) -> UInt8[np.ndarray, "h w 3"]:
+    """The share of wrong pixels over the share of pixels that counts, with 95 % intervals as bands."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.2, 2.8), dpi=160, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for index, curve in enumerate(curves):
+        colour = COLOURS[index % len(COLOURS)]
+        coverages, risks = (100 * np.array(values) for values in (curve.coverages, curve.risks))
+        axes.plot(coverages, risks, color=colour, marker="o", markersize=2.5, linewidth=1, label=curve.name)
+        if None not in (*curve.lows, *curve.highs):
+            axes.fill_between(
+                coverages,
+                100 * np.array(curve.lows),
+                100 * np.array(curve.highs),
+                color=colour,
+                alpha=0.15,
+                linewidth=0,
+            )
+    axes.set(xlim=(0, 100), ylim=(0, None))
+    axes.set_xlabel("most confident pixels that count [%]", fontsize=SIZE)
+    axes.set_ylabel("wrong class [%]", fontsize=SIZE)
+    axes.tick_params(labelsize=SIZE)
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.legend(fontsize=SIZE, frameon=False, loc="upper left")
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
