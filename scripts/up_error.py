@@ -24,7 +24,7 @@ from semgs.export.scene import SavedScene
 from semgs.export.upright import up_of
 from semgs.geometry.rigid import cameras_in, gaussians_in
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.rooms.sets.cameras import draw_intrinsics, draw_path
+from semgs.rooms.sets.cameras import draw_habit, draw_intrinsics, draw_path
 from semgs.rooms.sets.scenes import Recipe, build_room, write_views
 from semgs.rooms.sets.stream import fitted, generator, shoot
 from semgs.weights.load import load
@@ -36,10 +36,11 @@ def write_room(folder: Path, recipe: Recipe, index: int, pitch: float) -> None:
     """Room `index` of a recipe, as `semgs rooms` writes it, with pitched cameras [degrees]."""
     rng = generator(recipe.seed, index)
     room = build_room(rng, recipe.library, recipe.style)
-    intrinsics = draw_intrinsics(rng, recipe.size)
+    habit = draw_habit(rng, recipe.style)
+    intrinsics = draw_intrinsics(rng, recipe.size, habit)
     reach = (recipe.frames - 1) / 2
-    path = draw_path(rng, room, intrinsics, recipe.size, reach)
-    path = fitted(rng, room, replace(path, pitch=path.pitch + radians(pitch)), intrinsics, recipe.size)
+    path = draw_path(rng, room, intrinsics, recipe.size, reach, habit)
+    path = fitted(rng, room, replace(path, pitch=path.pitch + radians(pitch)), intrinsics, recipe.size, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
     write_views(folder, shoot(rng, room, poses, intrinsics, recipe.size))
 
