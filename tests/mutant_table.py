@@ -1289,4 +1289,39 @@ MUTANTS = (
         "    if labeller is None:\n        return own\n", "    return own\n",
         ("tests/segmenters/test_relabelling.py::test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms",),
     ),
+    Mutant(
+        "exports: lines of the detector are half a pixel off", "semgs/export/own_views.py",
+        "reshape(-1, 2, 2) + OFFSET_PX)", "reshape(-1, 2, 2))", ("tests/export/test_upright.py",),
+    ),
+    Mutant(
+        "exports: normals of lines stay in the camera's frame", "semgs/export/own_views.py",
+        "normals @ scene.cameras.world_from_camera[view, :3, :3].T", "normals", ("tests/export/test_upright.py",),
+    ),
+    Mutant(
+        "exports: every point has the colour that the first view sees", "semgs/export/own_views.py",
+        "scene.cameras.centres.repeat_interleave(", "scene.cameras.centres[:1].expand(len(scene.frames), 3).repeat_interleave(",
+        ("tests/export/test_points.py",),
+    ),
+    Mutant(
+        "exports: the matrix back forgets the scene's origin", "semgs/export/upright.py",
+        "return FramedScene(moved, turned @ _to_origin(scene), axes)", "return FramedScene(moved, turned, axes)",
+        ("tests/export/test_upright.py",),
+    ),
+    Mutant(
+        "exports: export.json has the inverse matrix", "semgs/export/record.py",
+        "file.framed.source_from_file", "file.framed.file_from_source", ("tests/cli/test_export_command.py",),
+    ),
+    Mutant(
+        "exports: COLMAP gets camera-to-world poses", "semgs/export/colmap.py",
+        "poses = scene.cameras.camera_from_world", "poses = scene.cameras.world_from_camera",
+        ("tests/export/test_colmap_model.py",),
+    ),
+    Mutant(
+        "exports: sightings count from one", "semgs/export/colmap.py",
+        "tracks.seen.cumsum(1) - 1", "tracks.seen.cumsum(1)", ("tests/export/test_colmap_model.py",),
+    ),
+    Mutant(
+        "exports: blue and red change places in a bag", "semgs/export/points.py",
+        "red << 16 | green << 8 | blue", "blue << 16 | green << 8 | red", ("tests/export/test_points.py",),
+    ),
 )  # fmt: skip

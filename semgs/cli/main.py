@@ -52,6 +52,7 @@ COMMANDS = {
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
     "query": Command("semgs.cli.query", "Query", "Find what looks like an embedding in a reconstructed scene."),
+    "export": Command("semgs.cli.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."),
     "render": Command("semgs.cli.render", "Render", "Render images or a video along a camera path."),
     "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
     "label": Command(

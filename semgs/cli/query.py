@@ -36,7 +36,8 @@ class Query:
     text encoder for CLIP's features, or the feature of an example. The similarity is the cosine of the two. OUT will contain
     - NNN_similarity.png: a heat map for each input view, hatched where nothing was reconstructed
     - NNN_similarity.tiff: its numbers, as 32-bit floats; NaN where nothing was reconstructed
-    - found.ply: the Gaussians above the threshold, for every Gaussian splat viewer
+    - found.ply: the Gaussians above the threshold, for every Gaussian splat viewer, in the frame of the reconstruction's gaussians.ply;
+    export.json: the matrix from there to the scene's coordinates
     - query.json: all numbers
 
     Examples
@@ -85,6 +86,9 @@ class Query:
         import torch
 
         from semgs.export.ply import save_ply
+        from semgs.export.record import ExportedFile, write_record
+        from semgs.export.selection import part_of
+        from semgs.export.upright import up_of, upright
         from semgs.files.atomic import write_json
         from semgs.files.colours import heat_picture
         from semgs.files.pictures import write_png, write_tiff
@@ -96,7 +100,10 @@ class Query:
         threshold = float(known.quantile(LIKEST)) if self.threshold is None else self.threshold
         above = of_gaussians > threshold
         if above.any():
-            save_ply(folder / "found.ply", scene.gaussians.map(lambda tensor: tensor[above]))
+            up = up_of(scene)
+            framed = upright(scene, "-y", up)
+            save_ply(folder / "found.ply", part_of(framed.scene, above).gaussians)
+            write_record(folder, [ExportedFile("found.ply", framed, int(above.sum()))], up)
         maps = features.similarity_maps(embedding, scene.gaussians, scene.cameras, scene.near)
         seen = maps[~maps.isnan()]
         limits = (float(seen.min()), float(seen.max())) if len(seen) else (-1.0, 1.0)

@@ -45,7 +45,8 @@ class Reconstruct:
     The output folder contains
     - report.html: start here: photos, renders, class maps, depth, scores, and which frames were used and why
     - report.json: all numbers of the report
-    - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class
+    - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class. Both are turned upright and
+    centred; export.json has the matrix back, and semgs export writes other formats and frames
     - scene.safetensors: everything, for semgs.load_scene in Python; with --features also features.safetensors, for semgs query
     - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen, 254 = unknown), confidence
     (percent), depth (16-bit millimetres, or float TIFF where the scene's unit is unknown), depth_spread (its uncertainty, millimetres per
@@ -136,7 +137,7 @@ class Reconstruct:
                     min_confidence=self.min_confidence,
                     notes=self._notes(),
                 )
-            write_results(folder, result, origin, stages)
+            result = write_results(folder, result, origin, stages)
         print(summary(result, stages.seconds, self.out))
 
     def _check(self) -> None:

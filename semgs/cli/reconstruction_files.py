@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from semgs.export.ply import save_ply, save_semantic_ply
+from semgs.export.record import ExportedFile, write_record
 from semgs.export.scene import FILE_NAME, SavedScene, save_scene
+from semgs.export.upright import up_of, upright
 from semgs.figures.numbers import duration, length, percent
 from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
@@ -19,25 +21,38 @@ from semgs.segmenters.features import FILE_NAME as FEATURES
 from semgs.segmenters.features import save_features
 
 
-def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> None:
+def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> Reconstruction:
     """Write all files of a reconstruction into an existing folder.
 
     The report is written last, because it contains the time of every other stage.
+
+    Returns:
+        The reconstruction, with a note if it is uncertain which way is up.
 
     Raises:
         OSError: a file cannot be written.
     """
     with stages("write", "Writing the scene and its renders"):
-        save_ply(folder / "gaussians.ply", result.encoding.gaussians)
+        scene = saved(result)
+        save_scene(folder / FILE_NAME, scene)
+        up = up_of(scene)
+        if not up.certain:
+            note = f"Which way is up is uncertain ({up.reason}): if the PLY files are tilted, use semgs export --up."
+            result = replace(result, notes=(*result.notes, note))
+        framed = upright(scene, "-y", up)
+        save_ply(folder / "gaussians.ply", framed.scene.gaussians)
+        names = ["gaussians.ply"]
         if result.classes is not None:
-            save_semantic_ply(folder / "semantics.ply", result.encoding.gaussians, result.classes)
-        save_scene(folder / FILE_NAME, saved(result))
+            save_semantic_ply(folder / "semantics.ply", framed.scene.gaussians, result.classes)
+            names.append("semantics.ply")
+        write_record(folder, [ExportedFile(name, framed, len(scene.gaussians)) for name in names], up)
         if result.features is not None:
             save_features(folder / FEATURES, result.features)
         (folder / "renders").mkdir()
         write_renders(folder / "renders", result)
     write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
     write_text(folder / "report.html", report_page(result, origin, stages.seconds))
+    return result
 
 
 def saved(result: Reconstruction) -> SavedScene:

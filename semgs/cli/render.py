@@ -137,7 +137,7 @@ class Render:
         if self.path == "orbit":
             up = up_of(scene, self.up)
             if not up.certain:
-                note = f"which way is up is uncertain ({up.reason}); set it with --up"
+                note = up.warning
             camera = scene.cameras[0]
             seen = scene.depths[0][scene.depths[0] > 0]
             pivot = camera.centres + float(seen.median() if len(seen) else 1.0) * camera.world_from_camera[:3, 2]

@@ -1,1 +1,1 @@
-"""Export: scene files, and PLY files for other tools."""
+"""Export: scene files, and files for other programs."""

@@ -8,8 +8,8 @@ All 45 f_rest are always written, zero beyond the degree. Of the viewers we look
 (the first 3DGS viewer, 3DGS.cpp), some look up f_rest by name (splatapult), and some accept only 0 or 45 of them (splatviz). None
 refuses 45. This costs 180 bytes per Gaussian.
 
-Positions are float32. If a scene is far from the origin of its coordinates, they are relative to its `origin` (`semgs.data.scene`), which
-report.json and `scene.safetensors` contain; PLY has no field for it.
+The coordinates are those of the Gaussians; PLY has no field that says which. Commands turn scenes upright first, and write the matrix back to
+export.json (`semgs.export.record`).
 """
 
 from __future__ import annotations

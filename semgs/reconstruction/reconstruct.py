@@ -280,7 +280,7 @@ def _notes(scene: Scene, choice: Choice, context: Views, classes: ClassTable | N
         )
     if scene.origin.any():
         notes.append(
-            "The scene is far from the origin of its coordinates, so positions in the PLY files are relative to "
+            "The scene is far from the origin of its coordinates, so positions in scene.safetensors are relative to "
             f"({', '.join(f'{side:.0f}' for side in scene.origin)}). Add this point to get the scene's own coordinates."
         )
     if scene.unit != "metric":

@@ -43,8 +43,12 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
     listed = [
         Link("report.html", "start here: the report, one page that needs no network and no other file"),
         Link("report.json", "all numbers of the report"),
-        Link("gaussians.ply", "the scene in colour, plain 3DGS: opens in every Gaussian splat viewer"),
+        Link(
+            "gaussians.ply",
+            "the scene in colour, upright and centred, plain 3DGS: opens in every Gaussian splat viewer",
+        ),
         Link("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
+        Link("export.json", "the matrix from the PLY files to the scene's coordinates, and the class table"),
         Link("scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"),
         Link("features.safetensors", "the features of the Gaussians, for `semgs query`"),
         Link("segmenter/", "the segmenter's maps of the input photos, used again by --overwrite"),
@@ -61,8 +65,8 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
 def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
     """All numbers of the report, ready for JSON; unknown values are None.
 
-    Lengths are in metres if `scene.unit` is "metric", else in the scene's own unit. Add `scene.origin` to positions in the PLY files and in
-    `scene.safetensors` to get the scene's coordinates. `psnr` is in dB, and None for equal images.
+    Lengths are in metres if `scene.unit` is "metric", else in the scene's own unit. Add `scene.origin` to positions in `scene.safetensors` to get
+    the scene's coordinates. `psnr` is in dB, and None for equal images.
     """
     scene = result.scene
     maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]

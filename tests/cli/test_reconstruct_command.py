@@ -13,13 +13,15 @@ from ply import read_ply
 
 import semgs
 from semgs.cli.main import main
+from semgs.geometry.cameras import inverse_rigid
+from semgs.geometry.rigid import cameras_in
 from semgs.rendering.render import render
 from semgs.weights.file import save
 from semgs.weights.load import load
 
 BINARIES = ("gaussians.ply", "semantics.ply", "scene.safetensors")
 OUTPUTS = {
-    ".semgs", "gaussians.ply", "semantics.ply", "scene.safetensors", "renders", "report.html", "report.json",
+    ".semgs", "export.json", "gaussians.ply", "semantics.ply", "scene.safetensors", "renders", "report.html", "report.json",
 }  # fmt: skip
 
 
@@ -64,12 +66,15 @@ def test_labels_of_another_version_do_not_stop_a_reconstruction(scene: Path, tmp
     assert main(["evaluate", "random", "--data", str(scene), "--out", str(tmp_path / "eval")]) == 2
 
 
-def test_what_the_ply_holds_looks_like_the_scene(done: tuple[Path, str]) -> None:
+def test_the_ply_seen_from_the_cameras_that_its_matrix_gives_looks_like_the_scene(done: tuple[Path, str]) -> None:
     out, _ = done
     scene = semgs.load_scene(out)
+    (matrix,) = {json.dumps(file["scene_from_file"]) for file in json.loads((out / "export.json").read_text())["files"]}
+    cameras = cameras_in(inverse_rigid(torch.tensor(json.loads(matrix), dtype=torch.float64)), scene.cameras)
+    assert (cameras.centres - scene.cameras.centres).norm(dim=-1).min() > 1, "the file is in another frame"
     with torch.no_grad():
         expected = render(scene.gaussians, scene.cameras, near=scene.near)
-        read = render(read_ply(out / "gaussians.ply"), scene.cameras, near=scene.near)
+        read = render(read_ply(out / "gaussians.ply"), cameras, near=scene.near)
     # A Gaussian whose alpha is within a rounding error of 1/255 may be drawn from one file and skipped from the other.
     for one, other in ((expected.images, read.images), (expected.alphas, read.alphas)):
         difference = (one - other).abs()

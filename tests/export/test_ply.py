@@ -106,3 +106,17 @@ def test_what_a_ply_cannot_hold_is_refused(tmp_path: Path) -> None:
 def test_a_scene_without_gaussians_is_a_file_without_rows(tmp_path: Path) -> None:
     save_ply(tmp_path / "a.ply", some_gaussians(0))
     assert len(read_ply(tmp_path / "a.ply")) == 0
+
+
+def test_gsply_reads_the_same_numbers(tmp_path: Path) -> None:
+    gsply = pytest.importorskip("gsply")
+    gaussians = some_gaussians(harmonics=9)
+    save_ply(tmp_path / "a.ply", gaussians)
+    read = gsply.plyread(str(tmp_path / "a.ply"))
+    assert np.array_equal(read.means, gaussians.means.numpy())
+    assert np.allclose(1 / (1 + np.exp(-read.opacities.ravel())), gaussians.opacities.numpy(), atol=1e-6)
+    assert np.allclose(np.exp(read.scales), gaussians.colour.scales.numpy(), rtol=1e-5)
+    assert np.allclose(read.quats, gaussians.colour.quaternions.numpy(), atol=1e-6)
+    assert np.array_equal(read.sh0, gaussians.colour.features[:, 0].numpy())
+    assert np.array_equal(read.shN[:, :8], gaussians.colour.features[:, 1:].numpy())
+    assert (read.shN[:, 8:] == 0).all()

@@ -153,7 +153,7 @@ def test_all_files_but_the_page_itself_are_links(wall_scene: Callable[..., Scene
     scene = wall_scene()
     html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
     assert re.findall(r'href="([^"]*)"', html) == [
-        "report.json", "gaussians.ply", "semantics.ply", "scene.safetensors", "renders/",
+        "report.json", "gaussians.ply", "semantics.ply", "export.json", "scene.safetensors", "renders/",
     ]  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.layouts.ros.images import as_file, ending_of
+from semgs.files.bags import bag_reader
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed
 
@@ -82,17 +83,12 @@ class Bag:
     """
 
     def __init__(self, path: Path) -> None:
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise ImportError(
-                f"{path} is a ROS bag; reading it needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
-            ) from error
         self.path = path
         try:
-            self._reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+            self._reader = bag_reader(path)
             self._reader.open()
+        except ImportError:
+            raise
         except Exception as error:  # each storage raises its own
             raise InputError(path, "a ROS bag", f"one that rosbags cannot read: {error}") from error
         weakref.finalize(self, _close, self._reader)

@@ -1,0 +1,120 @@
+"""Point clouds: a point at the middle of each Gaussian, with colour, class and confidence.
+
+The PLY has float x y z, uchar red green blue, and float scalar_label and scalar_confidence, names that CloudCompare reads as scalar fields without asking.
+The `.mcap` is a ROS 2 bag with one sensor_msgs/PointCloud2, x y z, packed rgb, label and confidence, for RViz and Foxglove.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int64, UInt8
+from torch import Tensor
+
+from semgs.export.confidence import class_confidences
+from semgs.export.own_views import own_colours
+from semgs.export.scene import SavedScene
+from semgs.files.atomic import write_bytes
+from semgs.files.bags import write_message
+
+TOPIC, FRAME = "/semgs/points", "map"
+"""Where the points are in a bag."""
+
+STAMP = 1_000_000_000
+"""Time of the message [ns]: always the same, so that equal scenes give equal files."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of a scene.
+
+    Attributes:
+        means: positions.
+        colours: red, green, blue, as the input view of each point sees it.
+        labels: position in the class table; None without classes.
+        confidences: 0..1, of the class, or of the depth without classes.
+    """
+
+    means: Float[Tensor, "n 3"]
+    colours: UInt8[Tensor, "n 3"]
+    labels: Int64[Tensor, " n"] | None
+    confidences: Float[Tensor, " n"]
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    def only(self, keep: Bool[Tensor, " n"]) -> Points:
+        """Some of the points."""
+        labels = None if self.labels is None else self.labels[keep]
+        return Points(self.means[keep], self.colours[keep], labels, self.confidences[keep])
+
+
+def points_of(scene: SavedScene) -> Points:
+    """A point for each Gaussian, in their order.
+
+    Args:
+        scene: with all of its Gaussians.
+    """
+    gaussians = scene.gaussians
+    return Points(
+        means=gaussians.means,
+        colours=(255 * own_colours(scene)).round().to(torch.uint8),
+        labels=None if gaussians.semantic is None else gaussians.semantic.features.argmax(-1),
+        confidences=class_confidences(scene),
+    )
+
+
+def save_points(path: str | Path, points: Points) -> None:
+    """Write a PLY, binary little endian.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    named = dict(zip(("red", "green", "blue"), points.colours.numpy().T, strict=True))
+    if points.labels is not None:
+        named["scalar_label"] = points.labels.numpy().astype("<f4")
+    rows = _rows(points, **named, scalar_confidence=points.confidences.numpy())
+    types = {"f": "float", "u": "uchar"}
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
+    header += [f"property {types[rows.dtype[name].kind]} {name}" for name in rows.dtype.names or ()] + ["end_header"]
+    write_bytes(path, "\n".join(header).encode() + b"\n" + rows.tobytes())
+
+
+def save_bag(path: Path, points: Points) -> None:
+    """Write a bag with one PointCloud2, in the frame `FRAME`.
+
+    Raises:
+        ImportError: rosbags is not installed.
+        OSError: it cannot be written.
+    """
+    red, green, blue = points.colours.numpy().astype("<u4").T
+    named = {"rgb": (red << 16 | green << 8 | blue).view("<f4")}  # the bits 0x00rrggbb, as PCL packs them
+    if points.labels is not None:
+        named["label"] = points.labels.numpy().astype("<f4")
+    rows = _rows(points, **named, confidence=points.confidences.numpy())
+
+    def message(types: dict) -> object:
+        field = types["sensor_msgs/msg/PointField"]
+        return types["sensor_msgs/msg/PointCloud2"](
+            header=types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(STAMP, 10**9)), FRAME),
+            height=1,
+            width=len(rows),
+            fields=[field(name, 4 * place, field.FLOAT32, 1) for place, name in enumerate(rows.dtype.names or ())],
+            is_bigendian=False,
+            point_step=rows.dtype.itemsize,
+            row_step=rows.nbytes,
+            data=np.frombuffer(rows.tobytes(), np.uint8),
+            is_dense=True,
+        )
+
+    write_message(path, TOPIC, STAMP, message)
+
+
+def _rows(points: Points, **named: np.ndarray) -> np.recarray:
+    """A row of x, y, z and the named numbers for each point, packed without gaps."""
+    columns = dict(zip("xyz", points.means.numpy().astype("<f4").T, strict=True)) | named
+    kind = np.dtype([(name, column.dtype) for name, column in columns.items()])
+    return np.rec.fromarrays(list(columns.values()), dtype=kind)

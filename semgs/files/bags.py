@@ -1,0 +1,71 @@
+"""ROS bags by the library rosbags (extra `ros`); ROS is not needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+
+def bag_reader(path: Path) -> Any:
+    """rosbags' reader of a bag, not yet opened. Messages without types have those of the newest ROS 2.
+
+    Raises:
+        ImportError: rosbags is not installed.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ImportError(
+            f"{path} is a ROS bag; reading it needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
+        ) from error
+    return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+
+
+def check_bag_library() -> None:
+    """Check that bags can be written.
+
+    Raises:
+        ImportError: rosbags is not installed.
+    """
+    try:
+        import rosbags.rosbag2  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "writing a ROS bag needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
+        ) from error
+
+
+def write_message(path: Path, topic: str, time: int, message: Callable[[dict[str, Any]], Any]) -> None:
+    """Write a bag of ROS 2 with one message, as one `.mcap` file. Subscribers that come later get the message too.
+
+    Args:
+        path: the file.
+        topic: of the message.
+        time: when it was recorded [ns].
+        message: makes the message from the classes of all types, by their names, such as "std_msgs/msg/Header".
+
+    Raises:
+        ImportError: rosbags is not installed.
+        OSError: it cannot be written.
+    """
+    check_bag_library()
+    from rosbags import interfaces as ros
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    made = message(store.types)
+    never = ros.QosTime(0, 0)
+    latched = ros.Qos(
+        ros.QosHistory.KEEP_LAST, 1, ros.QosReliability.RELIABLE, ros.QosDurability.TRANSIENT_LOCAL, never, never,
+        ros.QosLiveliness.AUTOMATIC, never, False,
+    )  # fmt: skip
+    with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+        bag = Path(folder) / path.stem
+        with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection(topic, made.__msgtype__, typestore=store, offered_qos_profiles=[latched])
+            writer.write(connection, time, store.serialize_cdr(made, made.__msgtype__))
+        (bag / f"{bag.name}.mcap").replace(path)

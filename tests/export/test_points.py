@@ -1,0 +1,93 @@
+"""Point clouds, read by other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from known import CHAIR, SIZE, WALL, plane_scene
+
+from semgs.export.points import FRAME, TOPIC, points_of, save_bag, save_points
+from semgs.geometry.harmonics import basis
+
+
+def test_a_point_has_the_colour_that_its_own_camera_sees_and_its_likeliest_class() -> None:
+    scene = plane_scene()
+    points, second = points_of(scene), SIZE[0] * SIZE[1] + 5  # a pixel of the second view
+    way = scene.gaussians.means[second] - scene.cameras.centres[1].float()
+    colour = 0.5 + basis(way / way.norm(), 2) @ scene.gaussians.colour.features[second]
+    assert points.colours[second].tolist() == (255 * colour.clamp(0, 1)).round().tolist()
+    assert points.labels is not None
+    assert points.labels[: SIZE[1]].unique().tolist() == sorted({WALL, CHAIR, 6})
+    assert points.confidences.allclose(torch.tensor(0.8))
+    assert points_of(plane_scene(classes=False)).confidences.allclose(torch.tensor(0.75))
+
+
+def test_trimesh_reads_positions_colours_and_scalar_fields(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    points = points_of(plane_scene())
+    save_points(tmp_path / "points.ply", points)
+    cloud = trimesh.load(tmp_path / "points.ply")
+    assert np.array_equal(cloud.vertices.astype(np.float32), points.means.numpy())
+    assert np.array_equal(cloud.colors[:, :3], points.colours.numpy())
+    raw = cloud.metadata["_ply_raw"]["vertex"]["data"]
+    assert raw.dtype.names == ("x", "y", "z", "red", "green", "blue", "scalar_label", "scalar_confidence")
+    assert np.array_equal(raw["scalar_label"].ravel(), points.labels)
+    assert np.array_equal(raw["scalar_confidence"].ravel(), points.confidences.numpy())
+
+
+def test_without_classes_there_is_no_label(tmp_path: Path) -> None:
+    save_points(tmp_path / "points.ply", points_of(plane_scene(classes=False)))
+    header = (tmp_path / "points.ply").read_bytes().partition(b"end_header")[0]
+    assert b"scalar_label" not in header
+    assert header.endswith(b"property float scalar_confidence\n")
+
+
+def test_the_reference_library_of_mcap_reads_one_latched_cloud(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    pytest.importorskip("rosbags")
+    points = points_of(plane_scene())
+    save_bag(tmp_path / "points.mcap", points)
+    assert [path.name for path in tmp_path.iterdir()] == ["points.mcap"]
+    with (tmp_path / "points.mcap").open("rb") as file:
+        ((schema, channel, message),) = reader.make_reader(file, validate_crcs=True).iter_messages()
+    assert (schema.name, schema.encoding) == ("sensor_msgs/msg/PointCloud2", "ros2msg")
+    assert (channel.topic, channel.message_encoding) == (TOPIC, "cdr")
+    assert "durability: 1" in channel.metadata["offered_qos_profiles"]  # transient local
+    # CDR: four bytes of encapsulation, then sec, nanosec, frame_id; x y z rgb label confidence take 24 bytes a point.
+    data = message.data
+    assert data[4:12] == (1).to_bytes(4, "little") + bytes(4)
+    assert data[16:20] == FRAME.encode() + b"\0"
+    body = np.frombuffer(data[-1 - 24 * len(points) : -1], "<f4").reshape(-1, 6)  # the last byte is is_dense
+    assert data[-1] == 1
+    assert np.array_equal(body[:, :3], points.means.numpy())
+    assert np.array_equal(body[:, 4], points.labels)
+    packed = body[:, 3].copy().view("<u4")
+    assert np.array_equal(np.stack((packed >> 16, packed >> 8 & 255, packed & 255), -1), points.colours.numpy())
+
+
+def test_rosbags_reads_the_fields_that_rviz_looks_for(tmp_path: Path) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    points = points_of(plane_scene()).only(torch.arange(2 * SIZE[0] * SIZE[1]) % 3 == 0)
+    save_bag(tmp_path / "points.mcap", points)
+    with highlevel.AnyReader([tmp_path / "points.mcap"]) as bag:
+        ((connection, _, data),) = bag.messages()
+        cloud = bag.deserialize(data, connection.msgtype)
+    assert [(field.name, field.offset, field.datatype) for field in cloud.fields] == [
+        ("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("rgb", 12, 7), ("label", 16, 7), ("confidence", 20, 7),
+    ]  # fmt: skip
+    assert (cloud.width, cloud.height, cloud.point_step, cloud.row_step) == (len(points), 1, 24, 24 * len(points))
+    assert cloud.header.frame_id == "map"
+
+
+def test_equal_scenes_give_equal_files(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    points = points_of(plane_scene())
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        save_points(tmp_path / name / "points.ply", points)
+        save_bag(tmp_path / name / "points.mcap", points)
+    for name in ("points.ply", "points.mcap"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
