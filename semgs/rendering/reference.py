@@ -55,7 +55,10 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
 
 
 def alphas_and_light(
-    pixels: Float[Tensor, "p 2"], centres: Float[Tensor, "g 2"], conics: Float[Tensor, "g 3"], opacities: Float[Tensor, " g"]
+    pixels: Float[Tensor, "p 2"],
+    centres: Float[Tensor, "g 2"],
+    conics: Float[Tensor, "g 3"],
+    opacities: Float[Tensor, " g"],
 ) -> tuple[Float[Tensor, "p g"], Float[Tensor, "p g_and_1"]]:
     """The alphas of Gaussians at points of the image, and the light that arrives at each one and behind the last.
 

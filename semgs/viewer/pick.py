@@ -90,5 +90,7 @@ def pick(
 
 def _ray(pinhole: Pinhole, pixel: tuple[float, float]) -> Float64[Tensor, " 3"]:
     """The direction of a pixel in the world, with length 1 along the optical axis."""
-    slopes = [(at - centre) / focal for at, centre, focal in zip(pixel, pinhole.principal_px, pinhole.focal_px, strict=True)]
+    slopes = [
+        (at - centre) / focal for at, centre, focal in zip(pixel, pinhole.principal_px, pinhole.focal_px, strict=True)
+    ]
     return torch.tensor([*slopes, 1.0], dtype=torch.float64) @ pinhole.axes

@@ -8,11 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING
 
+from semgs.files.errors import InputError
+
 if TYPE_CHECKING:
     from viser import ViserServer
 
 LOOPBACK = "127.0.0.1"
 """The address that only this machine can reach."""
+
+EVERY_ADDRESS = "0.0.0.0"
 
 ANY_PORT = 0
 
@@ -41,13 +45,16 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]
 
     Raises:
         ImportError: viser is not installed.
-        OSError: it is not possible to listen on this address.
+        InputError: it is not possible to listen on this address.
     """
     check_viewer_library()
     from viser import ViserServer
 
-    with socket.create_server((host, ANY_PORT)):  # viser would wait for ever
-        pass
+    try:
+        with socket.socket() as trial:
+            trial.bind((host, ANY_PORT))  # viser would try for ever
+    except OSError as error:
+        raise InputError(host, "an IPv4 address of this machine", str(error.strerror or error)) from error
     with redirect_stdout(io.StringIO()):  # viser prints addresses, and that it stopped
         server = ViserServer(host=host, port=port, verbose=False)
     try:
@@ -58,6 +65,12 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]
     finally:
         with redirect_stdout(io.StringIO()):
             server.stop()
+
+
+def url_of(server: ViserServer) -> str:
+    """What to open in a browser."""
+    host = server.get_host()
+    return f"http://{socket.gethostname() if host == EVERY_ADDRESS else host}:{server.get_port()}"
 
 
 def _refuse(verbose: bool = True) -> None:

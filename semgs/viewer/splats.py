@@ -121,7 +121,11 @@ class SceneSplats:
     @property
     def modes(self) -> tuple[Mode, ...]:
         """What can be shown."""
-        return ("colour", "confidence", "depth") if self.scene.classes is None else ("colour", "classes", "confidence", "depth")
+        return (
+            ("colour", "confidence", "depth")
+            if self.scene.classes is None
+            else ("colour", "classes", "confidence", "depth")
+        )
 
     @property
     def depth_limits(self) -> tuple[float, float]:
@@ -172,7 +176,9 @@ def _groups(
     counts = np.bincount(labels, minlength=len(names))
     order = sorted(np.flatnonzero(counts), key=lambda label: -counts[label])
     groups = [
-        Group(names[label], colours[label], np.flatnonzero((labels == label) & kept), float(counts[label] / len(labels)))
+        Group(
+            names[label], colours[label], np.flatnonzero((labels == label) & kept), float(counts[label] / len(labels))
+        )
         for label in order
     ]
     return tuple(group for group in groups if len(group.members))

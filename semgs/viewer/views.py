@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, tan
 from pathlib import Path
@@ -44,13 +45,15 @@ class InputView:
     photo: UInt8[np.ndarray, "h w 3"] | None = None
 
 
-def input_views(scene: SavedScene, scale: float, folder: Path | None) -> tuple[InputView, ...]:
+def input_views(
+    scene: SavedScene, scale: float, photos: Sequence[UInt8[np.ndarray, "h w 3"]] = ()
+) -> tuple[InputView, ...]:
     """The input views of a scene.
 
     Args:
         scene: the scene.
         scale: the viewer's units per unit of the scene.
-        folder: of `semgs reconstruct`, for the photos; None is no photos.
+        photos: one for each, or none.
     """
     height, width = scene.cameras.size
     views = []
@@ -67,7 +70,7 @@ def input_views(scene: SavedScene, scale: float, folder: Path | None) -> tuple[I
                 look_at=_triple(position + TYPICAL_DEPTH * camera.world_from_camera[:3, 2]),
                 fov=2 * atan(height / (2 * fy)),
                 aspect=(width / fx) / (height / fy),
-                photo=None if folder is None else _photo(folder, index, name),
+                photo=photos[index] if photos else None,
             )
         )
     return tuple(views)
@@ -101,15 +104,15 @@ def pixel_of(direction: np.ndarray, camera: Cameras) -> tuple[float, float]:
     return x / z, y / z
 
 
-def _photo(folder: Path, index: int, name: str) -> UInt8[np.ndarray, "h w 3"] | None:
-    """The photo of an input view in the folder of a reconstruction; None if its report does not list this view."""
+def photos_in(folder: Path, scene: SavedScene) -> list[UInt8[np.ndarray, "h w 3"]]:
+    """The photos of a scene's input views in the folder of `semgs reconstruct`; none if it does not contain them all."""
     try:
         views = [view for view in read_json(folder / "report.json")["views"] if view["role"] == "context"]
-        if views[index]["name"] != name:
-            return None
-        return read_rgb(folder / f"renders/context_{views[index]['position']:03d}_input.png")
-    except (InputError, KeyError, IndexError, TypeError, ValueError):
-        return None
+        if tuple(view["name"] for view in views) != scene.frames:
+            return []
+        return [read_rgb(folder / f"renders/context_{view['position']:03d}_input.png") for view in views]
+    except (InputError, KeyError, TypeError, ValueError):
+        return []
 
 
 def _triple(vector: torch.Tensor) -> Triple:

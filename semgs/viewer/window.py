@@ -6,28 +6,31 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from semgs.export.scene import SavedScene
 from semgs.export.stills import Stills
-from semgs.export.upright import UpDirection
+from semgs.export.upright import Up, UpDirection, up_of
 from semgs.figures.classes import overlay
 from semgs.figures.depth import depth_bar, depth_ticks
 from semgs.figures.numbers import length
 from semgs.figures.views import as_bytes
 from semgs.files.colours import heat_picture
+from semgs.files.text import printable
 from semgs.geometry.cameras import Cameras
 from semgs.rendering.render import render
 from semgs.rendering.rendering import label_maps
 from semgs.viewer import texts
 from semgs.viewer.nodes import add_input_views, add_splats, in_the_way, node_name, set_first_camera
 from semgs.viewer.pick import pick
-from semgs.viewer.server import LOOPBACK, serving
+from semgs.viewer.server import ANY_PORT, LOOPBACK, serving, url_of
 from semgs.viewer.splats import Mode, SceneSplats
-from semgs.viewer.views import InputView, camera_seen_from, pixel_of
+from semgs.viewer.views import InputView, camera_seen_from, input_views, pixel_of
 
 if TYPE_CHECKING:
     from viser import CameraHandle, ClientHandle, SceneClickEvent, ViserServer
@@ -48,32 +51,32 @@ FLIGHT_SECONDS = 0.5
 
 @contextmanager
 def viewing(
-    splats: SceneSplats,
-    views: Sequence[InputView],
-    up: UpDirection,
+    scene: SavedScene,
+    photos: Sequence[UInt8[np.ndarray, "h w 3"]] = (),
     *,
-    title: str,
-    host: str = LOOPBACK,
-    port: int = 0,
+    up: Up = "auto",
     min_confidence: float = 0.0,
+    at_most: int | None = None,
+    host: str = LOOPBACK,
+    port: int = ANY_PORT,
 ) -> Iterator[Window]:
     """A viewer of a scene, until the block ends.
 
     Args:
-        splats: the scene.
-        views: its input views.
-        up: the direction that is up.
-        title: of the panel.
+        scene: the scene.
+        photos: of its input views, or none.
+        up: the direction that is up in the scene.
+        min_confidence: Gaussians and pixels whose likeliest class is less likely are unknown.
+        at_most: Gaussians in the viewer: the most opaque ones. None is all.
         host, port: as for `serving`.
-        min_confidence: classes that are less likely are unknown.
 
     Raises:
         ImportError: viser is not installed.
-        OSError: it is not possible to listen on this address.
+        InputError: it is not possible to listen on this address.
     """
+    splats = SceneSplats.of(scene, min_confidence, at_most)
     with serving(host, port) as server:
-        server.gui.set_panel_label(title)
-        yield Window(server, splats, views, up, min_confidence)
+        yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence)
 
 
 class Window:
@@ -81,6 +84,7 @@ class Window:
 
     Attributes:
         url: to open in a browser.
+        up: the direction that is up.
     """
 
     def __init__(
@@ -89,14 +93,15 @@ class Window:
         splats: SceneSplats,
         views: Sequence[InputView],
         up: UpDirection,
-        min_confidence: float = 0.0,
+        min_confidence: float,
     ) -> None:
         self._server, self._splats, self._views, self._min_confidence = server, splats, views, min_confidence
         self._metric = splats.scene.unit == "metric"
         self._lock = threading.Lock()  # viser calls from many threads
         self._mode: Mode = "colour"
         self._tint = 0.0
-        self.url = f"http://{server.get_host()}:{server.get_port()}"
+        self.url, self.up = url_of(server), up
+        server.gui.set_panel_label(printable(splats.scene.source))
         set_first_camera(server, views[0], up)
         whole = splats.splats("colour")
         self._nodes = {
@@ -124,13 +129,17 @@ class Window:
         self._scales = {
             "depth": gui.add_html(
                 texts.scale_bar(
-                    depth_bar()[0], [length(tick, self._metric) for tick in depth_ticks(limits, 3)], "depth in the input view"
+                    depth_bar()[0],
+                    [length(tick, self._metric) for tick in depth_ticks(limits, 3)],
+                    "depth in the input view",
                 ),
                 visible=False,
             ),
             "confidence": gui.add_html(
                 texts.scale_bar(
-                    heat_picture(np.linspace(0, 1, 256)[None], (0, 1))[0], ("0 %", "50 %", "100 %"), "probability of the class"
+                    heat_picture(np.linspace(0, 1, 256)[None], (0, 1))[0],
+                    ("0 %", "50 %", "100 %"),
+                    "probability of the class",
                 ),
                 visible=False,
             ),
@@ -148,7 +157,9 @@ class Window:
             flights.on_click(lambda event: self._fly(event.client, self._views[int(event.target.value) - 1]))
             self._inputs_control = gui.add_checkbox("Show inputs", True)
             self._inputs_control.on_update(lambda event: self._moved(event.client.camera))
-            button = gui.add_button("Render from here", hint="Render an image from this camera with SemGS's own renderer")
+            button = gui.add_button(
+                "Render from here", hint="Render an image from this camera with SemGS's own renderer"
+            )
             self._picture = gui.add_image(np.zeros((1, 1, 3), np.uint8), visible=False)
             button.on_click(lambda event: self._render(event.client))
 
@@ -245,8 +256,6 @@ class Window:
 
     def _image(self, camera: Cameras) -> UInt8[np.ndarray, "h w 3"]:
         """The shown classes from a camera, in the mode of the panel."""
-        from dataclasses import replace
-
         kept = torch.from_numpy(self._visible())
         scene = self._splats.scene
         scene = replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[kept]))
