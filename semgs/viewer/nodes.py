@@ -11,7 +11,7 @@ from semgs.viewer.splats import SplatArrays
 from semgs.viewer.views import InputView, Triple
 
 if TYPE_CHECKING:
-    from viser import CameraFrustumHandle, GaussianSplatHandle, ViserServer
+    from semgs.viewer.server import CameraFrustumHandle, GaussianSplatHandle, ViserServer
 
 FRUSTUM_DEPTH = 0.5
 """Distance from the centre of an input view to its photo [the viewer's units]."""

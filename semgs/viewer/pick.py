@@ -63,9 +63,8 @@ def pick(
 
     def blended(appearance: Appearance) -> tuple[Tensor, Tensor]:
         """Which Gaussians a pass has, nearest first, and the light in front of each and behind the last."""
-        splats = Splats(
-            gaussians.means, appearance.quaternions, appearance.scales, gaussians.opacities, appearance.features
-        )
+        shapes = (appearance.quaternions, appearance.scales)
+        splats = Splats(gaussians.means, *shapes, gaussians.opacities, appearance.features.flatten(1))
         ellipses = project(splats, pinhole)
         drawn = order[ellipses.visible[order]]
         _, light = alphas_and_light(point, ellipses.centres[drawn], ellipses.conics[drawn], gaussians.opacities[drawn])
@@ -83,7 +82,7 @@ def pick(
     drawn, light = blended(gaussians.semantic)
     shares = -light.diff() @ gaussians.semantic.features[drawn] + light[-1] / len(scene.classes)
     one = torch.ones(1, 1, 1, dtype=torch.float64)
-    rendering = Rendering(images=one[None], semantics=shares[None, :, None, None], depths=one, alphas=one)
+    rendering = Rendering(images=one.expand(1, 3, 1, 1), semantics=shares[None, :, None, None], depths=one, alphas=one)
     label = int(label_maps(rendering, min_confidence)[0, 0, 0])
     return Hit((x, y, z), UNKNOWN_NAME if label == UNKNOWN else scene.classes.names[label], float(shares.max()))
 

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 from semgs.files.errors import InputError
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
+        CameraFrustumHandle,
+        CameraHandle,
+        ClientHandle,
+        GaussianSplatHandle,
+        SceneClickEvent,
+        ViserServer,
+    )
 
 LOOPBACK = "127.0.0.1"
 """The address that only this machine can reach."""

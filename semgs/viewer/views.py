@@ -15,7 +15,7 @@ from semgs.export.scene import SavedScene
 from semgs.files.errors import InputError
 from semgs.files.pictures import read_rgb
 from semgs.files.strict_json import read_json
-from semgs.geometry.cameras import Cameras
+from semgs.geometry.cameras import Arrays, Cameras, as_float64
 from semgs.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from semgs.viewer.splats import TYPICAL_DEPTH
 
@@ -76,9 +76,7 @@ def input_views(
     return tuple(views)
 
 
-def camera_seen_from(
-    wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[int, int], scale: float
-) -> Cameras:
+def camera_seen_from(wxyz: Arrays, position: Arrays, fov: float, size: tuple[int, int], scale: float) -> Cameras:
     """The camera of a viewer, in the scene's coordinates.
 
     Args:
@@ -89,17 +87,17 @@ def camera_seen_from(
         scale: the viewer's units per unit of the scene.
     """
     pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = matrix_from_quaternion(torch.as_tensor(np.asarray(wxyz, np.float64)))
-    pose[:3, 3] = torch.as_tensor(np.asarray(position, np.float64)) / scale
+    pose[:3, :3] = matrix_from_quaternion(as_float64(wxyz))
+    pose[:3, 3] = as_float64(position) / scale
     height, width = size
     focal = height / (2 * tan(fov / 2))
     intrinsics = torch.tensor([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], dtype=torch.float64)
     return Cameras(pose, intrinsics, size)
 
 
-def pixel_of(direction: np.ndarray, camera: Cameras) -> tuple[float, float]:
+def pixel_of(direction: Arrays, camera: Cameras) -> tuple[float, float]:
     """The pixel of a camera that sees along a direction of the world."""
-    inside = torch.as_tensor(np.asarray(direction, np.float64)) @ camera.world_from_camera[:3, :3]
+    inside = as_float64(direction) @ camera.world_from_camera[:3, :3]
     x, y, z = (camera.intrinsics @ inside).tolist()
     return x / z, y / z
 

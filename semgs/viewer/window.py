@@ -33,7 +33,7 @@ from semgs.viewer.splats import Mode, SceneSplats
 from semgs.viewer.views import InputView, camera_seen_from, input_views, pixel_of
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ClientHandle, SceneClickEvent, ViserServer
+    from semgs.viewer.server import CameraHandle, ClientHandle, SceneClickEvent, ViserServer
 
 RENDER_HEIGHT = 480
 """Height of images rendered from the viewer's camera [px]."""
@@ -137,7 +137,7 @@ class Window:
             ),
             "confidence": gui.add_html(
                 texts.scale_bar(
-                    heat_picture(np.linspace(0, 1, 256)[None], (0, 1))[0],
+                    heat_picture(np.linspace(0, 1, 256)[None], (0.0, 1.0))[0],
                     ("0 %", "50 %", "100 %"),
                     "probability of the class",
                 ),
