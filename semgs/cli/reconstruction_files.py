@@ -63,7 +63,7 @@ def write_results(
     if page:
         with stages("page", "Writing the page in 3D"):
             photos = [as_bytes(image) for image in result.context.views.images]
-            write_text(folder / SCENE_PAGE, scene_page(saved(result), photos))
+            write_text(folder / SCENE_PAGE, scene_page(scene, photos, min_confidence=result.min_confidence))
     write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
     write_text(folder / "report.html", report_page(result, origin, stages.seconds, page))
     return result

@@ -14,7 +14,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.reference import alphas_and_light, depth_order, project
-from semgs.rendering.rendering import SEEN_ALPHA, UNKNOWN, Rendering, label_maps
+from semgs.rendering.rendering import SEEN_ALPHA, UNKNOWN, Rendering, confidence_maps, label_maps
 from semgs.rendering.splats import Splats
 from semgs.viewer.splats import UNKNOWN_NAME
 
@@ -26,7 +26,7 @@ class Hit:
     Attributes:
         position: where the opacity along the ray passes 0.5, in the coordinates of the source's poses [unit of the scene].
         name: of the likeliest class of the pixel; "unknown" if it is not sure enough; None for a scene without classes.
-        probability: of the likeliest class; None for a scene without classes.
+        probability: of the likeliest class, calibrated if the scene has temperatures; None for a scene without classes.
     """
 
     position: tuple[float, float, float]
@@ -82,9 +82,16 @@ def pick(
     drawn, light = blended(gaussians.semantic)
     shares = -light.diff() @ gaussians.semantic.features[drawn] + light[-1] / len(scene.classes)
     one = torch.ones(1, 1, 1, dtype=torch.float64)
-    rendering = Rendering(images=one.expand(1, 3, 1, 1), semantics=shares[None, :, None, None], depths=one, alphas=one)
+    rendering = Rendering(
+        images=one.expand(1, 3, 1, 1),
+        semantics=shares[None, :, None, None],
+        depths=one,
+        alphas=one,
+        temperature=None if scene.temperatures is None else scene.temperatures.rendered,
+    )
     label = int(label_maps(rendering, min_confidence)[0, 0, 0])
-    return Hit((x, y, z), UNKNOWN_NAME if label == UNKNOWN else scene.classes.names[label], float(shares.max()))
+    probability = float(confidence_maps(rendering)[0, 0, 0])
+    return Hit((x, y, z), UNKNOWN_NAME if label == UNKNOWN else scene.classes.names[label], probability)
 
 
 def _ray(pinhole: Pinhole, pixel: tuple[float, float]) -> Float64[Tensor, " 3"]:

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
         CameraHandle,
         ClientHandle,
         GaussianSplatHandle,
+        GuiCheckboxHandle,
+        GuiEvent,
         SceneClickEvent,
+        SceneNodePointerEvent,
         ViserServer,
     )
 

@@ -174,7 +174,7 @@ def _groups(
 ) -> tuple[Group, ...]:
     """The classes that occur, the most frequent first; of each, the members that are kept."""
     counts = np.bincount(labels, minlength=len(names))
-    order = sorted(np.flatnonzero(counts), key=lambda label: -counts[label])
+    order = sorted(np.flatnonzero(counts).tolist(), key=lambda label: -counts[label])
     groups = [
         Group(
             names[label], colours[label], np.flatnonzero((labels == label) & kept), float(counts[label] / len(labels))

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,6 @@ from semgs.figures.views import as_bytes
 from semgs.files.colours import heat_picture
 from semgs.files.text import printable
 from semgs.geometry.cameras import Cameras
-from semgs.rendering.render import render
 from semgs.rendering.rendering import label_maps
 from semgs.viewer import texts
 from semgs.viewer.nodes import add_input_views, add_splats, in_the_way, node_name, set_first_camera
@@ -33,10 +33,21 @@ from semgs.viewer.splats import Mode, SceneSplats
 from semgs.viewer.views import InputView, camera_seen_from, input_views, pixel_of
 
 if TYPE_CHECKING:
-    from semgs.viewer.server import CameraHandle, ClientHandle, SceneClickEvent, ViserServer
+    from semgs.viewer.server import (
+        CameraHandle,
+        ClientHandle,
+        GuiCheckboxHandle,
+        GuiEvent,
+        SceneClickEvent,
+        SceneNodePointerEvent,
+        ViserServer,
+    )
 
 RENDER_HEIGHT = 480
 """Height of images rendered from the viewer's camera [px]."""
+
+RENDER_WIDTH = 420
+"""Width of the panel with that image [px]."""
 
 MODES: dict[str, Mode] = {"Colour": "colour", "Classes": "classes", "Confidence": "confidence", "Depth": "depth"}
 """Names of the modes in the panel."""
@@ -112,8 +123,8 @@ class Window:
         self._add_panel()
         server.scene.on_click()(self._clicked)
         for frustum, view in zip(self._frusta, views, strict=True):
-            frustum.on_click(lambda event, view=view: self._fly(event.client, view))
-        server.on_client_connect(lambda client: client.camera.on_update(self._moved))
+            frustum.on_click(partial(self._input_clicked, view))
+        server.on_client_connect(self._connected)
 
     def _add_panel(self) -> None:
         """Add all controls."""
@@ -146,7 +157,7 @@ class Window:
         }
         self._mode_control.on_update(lambda _: self._switch())
         self._tint_control.on_update(lambda _: self._switch())
-        self._boxes = {}
+        self._boxes: dict[str, GuiCheckboxHandle] = {}
         if splats.scene.classes is not None:
             self._add_legend()
         with gui.add_folder("Clicked"):
@@ -156,12 +167,15 @@ class Window:
             flights = gui.add_button_group("Fly to input", numbers)
             flights.on_click(lambda event: self._fly(event.client, self._views[int(event.target.value) - 1]))
             self._inputs_control = gui.add_checkbox("Show inputs", True)
-            self._inputs_control.on_update(lambda event: self._moved(event.client.camera))
+            self._inputs_control.on_update(self._inputs_box_clicked)
             button = gui.add_button(
                 "Render from here", hint="Render an image from this camera with SemGS's own renderer"
             )
-            self._picture = gui.add_image(np.zeros((1, 1, 3), np.uint8), visible=False)
             button.on_click(lambda event: self._render(event.client))
+        self._rendered = gui.add_panel(visible=False)
+        self._rendered.float(x=15, y=-15, width=RENDER_WIDTH)
+        with self._rendered.add_tab("Rendered"):
+            self._picture = gui.add_image(np.zeros((1, 1, 3), np.uint8))
 
     def _add_legend(self) -> None:
         """Add a checkbox in its colour for each class."""
@@ -170,21 +184,30 @@ class Window:
             for group in groups:
                 box = gui.add_checkbox(texts.legend_label(group), True)
                 self._boxes[group.name] = box
-                box.on_update(lambda _, name=group.name: self._show_class(name))
+                box.on_update(partial(self._box_clicked, group.name))
             style = [(self._boxes[group.name]._impl.uuid, group.colour) for group in groups]
             gui.add_html(texts.legend_style(style))
             every = gui.add_button_group("All classes", ("show", "hide"))
             every.on_click(lambda event: self._show_all(event.target.value == "show"))
 
-    def _show_class(self, name: str) -> None:
+    def _box_clicked(self, name: str, event: object) -> None:
         """Show or hide a class, as its checkbox says."""
         self._nodes[name].visible = self._boxes[name].value
 
     def _show_all(self, visible: bool) -> None:
         """Show or hide all classes."""
         for name, box in self._boxes.items():
-            box.value = visible
+            box.value = visible  # type: ignore[misc]  # mypy does not see its setter
             self._nodes[name].visible = visible
+
+    def _inputs_box_clicked(self, event: GuiEvent) -> None:
+        """Show or hide the input views, as their checkbox says."""
+        if event.client is not None:
+            self._moved(event.client.camera)
+
+    def _connected(self, client: ClientHandle) -> None:
+        """Follow the camera of a browser."""
+        client.camera.on_update(self._moved)
 
     def _moved(self, camera: CameraHandle) -> None:
         """Show the input views that are not in the way of a camera, if the panel says so."""
@@ -228,6 +251,10 @@ class Window:
         """The Gaussians of the classes that are shown."""
         return self._splats.visible([name for name, box in self._boxes.items() if not box.value])
 
+    def _input_clicked(self, view: InputView, event: SceneNodePointerEvent) -> None:
+        """Fly to an input view."""
+        self._fly(event.client, view)
+
     def _fly(self, client: ClientHandle | None, view: InputView) -> None:
         """Move a browser's camera to an input view."""
         if client is None:
@@ -252,7 +279,7 @@ class Window:
         with self._lock:
             camera = camera_seen_from(seen.wxyz, seen.position, seen.fov, size, self._splats.scale)
             self._picture.image = self._image(camera)
-            self._picture.visible = True
+            self._rendered.visible = True
 
     def _image(self, camera: Cameras) -> UInt8[np.ndarray, "h w 3"]:
         """The shown classes from a camera, in the mode of the panel."""
@@ -261,7 +288,7 @@ class Window:
         scene = replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[kept]))
         cameras = camera.arranged(lambda array: array[None])
         if self._mode == "colour" and self._tint > 0 and scene.classes is not None:
-            rendering = render(scene.gaussians, cameras, near=scene.near)
+            rendering = scene.render(cameras)
             labels = label_maps(rendering, self._min_confidence)[0]
             return overlay(as_bytes(rendering.images[0]), labels, scene.classes, self._tint)
         return next(Stills(scene, (self._mode,), self._min_confidence).images(cameras))[0]
