@@ -1,8 +1,9 @@
-"""A headless browser for tests: Chromium with WebGL in software, without a network."""
+"""A headless browser for tests: Chromium with WebGL in software."""
 
 from __future__ import annotations
 
 import io
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ import pytest
 from PIL import Image
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import ConsoleMessage, Page
 
 FLAGS = (
     "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars",
@@ -25,8 +26,14 @@ SECONDS = 200
 
 
 @contextmanager
-def page_of(size: tuple[int, int]) -> Iterator[Page]:
-    """An empty page of (height, width) pixels; the test is skipped where there is no browser, and fails if a script on the page does."""
+def page_of(size: tuple[int, int], *, offline: bool = True, known: str = "$^") -> Iterator[Page]:
+    """An empty page of (height, width) pixels; the test is skipped where there is no browser, and fails if a script on the page does.
+
+    Args:
+        size: (height, width) [px].
+        offline: without a network, not even this machine's own.
+        known: a regular expression for errors in the console that do not count.
+    """
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
         pytest.skip(f"there is no browser here: none of {', '.join(NAMES)}")
@@ -37,10 +44,15 @@ def page_of(size: tuple[int, int]) -> Iterator[Page]:
     with playwright.sync_playwright() as running:
         browser = running.chromium.launch(executable_path=program, args=list(FLAGS))
         height, width = size
-        page = browser.new_context(viewport={"width": width, "height": height}, offline=True).new_page()
+        page = browser.new_context(viewport={"width": width, "height": height}, offline=offline).new_page()
         page.set_default_timeout(SECONDS * 1000)
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+
+        def note(message: ConsoleMessage) -> None:
+            if message.type == "error" and not re.search(known, message.text):
+                errors.append(message.text)
+
+        page.on("console", note)
         yield page
         browser.close()
     assert errors == []

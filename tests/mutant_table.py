@@ -116,6 +116,9 @@ OF_CAMERA_PATHS = ("tests/geometry/test_camera_paths.py",)
 OF_CAMERA_FILES = ("tests/export/test_camera_files.py",)
 OF_CONFIDENCE = ("tests/export/test_confidence.py",)
 OF_SELECTIVE = ("tests/objectives/test_selective.py",)
+OF_SPLATS = ("tests/viewer/test_splats.py",)
+OF_PICKS = ("tests/viewer/test_pick.py",)
+OF_VIEWER_CAMERAS = ("tests/viewer/test_views.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
 MUTANTS = (
@@ -1323,5 +1326,46 @@ MUTANTS = (
     Mutant(
         "exports: blue and red change places in a bag", "semgs/export/points.py",
         "red << 16 | green << 8 | blue", "blue << 16 | green << 8 | red", ("tests/export/test_points.py",),
+    ),
+    # The viewer
+    Mutant(
+        "splats are not scaled with the world", "semgs/viewer/splats.py",
+        "found: Tensor = covariance(shape.quaternions, scale * shape.scales)", "found: Tensor = covariance(shape.quaternions, shape.scales)", OF_SPLATS,
+    ),
+    Mutant(
+        "colours are seen from the first input view", "semgs/viewer/splats.py",
+        "scene.cameras.centres.repeat_interleave(len(gaussians) // len(scene.frames), 0)", "scene.cameras.centres[:1]", OF_SPLATS,
+    ),
+    Mutant(
+        "classes have the shapes of the colour Gaussians", "semgs/viewer/splats.py",
+        'if mode in ("classes", "confidence") else gaussians.colour', "if mode == 'none' else gaussians.colour", OF_SPLATS,
+    ),
+    Mutant(
+        "the most transparent Gaussians are kept", "semgs/viewer/splats.py",
+        'np.argsort(-opacities, kind="stable")', 'np.argsort(opacities, kind="stable")', OF_SPLATS,
+    ),
+    Mutant(
+        "a click stops at the first Gaussian", "semgs/viewer/pick.py",
+        "(1 - light[1:] >= SEEN_ALPHA)", "(1 - light[1:] > 0)", OF_PICKS,
+    ),
+    Mutant(
+        "a click stops one Gaussian too late", "semgs/viewer/pick.py",
+        "(1 - light[1:] >= SEEN_ALPHA)", "(1 - light[:-1] >= SEEN_ALPHA)", OF_PICKS,
+    ),
+    Mutant(
+        "the class of a click is that of the colour pass", "semgs/viewer/pick.py",
+        "drawn, light = blended(gaussians.semantic)", "pass", OF_PICKS,
+    ),
+    Mutant(
+        "positions are relative to the scene's origin", "semgs/viewer/pick.py",
+        " + torch.tensor(scene.origin, dtype=torch.float64)", "", OF_PICKS,
+    ),
+    Mutant(
+        "a ray is turned the wrong way", "semgs/viewer/views.py",
+        "as_float64(direction) @ camera.world_from_camera[:3, :3]", "camera.world_from_camera[:3, :3] @ as_float64(direction)", OF_VIEWER_CAMERAS,
+    ),
+    Mutant(
+        "the field of view of a viewer's camera is that across", "semgs/viewer/views.py",
+        "focal = height / (2 * tan(fov / 2))", "focal = width / (2 * tan(fov / 2))", OF_VIEWER_CAMERAS,
     ),
 )  # fmt: skip

@@ -54,6 +54,7 @@ COMMANDS = {
     "query": Command("semgs.cli.query", "Query", "Find what looks like an embedding in a reconstructed scene."),
     "export": Command("semgs.cli.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."),
     "render": Command("semgs.cli.render", "Render", "Render images or a video along a camera path."),
+    "view": Command("semgs.cli.view", "View", "Show a scene in 3D in the browser, or write it as one page."),
     "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
     "label": Command(
         "semgs.cli.label", "Label", "Label scenes with a 2D segmenter, to train a network on its answers."

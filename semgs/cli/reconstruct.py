@@ -18,6 +18,7 @@ from semgs.cli.types import AutoSize, Device, Probability, Views, WeightsOrRando
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.reconstruction.stages import Stages
+from semgs.viewer.server import check_viewer_library
 
 if TYPE_CHECKING:
     from semgs.data.choice import Choice
@@ -47,6 +48,7 @@ class Reconstruct:
     - report.json: all numbers of the report
     - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class. Both are turned upright and
     centred; export.json has the matrix back, and semgs export writes other formats and frames
+    - scene.html, with --html: the scene in 3D, one page for your browser that needs no network
     - scene.safetensors: everything, for semgs.load_scene in Python; with --features also features.safetensors, for semgs query
     - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen, 254 = unknown), confidence
     (percent), depth (16-bit millimetres, or float TIFF where the scene's unit is unknown), depth_spread (its uncertainty, millimetres per
@@ -93,6 +95,8 @@ class Reconstruct:
     hatched and 255. Scores do not change."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
+    html: bool = False
+    """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs viser."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
@@ -137,8 +141,8 @@ class Reconstruct:
                     min_confidence=self.min_confidence,
                     notes=self._notes(),
                 )
-            result = write_results(folder, result, origin, stages)
-        print(summary(result, stages.seconds, self.out))
+            result = write_results(folder, result, origin, stages, self.html)
+        print(summary(result, stages.seconds, self.out, self.html))
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -147,6 +151,8 @@ class Reconstruct:
         self.reading.check()
         self.segmenting.check()
         self.featuring.check()
+        if self.html:
+            check_viewer_library()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
 

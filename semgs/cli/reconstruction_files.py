@@ -10,26 +10,36 @@ from semgs.export.record import ExportedFile, write_record
 from semgs.export.scene import FILE_NAME, SavedScene, save_scene
 from semgs.export.upright import up_of, upright
 from semgs.figures.numbers import duration, length, percent
+from semgs.figures.views import as_bytes
 from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.reconstruct import Reconstruction, Shown
 from semgs.reconstruction.renders import write_renders
-from semgs.reconstruction.report import Origin, outputs, report_numbers
+from semgs.reconstruction.report import SCENE_PAGE, Origin, outputs, report_numbers
 from semgs.reconstruction.report_page import report_page
 from semgs.reconstruction.score_table import score_lines
 from semgs.reconstruction.stages import Stages
 from semgs.segmenters.features import FILE_NAME as FEATURES
 from semgs.segmenters.features import save_features
+from semgs.viewer.page import scene_page
 
 
-def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages) -> Reconstruction:
+def write_results(
+    folder: Path, result: Reconstruction, origin: Origin, stages: Stages, page: bool = False
+) -> Reconstruction:
     """Write all files of a reconstruction into an existing folder.
 
     The report is written last, because it contains the time of every other stage.
+
+    Args:
+        folder: an existing folder.
+        result, origin, stages: the reconstruction, how it was made, and its time.
+        page: also write a page that shows the scene in 3D.
 
     Returns:
         The reconstruction, with a note if it is uncertain which way is up.
 
     Raises:
+        ImportError: a page is requested, and viser is not installed.
         OSError: a file cannot be written.
     """
     with stages("write", "Writing the scene and its renders"):
@@ -50,8 +60,12 @@ def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: 
             save_features(folder / FEATURES, result.features)
         (folder / "renders").mkdir()
         write_renders(folder / "renders", result)
+    if page:
+        with stages("page", "Writing the page in 3D"):
+            photos = [as_bytes(image) for image in result.context.views.images]
+            write_text(folder / SCENE_PAGE, scene_page(scene, photos, min_confidence=result.min_confidence))
     write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
-    write_text(folder / "report.html", report_page(result, origin, stages.seconds))
+    write_text(folder / "report.html", report_page(result, origin, stages.seconds, page))
     return result
 
 
@@ -75,8 +89,8 @@ def saved(result: Reconstruction) -> SavedScene:
     )
 
 
-def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str:
-    """The printed summary: the frames, the scores and the files."""
+def summary(result: Reconstruction, seconds: dict[str, float], out: Path, page: bool = False) -> str:
+    """The printed summary: the frames, the scores and the files; `page` says whether there is one in 3D."""
     metric, bounds = result.metric, result.depth_range
     height, width = result.size
     rows = [
@@ -94,7 +108,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path) -> str
         ("time", ", ".join(f"{name} {duration(value)}" for name, value in seconds.items())),
         *(("note", sentence) for sentence in result.notes),
     ]
-    written = [(str(out / output.name), output.text) for output in outputs(result)]
+    written = [(str(out / output.name), output.text) for output in outputs(result, page)]
     width = max(len(path) for path, _ in written)
     return "\n".join(
         [

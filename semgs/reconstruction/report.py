@@ -32,8 +32,17 @@ class Origin:
     device: str
 
 
-def outputs(result: Reconstruction) -> tuple[Link, ...]:
-    """The output files of a reconstruction, the most important first."""
+SCENE_PAGE = "scene.html"
+"""The page that shows the scene in 3D, in the folder of a reconstruction."""
+
+
+def outputs(result: Reconstruction, page: bool = False) -> tuple[Link, ...]:
+    """The output files of a reconstruction, the most important first.
+
+    Args:
+        result: the reconstruction.
+        page: whether there is a page that shows the scene in 3D.
+    """
     depth = "16-bit depth in millimetres" if result.metric else "depth as 32-bit float TIFF in the scene's unit"
     maps = (
         ""
@@ -42,6 +51,7 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
     )
     listed = [
         Link("report.html", "start here: the report, one page that needs no network and no other file"),
+        Link(SCENE_PAGE, "the scene in 3D, in your browser: one page that needs no network and no other file"),
         Link("report.json", "all numbers of the report"),
         Link(
             "gaussians.ply",
@@ -55,6 +65,7 @@ def outputs(result: Reconstruction) -> tuple[Link, ...]:
         Link("renders/", f"images of every view: photo, render, {maps}{depth} and its uncertainty, alpha"),
     ]
     absent = {
+        *(() if page else (SCENE_PAGE,)),
         *(() if result.classes is not None else ("semantics.ply",)),
         *(() if result.features is not None else ("features.safetensors",)),
         *(() if result.labelling is not None and result.labelling.saves_maps else ("segmenter/",)),

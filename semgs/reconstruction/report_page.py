@@ -27,8 +27,8 @@ MOST_SPREAD = 0.3
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
 
-def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> str:
-    """The report as one self-contained HTML page."""
+def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float], page_in_3d: bool = False) -> str:
+    """The report as one self-contained HTML page; `page_in_3d` says whether to link the page that shows the scene in 3D."""
     scene = result.scene
     maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]
     limits = depth_limits(_depth_maps(result))
@@ -40,7 +40,9 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
         ),
         *([page.Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
         page.Section("Scores", scores_lead(result), (score_table(result),)),
-        page.Section("Files", "", (page.Links(tuple(one for one in outputs(result) if one.name != "report.html")),)),
+        page.Section(
+            "Files", "", (page.Links(tuple(one for one in outputs(result, page_in_3d) if one.name != "report.html")),)
+        ),
         page.Section("Details", "", (_facts(result, origin),), folded=True),
         page.Section("Time", "", (_timings(seconds),), folded=True),
     ]

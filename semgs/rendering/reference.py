@@ -40,26 +40,41 @@ def splat(splats: Splats, order: Int64[Tensor, " drawn"], camera: Pinhole) -> La
     """The features blended at every pixel, and the transmittance that is left there."""
     ellipses = project(splats, camera)
     order = order[ellipses.visible[order]]
-    centres, (xx, xy, yy) = ellipses.centres[order], ellipses.conics[order].unbind(-1)
     opacities, features = splats.opacities[order], splats.features[order]
-
     height, width = camera.size
     pixels = pixel_centres(camera.size, features.dtype).to(features.device).reshape(-1, 2)
     blended, left = [], []
     for chunk in pixels.split(max(1, CHUNK // max(1, len(order)))):
-        dx, dy = (chunk[:, None] - centres).unbind(-1)
-        sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
-        alpha = (opacities * torch.exp(-sigma)).clamp(max=MAX_ALPHA)
-        alpha = torch.where((sigma >= 0) & (alpha >= MIN_ALPHA), alpha, 0)
-        # Transmittance only falls, so Gaussians that leave enough of it come before the pixel is finished.
-        alpha = torch.where(torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE, alpha, 0)
-        light = torch.cat((alpha.new_ones(len(chunk), 1), torch.cumprod(1 - alpha, dim=1)), dim=1)
+        alpha, light = alphas_and_light(chunk, ellipses.centres[order], ellipses.conics[order], opacities)
         blended.append((alpha * light[:, :-1]) @ features)
         left.append(light[:, -1])
     return Layer(
         picture=torch.cat(blended).mT.reshape(-1, height, width),
         transmittance=torch.cat(left).reshape(height, width),
     )
+
+
+def alphas_and_light(
+    pixels: Float[Tensor, "p 2"],
+    centres: Float[Tensor, "g 2"],
+    conics: Float[Tensor, "g 3"],
+    opacities: Float[Tensor, " g"],
+) -> tuple[Float[Tensor, "p g"], Float[Tensor, "p g_and_1"]]:
+    """The alphas of Gaussians at points of the image, and the light that arrives at each one and behind the last.
+
+    Args:
+        pixels: any points [px].
+        centres, conics: of visible ellipses, nearest first.
+        opacities: of the same Gaussians.
+    """
+    dx, dy = (pixels[:, None] - centres).unbind(-1)
+    xx, xy, yy = conics.unbind(-1)
+    sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
+    alpha = (opacities * torch.exp(-sigma)).clamp(max=MAX_ALPHA)
+    alpha = torch.where((sigma >= 0) & (alpha >= MIN_ALPHA), alpha, 0)
+    # Transmittance only falls, so Gaussians that leave enough of it come before the pixel is finished.
+    alpha = torch.where(torch.cumprod(1 - alpha.detach(), dim=1) > MIN_TRANSMITTANCE, alpha, 0)
+    return alpha, torch.cat((alpha.new_ones(len(pixels), 1), torch.cumprod(1 - alpha, dim=1)), dim=1)
 
 
 @dataclass(frozen=True)

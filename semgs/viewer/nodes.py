@@ -1,0 +1,74 @@
+"""Scenes in viser: splats, input views and the first camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import dist, tan
+from typing import TYPE_CHECKING
+
+from semgs.export.upright import UpDirection
+from semgs.viewer.splats import SplatArrays
+from semgs.viewer.views import InputView, Triple
+
+if TYPE_CHECKING:
+    from semgs.viewer.server import CameraFrustumHandle, GaussianSplatHandle, ViserServer
+
+FRUSTUM_DEPTH = 0.5
+"""Distance from the centre of an input view to its photo [the viewer's units]."""
+
+IN_THE_WAY = 2.5
+"""Input views that are closer to the camera are hidden, because their photos would block the view [the viewer's units]."""
+
+FRUSTUM_COLOUR = (255, 196, 0)
+
+
+def add_splats(server: ViserServer, name: str, splats: SplatArrays) -> GaussianSplatHandle:
+    """Add a group of splats."""
+    return server.scene.add_gaussian_splats(
+        name,
+        centers=splats.centres,
+        covariances=splats.covariances,
+        rgbs=splats.colours,
+        opacities=splats.opacities,
+    )
+
+
+def add_input_views(server: ViserServer, views: Sequence[InputView]) -> list[CameraFrustumHandle]:
+    """Add the input views with their photos, those in the way of the first camera hidden."""
+    return [
+        server.scene.add_camera_frustum(
+            f"/input views/{index + 1} {node_name(view.name)}",
+            fov=view.fov,
+            aspect=view.aspect,
+            # viser's frusta of the same scale have the same volume.
+            scale=FRUSTUM_DEPTH * (tan(view.fov / 2) ** 2 * view.aspect / 3) ** (1 / 3),
+            color=FRUSTUM_COLOUR,
+            thickness=0.01,
+            image=view.photo,
+            wxyz=view.wxyz,
+            position=view.position,
+            visible=not in_the_way(view, views[0].position),
+        )
+        for index, view in enumerate(views)
+    ]
+
+
+def set_first_camera(server: ViserServer, view: InputView, up: UpDirection) -> None:
+    """Show the scene upright, at first from an input view."""
+    direction = up.direction.numpy()
+    server.scene.set_up_direction(direction)
+    camera = server.initial_camera
+    camera.position = view.position
+    camera.look_at = view.look_at
+    camera.up = direction
+    camera.fov = view.fov
+
+
+def in_the_way(view: InputView, position: Triple) -> bool:
+    """Whether an input view blocks the view of a camera."""
+    return dist(view.position, position) < IN_THE_WAY
+
+
+def node_name(name: str) -> str:
+    """A name as one node of viser's scene tree, where slashes separate levels."""
+    return name.replace("/", "-")

@@ -1,0 +1,87 @@
+"""The server that viewers and pages are built on: viser (extra `viewer`). Nothing else imports it."""
+
+from __future__ import annotations
+
+import io
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from typing import TYPE_CHECKING
+
+from semgs.files.errors import InputError
+
+if TYPE_CHECKING:
+    from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
+        CameraFrustumHandle,
+        CameraHandle,
+        ClientHandle,
+        GaussianSplatHandle,
+        GuiCheckboxHandle,
+        GuiEvent,
+        SceneClickEvent,
+        SceneNodePointerEvent,
+        ViserServer,
+    )
+
+LOOPBACK = "127.0.0.1"
+"""The address that only this machine can reach."""
+
+EVERY_ADDRESS = "0.0.0.0"
+
+ANY_PORT = 0
+
+
+def check_viewer_library() -> None:
+    """Check that scenes can be viewed.
+
+    Raises:
+        ImportError: viser is not installed.
+    """
+    try:
+        import viser  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "viewing needs viser: pip install '.[viewer]' in SemGS's folder, or pip install viser"
+        ) from error
+
+
+@contextmanager
+def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]:
+    """A server without content, which stops at the end of the block.
+
+    Args:
+        host: address to listen on.
+        port: to listen on, or the next free one; 0 is any.
+
+    Raises:
+        ImportError: viser is not installed.
+        InputError: it is not possible to listen on this address.
+    """
+    check_viewer_library()
+    from viser import ViserServer
+
+    try:
+        with socket.socket() as trial:
+            trial.bind((host, ANY_PORT))  # viser would try for ever
+    except OSError as error:
+        raise InputError(host, "an IPv4 address of this machine", str(error.strerror or error)) from error
+    with redirect_stdout(io.StringIO()):  # viser prints addresses, and that it stopped
+        server = ViserServer(host=host, port=port, verbose=False)
+    try:
+        # A page from elsewhere that connects to this server could ask for a public address, also without the button.
+        server.request_share_url = _refuse  # type: ignore[method-assign]
+        server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        yield server
+    finally:
+        with redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+def url_of(server: ViserServer) -> str:
+    """What to open in a browser."""
+    host = server.get_host()
+    return f"http://{socket.gethostname() if host == EVERY_ADDRESS else host}:{server.get_port()}"
+
+
+def _refuse(verbose: bool = True) -> None:
+    """Scenes are not shared through viser's tunnel."""

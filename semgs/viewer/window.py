@@ -1,0 +1,294 @@
+"""The interactive viewer: a panel of controls, and what they do."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from semgs.export.scene import SavedScene
+from semgs.export.stills import Stills
+from semgs.export.upright import Up, UpDirection, up_of
+from semgs.figures.classes import overlay
+from semgs.figures.depth import depth_bar, depth_ticks
+from semgs.figures.numbers import length
+from semgs.figures.views import as_bytes
+from semgs.files.colours import heat_picture
+from semgs.files.text import printable
+from semgs.geometry.cameras import Cameras
+from semgs.rendering.rendering import label_maps
+from semgs.viewer import texts
+from semgs.viewer.nodes import add_input_views, add_splats, in_the_way, node_name, set_first_camera
+from semgs.viewer.pick import pick
+from semgs.viewer.server import ANY_PORT, LOOPBACK, serving, url_of
+from semgs.viewer.splats import Mode, SceneSplats
+from semgs.viewer.views import InputView, camera_seen_from, input_views, pixel_of
+
+if TYPE_CHECKING:
+    from semgs.viewer.server import (
+        CameraHandle,
+        ClientHandle,
+        GuiCheckboxHandle,
+        GuiEvent,
+        SceneClickEvent,
+        SceneNodePointerEvent,
+        ViserServer,
+    )
+
+RENDER_HEIGHT = 480
+"""Height of images rendered from the viewer's camera [px]."""
+
+RENDER_WIDTH = 420
+"""Width of the panel with that image [px]."""
+
+MODES: dict[str, Mode] = {"Colour": "colour", "Classes": "classes", "Confidence": "confidence", "Depth": "depth"}
+"""Names of the modes in the panel."""
+
+HINT = "Drag to turn, right-drag to move, scroll to zoom. Click the scene to see what is there, or an input view to fly to it."
+
+FLIGHT = np.sin(np.linspace(0, np.pi / 2, 13)[1:]) ** 2
+"""The shares of the way at which a flight to an input view shows an image."""
+
+FLIGHT_SECONDS = 0.5
+
+
+@contextmanager
+def viewing(
+    scene: SavedScene,
+    photos: Sequence[UInt8[np.ndarray, "h w 3"]] = (),
+    *,
+    up: Up = "auto",
+    min_confidence: float = 0.0,
+    at_most: int | None = None,
+    host: str = LOOPBACK,
+    port: int = ANY_PORT,
+) -> Iterator[Window]:
+    """A viewer of a scene, until the block ends.
+
+    Args:
+        scene: the scene.
+        photos: of its input views, or none.
+        up: the direction that is up in the scene.
+        min_confidence: Gaussians and pixels whose likeliest class is less likely are unknown.
+        at_most: Gaussians in the viewer: the most opaque ones. None is all.
+        host, port: as for `serving`.
+
+    Raises:
+        ImportError: viser is not installed.
+        InputError: it is not possible to listen on this address.
+    """
+    splats = SceneSplats.of(scene, min_confidence, at_most)
+    with serving(host, port) as server:
+        yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence)
+
+
+class Window:
+    """The content of a viewer. Browsers that are connected at the same time share it, cameras excepted.
+
+    Attributes:
+        url: to open in a browser.
+        up: the direction that is up.
+    """
+
+    def __init__(
+        self,
+        server: ViserServer,
+        splats: SceneSplats,
+        views: Sequence[InputView],
+        up: UpDirection,
+        min_confidence: float,
+    ) -> None:
+        self._server, self._splats, self._views, self._min_confidence = server, splats, views, min_confidence
+        self._metric = splats.scene.unit == "metric"
+        self._lock = threading.Lock()  # viser calls from many threads
+        self._mode: Mode = "colour"
+        self._tint = 0.0
+        self.url, self.up = url_of(server), up
+        server.gui.set_panel_label(printable(splats.scene.source))
+        set_first_camera(server, views[0], up)
+        whole = splats.splats("colour")
+        self._nodes = {
+            group.name: add_splats(server, f"/gaussians/{node_name(group.name)}", whole.of(group.members))
+            for group in splats.groups
+        }
+        self._frusta = add_input_views(server, views)
+        self._add_panel()
+        server.scene.on_click()(self._clicked)
+        for frustum, view in zip(self._frusta, views, strict=True):
+            frustum.on_click(partial(self._input_clicked, view))
+        server.on_client_connect(self._connected)
+
+    def _add_panel(self) -> None:
+        """Add all controls."""
+        gui, splats = self._server.gui, self._splats
+        gui.add_html(texts.paragraph(HINT))
+        names = [name for name, mode in MODES.items() if mode in splats.modes]
+        self._mode_control = gui.add_dropdown("Show", names)
+        self._tint_control = gui.add_slider(
+            "Overlay", min=0.0, max=1.0, step=0.05, initial_value=0.0, visible=splats.scene.classes is not None,
+            hint="Strength of the class colours over the photos' colours",
+        )  # fmt: skip
+        limits = splats.depth_limits
+        self._scales = {
+            "depth": gui.add_html(
+                texts.scale_bar(
+                    depth_bar()[0],
+                    [length(tick, self._metric) for tick in depth_ticks(limits, 3)],
+                    "depth in the input view",
+                ),
+                visible=False,
+            ),
+            "confidence": gui.add_html(
+                texts.scale_bar(
+                    heat_picture(np.linspace(0, 1, 256)[None], (0.0, 1.0))[0],
+                    ("0 %", "50 %", "100 %"),
+                    "probability of the class",
+                ),
+                visible=False,
+            ),
+        }
+        self._mode_control.on_update(lambda _: self._switch())
+        self._tint_control.on_update(lambda _: self._switch())
+        self._boxes: dict[str, GuiCheckboxHandle] = {}
+        if splats.scene.classes is not None:
+            self._add_legend()
+        with gui.add_folder("Clicked"):
+            self._found = gui.add_html(texts.paragraph("Nothing yet."))
+        with gui.add_folder("Views"):
+            numbers = [str(number + 1) for number in range(len(self._views))]
+            flights = gui.add_button_group("Fly to input", numbers)
+            flights.on_click(lambda event: self._fly(event.client, self._views[int(event.target.value) - 1]))
+            self._inputs_control = gui.add_checkbox("Show inputs", True)
+            self._inputs_control.on_update(self._inputs_box_clicked)
+            button = gui.add_button(
+                "Render from here", hint="Render an image from this camera with SemGS's own renderer"
+            )
+            button.on_click(lambda event: self._render(event.client))
+        self._rendered = gui.add_panel(visible=False)
+        self._rendered.float(x=15, y=-15, width=RENDER_WIDTH)
+        with self._rendered.add_tab("Rendered"):
+            self._picture = gui.add_image(np.zeros((1, 1, 3), np.uint8))
+
+    def _add_legend(self) -> None:
+        """Add a checkbox in its colour for each class."""
+        gui, groups = self._server.gui, self._splats.groups
+        with gui.add_folder("Classes"):
+            for group in groups:
+                box = gui.add_checkbox(texts.legend_label(group), True)
+                self._boxes[group.name] = box
+                box.on_update(partial(self._box_clicked, group.name))
+            style = [(self._boxes[group.name]._impl.uuid, group.colour) for group in groups]
+            gui.add_html(texts.legend_style(style))
+            every = gui.add_button_group("All classes", ("show", "hide"))
+            every.on_click(lambda event: self._show_all(event.target.value == "show"))
+
+    def _box_clicked(self, name: str, event: object) -> None:
+        """Show or hide a class, as its checkbox says."""
+        self._nodes[name].visible = self._boxes[name].value
+
+    def _show_all(self, visible: bool) -> None:
+        """Show or hide all classes."""
+        for name, box in self._boxes.items():
+            box.value = visible  # type: ignore[misc]  # mypy does not see its setter
+            self._nodes[name].visible = visible
+
+    def _inputs_box_clicked(self, event: GuiEvent) -> None:
+        """Show or hide the input views, as their checkbox says."""
+        if event.client is not None:
+            self._moved(event.client.camera)
+
+    def _connected(self, client: ClientHandle) -> None:
+        """Follow the camera of a browser."""
+        client.camera.on_update(self._moved)
+
+    def _moved(self, camera: CameraHandle) -> None:
+        """Show the input views that are not in the way of a camera, if the panel says so."""
+        x, y, z = camera.position.tolist()
+        for frustum, view in zip(self._frusta, self._views, strict=True):
+            frustum.visible = self._inputs_control.value and not in_the_way(view, (x, y, z))
+
+    def _switch(self) -> None:
+        """Replace the splats by those of the mode and the overlay that the panel says. While a slider moves, steps in between are left out."""
+        with self._lock:
+            mode, tint = MODES[self._mode_control.value], self._tint_control.value
+            if (mode, tint) == (self._mode, self._tint):
+                return
+            self._mode, self._tint = mode, tint
+            whole = self._splats.splats(mode, tint)
+            with self._server.atomic():
+                self._tint_control.visible = mode == "colour" and self._splats.scene.classes is not None
+                for name, scale in self._scales.items():
+                    scale.visible = name == mode
+                for group in self._splats.groups:
+                    part = whole.of(group.members)
+                    self._nodes[group.name].set_gaussians(part.centres, part.covariances, part.colours, part.opacities)
+
+    def _clicked(self, event: SceneClickEvent) -> None:
+        """Say what is under a click, and mark it."""
+        seen = event.client.camera
+        size = (seen.image_height, seen.image_width)
+        with self._lock:
+            scene, scale = self._splats.scene, self._splats.scale
+            camera = camera_seen_from(seen.wxyz, np.array(event.ray_origin), seen.fov, size, scale)
+            pixel = pixel_of(np.array(event.ray_direction), camera)
+            hit = pick(scene, camera, pixel, self._visible(), self._min_confidence)
+            self._found.content = texts.hit_text(hit, self._metric)
+            if hit is None:
+                self._server.scene.remove_by_name("/clicked")
+                return
+            at = scale * (np.array(hit.position) - np.array(scene.origin))
+            self._server.scene.add_label("/clicked", texts.hit_label(hit), position=at, anchor="bottom-center")
+
+    def _visible(self) -> np.ndarray:
+        """The Gaussians of the classes that are shown."""
+        return self._splats.visible([name for name, box in self._boxes.items() if not box.value])
+
+    def _input_clicked(self, view: InputView, event: SceneNodePointerEvent) -> None:
+        """Fly to an input view."""
+        self._fly(event.client, view)
+
+    def _fly(self, client: ClientHandle | None, view: InputView) -> None:
+        """Move a browser's camera to an input view."""
+        if client is None:
+            return
+        camera = client.camera
+        start = [np.array(camera.position), np.array(camera.look_at), camera.fov]
+        for share in FLIGHT:
+            position, look_at, fov = (
+                (1 - share) * one + share * np.asarray(other)
+                for one, other in zip(start, (view.position, view.look_at, view.fov), strict=True)
+            )
+            with client.atomic():
+                camera.position, camera.look_at, camera.fov = position, look_at, float(fov)
+            time.sleep(FLIGHT_SECONDS / len(FLIGHT))
+
+    def _render(self, client: ClientHandle | None) -> None:
+        """Render what a browser's camera sees."""
+        if client is None:
+            return
+        seen = client.camera
+        size = (RENDER_HEIGHT, max(1, round(RENDER_HEIGHT * seen.aspect)))
+        with self._lock:
+            camera = camera_seen_from(seen.wxyz, seen.position, seen.fov, size, self._splats.scale)
+            self._picture.image = self._image(camera)
+            self._rendered.visible = True
+
+    def _image(self, camera: Cameras) -> UInt8[np.ndarray, "h w 3"]:
+        """The shown classes from a camera, in the mode of the panel."""
+        kept = torch.from_numpy(self._visible())
+        scene = self._splats.scene
+        scene = replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[kept]))
+        cameras = camera.arranged(lambda array: array[None])
+        if self._mode == "colour" and self._tint > 0 and scene.classes is not None:
+            rendering = scene.render(cameras)
+            labels = label_maps(rendering, self._min_confidence)[0]
+            return overlay(as_bytes(rendering.images[0]), labels, scene.classes, self._tint)
+        return next(Stills(scene, (self._mode,), self._min_confidence).images(cameras))[0]

@@ -1,0 +1,134 @@
+"""The viewer and its page in a real browser, with WebGL in software."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from viser_canvas import Canvas, canvas_of
+from wall_and_chair import CHAIR, GREEN, RED, WALL, wall_and_chair
+
+from semgs.data.classes import SCANNET20
+from semgs.viewer.page import scene_page
+from semgs.viewer.window import Window, viewing
+
+if TYPE_CHECKING:
+    from viser import CameraHandle
+
+SIZE = (360, 640)
+"""(height, width) of the browser's window [px]; the panel covers its right half."""
+
+ON_WALL, ON_CHAIR = (0.25, 0.6), (0.63, 0.8)
+"""Places of the canvas, from its upper left corner."""
+
+LARGE = (720, 960)
+"""For tests that see more of the scene beside the panel."""
+
+BACKGROUND = (20, 20, 20)
+
+SECONDS = 120.0
+"""How long the server may take."""
+
+
+def bytes_of(colour: tuple[float, float, float]) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * one) for one in colour)
+    return red, green, blue
+
+
+def test_the_viewer_shows_the_scene_and_a_click_names_the_class_under_it():
+    with viewing(wall_and_chair(), up="z") as window, canvas_of(window.url, SIZE) as canvas:
+        canvas.wait_for_colour(ON_WALL, bytes_of(RED))
+        click(canvas, ON_WALL, SIZE)
+        canvas.page.get_by_text("wall, 80 %").wait_for()
+        assert canvas.page.locator(".tabler-icon-share").count() == 0
+
+
+@pytest.mark.long
+def test_the_controls_do_what_they_say():
+    with viewing(wall_and_chair(), up="z") as window, canvas_of(window.url, LARGE) as canvas:
+        page = canvas.page
+        canvas.wait_for_colour(ON_WALL, bytes_of(RED))
+        canvas.wait_for_colour(ON_CHAIR, bytes_of(GREEN))
+        page.get_by_label("Show", exact=True).click()
+        page.get_by_role("option", name="Classes").click()
+        canvas.wait_for_colour(ON_WALL, SCANNET20.colours[WALL])
+        page.get_by_label("wall 60 %").click()
+        canvas.wait_for_colour(ON_WALL, BACKGROUND)
+        canvas.wait_for_colour(ON_CHAIR, SCANNET20.colours[CHAIR])
+        click(canvas, ON_WALL, LARGE)
+        page.get_by_text("Nothing was reconstructed here").wait_for()
+        page.get_by_role("button", name="show", exact=True).click()
+        canvas.wait_for_colour(ON_WALL, SCANNET20.colours[WALL])
+        page.get_by_role("button", name="2", exact=True).click()
+        wait_until(lambda: np.allclose(camera_of(window).position, window._views[1].position, atol=1e-3))
+        assert np.allclose(np.abs(camera_of(window).wxyz @ np.array(window._views[1].wxyz)), 1, atol=1e-4), "level"
+        page.get_by_role("button", name="Render from here").click()
+        wait_until(lambda: window._rendered.visible)
+        height, width, _ = window._picture.image.shape
+        assert (height, width) == (480, 640)
+        # The viewer and our renderer see the same: class colours at both places.
+        for (x, y), label in ((ON_WALL, WALL), (ON_CHAIR, CHAIR)):
+            colour = window._picture.image[int(y * height), int(x * width)]
+            assert tuple(colour) == SCANNET20.colours[label]
+            canvas.wait_for_colour((x, y), SCANNET20.colours[label])
+        assert {url.rstrip("/") for url in requests_of(canvas)} == {window.url}
+
+
+@pytest.mark.long
+def test_a_page_needs_no_network_and_shows_what_the_viewer_shows(tmp_path: Path):
+    file = tmp_path / "scene.html"
+    file.write_text(scene_page(wall_and_chair(), [np.full((40, 50, 3), 255, np.uint8)] * 2, up="z"))
+    with canvas_of(file.as_uri(), SIZE, offline=True) as canvas:
+        page = canvas.page
+        canvas.wait_for_colour(ON_WALL, bytes_of(RED))
+        page.locator(".tabler-icon-binary-tree-2").first.click()
+        # WorldAxes, colour, classes, input views: an eye for each.
+        page.locator(".tabler-icon-eye").first.click()
+        canvas.wait_for_colour(ON_WALL, BACKGROUND)
+        page.locator(".tabler-icon-eye-off").nth(2).click()
+        canvas.wait_for_colour(ON_WALL, SCANNET20.colours[WALL])
+        assert requests_of(canvas) == [file.as_uri()]
+
+
+@pytest.mark.long
+def test_150_000_gaussians_take_the_server_a_fraction_of_a_second():
+    """The rest is the browser's time for an image."""
+    scene = wall_and_chair((250, 300))
+    assert len(scene.gaussians) == 150_000
+    with viewing(scene, up="z") as window:
+        window._mode_control.value = "Classes"
+        start = time.process_time()
+        window._switch()
+        assert time.process_time() - start < 0.5
+        start = time.process_time()
+        window._boxes["wall"].value = False
+        window._box_clicked("wall", None)
+        assert time.process_time() - start < 0.1
+
+
+def click(canvas: Canvas, place: tuple[float, float], size: tuple[int, int]) -> None:
+    """Click a place of the canvas."""
+    canvas.page.mouse.click(place[0] * size[1], place[1] * size[0])
+
+
+def requests_of(canvas: Canvas) -> list[str]:
+    """What a page loaded from elsewhere."""
+    return [url for url in canvas.loaded if not url.startswith(("data:", "blob:"))]
+
+
+def camera_of(window: Window) -> CameraHandle:
+    """The camera of the browser."""
+    (client,) = window._server.get_clients().values()
+    return client.camera
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    """Wait for something that the server does."""
+    end = time.monotonic() + SECONDS
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.1)

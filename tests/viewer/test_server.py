@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import socket
+import threading
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from wall_and_chair import wall_and_chair
+
+from semgs.files.errors import InputError
+from semgs.viewer.window import viewing
+
+LISTEN = "0A"
+
+
+def listening(port: int) -> list[str]:
+    """The addresses on which a port of this machine is open, from the kernel's tables."""
+    found = []
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            _, local, _, state, *_ = line.split()
+            address, at = local.split(":")
+            if state == LISTEN and int(at, 16) == port:
+                found.append(socket.inet_ntoa(bytes.fromhex(address)[::-1]) if table == "tcp" else address)
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="this system has no /proc/net/tcp")
+def test_the_viewer_listens_on_this_machine_only_and_stops_at_the_end(capsys: pytest.CaptureFixture[str]):
+    before = threading.active_count()
+    with viewing(wall_and_chair((4, 5))) as window:
+        port = urlsplit(window.url).port
+        assert window.url == f"http://127.0.0.1:{port}"
+        assert listening(port) == ["127.0.0.1"]
+        assert window._server.request_share_url() is None, "no page can ask for a public address"
+    assert listening(port) == []
+    assert threading.active_count() == before
+    assert capsys.readouterr().out == "", "viser's own messages are not ours"
+
+
+def test_an_address_of_another_machine_is_refused_at_once():
+    with (
+        pytest.raises(InputError, match=r"192\.0\.2\.1: expected an IPv4 address of this machine"),
+        viewing(wall_and_chair((4, 5)), host="192.0.2.1"),
+    ):
+        pass
