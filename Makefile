@@ -47,7 +47,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup
-	$(BIN)/semgs demo
+	$(BIN)/semgs demo --html
 
 test: setup
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'

@@ -26,6 +26,8 @@ class Demo:
     """Number of input views."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
+    html: bool = False
+    """Also write scene.html, which shows the scene in 3D. Needs viser."""
     overwrite: bool = False
     """Replace DIR even if it contains another scene from semgs."""
 
@@ -39,7 +41,9 @@ class Demo:
 
         scene = demo_scene()
         overwrite = self.overwrite or _scene_in(self.out) == scene.name
-        Reconstruct(scene=scene, out=self.out, views=self.views, device=self.device, overwrite=overwrite).run()
+        Reconstruct(
+            scene=scene, out=self.out, views=self.views, device=self.device, html=self.html, overwrite=overwrite
+        ).run()
 
 
 def _scene_in(folder: Path) -> str | None:
