@@ -64,7 +64,7 @@ def test_what_is_written_is_read_back_bit_by_bit(tmp_path, shape, dtype):
     "array",
     [
         np.zeros((4, 5), np.float32),
-        np.zeros((4, 5, 4), np.uint8),
+        np.zeros((4, 5, 2), np.uint8),
         np.zeros((4, 5, 3), np.uint16),
         np.zeros((0, 5), np.uint8),
     ],
