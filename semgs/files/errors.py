@@ -41,8 +41,8 @@ class InputError(ValueError):
         self.lines = tuple(lines)
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"
-        first = " ".join((f"{message}; {advice}" if advice else message).split())
-        super().__init__(printable("\n".join((first, *self.lines))))
+        self.first_line = printable(" ".join((f"{message}; {advice}" if advice else message).split()))
+        super().__init__("\n".join((self.first_line, *map(printable, self.lines))))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Pickle the parts, not the message."""

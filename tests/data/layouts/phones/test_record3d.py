@@ -126,12 +126,20 @@ def test_without_lzfse_depth_is_left_out_and_counted(tmp_path: Path, monkeypatch
     assert scene.notes == ("8 depth maps are left out because lzfse is not installed (pip install '.[phone]').",)
 
 
+def test_noise_that_lzfse_cannot_compress_is_read(tmp_path: Path):
+    write_record3d(tmp_path, upright(3))
+    noise = np.random.default_rng(0).uniform(0.5, 5, (64, 48)).astype("<f4")
+    (tmp_path / "rgbd/1.depth").write_bytes(lzfse.compress(noise.tobytes()))
+    np.testing.assert_array_equal(open_scene(tmp_path).read([1], "native").depths[0].numpy(), noise)
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
         (b"", "damaged: it is not LZFSE"),
         (b"bvx2" + bytes(60), "damaged: it is not LZFSE"),
-        (lzfse.compress(bytes(4000)), r"4000 bytes; a map of 48x64 \(width x height\) has 12288"),
+        (lzfse.compress(bytes(4000)), r"not a map of 48x64 \(width x height\), which has 12288 bytes"),
+        (lzfse.compress(bytes(12288)) + bytes(12288), r"not a map of 48x64 \(width x height\), which has 12288 bytes"),
     ],
 )
 def test_damaged_depth_is_refused_with_its_member(tmp_path: Path, data: bytes, message: str):
