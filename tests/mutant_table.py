@@ -951,7 +951,7 @@ MUTANTS = (
     ),
     Mutant(
         "a high blur score means blur", POLYCAM,
-        '"blur_score", SHARP) < SHARP', '"blur_score", SHARP) > SHARP',
+        '"blur_score", SHARP) >= SHARP', '"blur_score", SHARP) <= SHARP',
         of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
     ),
     Mutant(
@@ -966,7 +966,7 @@ MUTANTS = (
     ),
     Mutant(
         "Record3D's K is read row by row", RECORD3D,
-        "matrix[None, [0, 4, 6, 7]]", "matrix[None, [0, 4, 2, 5]]",
+        "columns[:, [0, 4, 6, 7]]", "columns[:, [0, 4, 2, 5]]",
         of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
     ),
     Mutant(

@@ -50,6 +50,20 @@ def test_frames_are_read_in_the_order_asked_for(folder):
     assert views.depths is None
 
 
+def test_iphone_photos_in_heic_are_read_like_others(folder):
+    pillow_heif = pytest.importorskip("pillow_heif")
+    blurred = Image.open(folder / NAMES[0]).resize((13, 9)).resize((130, 90), Image.Resampling.BILINEAR)
+    for name in NAMES[:2]:
+        pillow_heif.from_pillow(blurred).save(folder / f"{name[:-4]}.heic", quality=95, chroma="444")
+    text = (folder / "transforms.json").read_text()
+    (folder / "transforms.json").write_text(
+        text.replace("0001.png", "0001.heic").replace("left/0002.png", "left/0002.heic")
+    )
+    images = open_scene(folder).read([0, 1], "native").images
+    expected = torch.from_numpy(np.array(blurred)).permute(2, 0, 1) / 255
+    assert (images - expected).abs().mean() < 0.01
+
+
 def test_reading_at_a_size_is_reading_and_cropping_to_its_aspect_and_resizing(folder):
     scene = open_scene(folder)
     whole, small = reframed(scene.read([0, 1], "native"), (48, 80)), scene.read([0, 1], size=(48, 80))

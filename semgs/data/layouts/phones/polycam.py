@@ -68,13 +68,12 @@ def open_polycam(path: Path, asked: Asked) -> Scene:
     optimised = bool(corrected and capture.numbered(CORRECTED_IMAGES, PICTURES))
     folder = CORRECTED_IMAGES if optimised else IMAGES
     cameras = {time: parsed(file) for time, file in (corrected if optimised else raw).items()}
-    blurred = [time for time, camera in cameras.items() if _number(camera, "blur_score", SHARP) < SHARP]
+    sharp = {time: camera for time, camera in cameras.items() if _number(camera, "blur_score", SHARP) >= SHARP}
+    blurred = [str(time) for time in cameras if time not in sharp]
     images = capture.numbered(folder, PICTURES)
     depths, confidences = (capture.numbered(place, (".png",)) for place in (DEPTH, CONFIDENCE))
     given, calibrations, shots = asked_calibration(asked), dict[Stored, Calibration](), list[Shot]()
-    for time, camera in cameras.items():
-        if time in blurred:
-            continue
+    for time, camera in sharp.items():
         image = images.get(time) or path / folder / f"{time}.jpg"
         calibrations[image] = given or _calibration(camera)
         measured = DepthMap(depths[time], confidence=confidences.get(time)) if time in depths else None
@@ -88,7 +87,7 @@ def open_polycam(path: Path, asked: Asked) -> Scene:
         name=capture.name,
         unit="metric",
         notes=[] if optimised else [NOT_OPTIMISED],
-        left_out=lacking([str(time) for time in blurred], len(cameras), f"frames have a blur_score below {SHARP:g} and are left out"),
+        left_out=lacking(blurred, len(cameras), f"frames have a blur_score below {SHARP:g} and are left out"),
     ).scene()  # fmt: skip
 
 

@@ -103,29 +103,26 @@ def _calibrations(fields: Fields) -> list[Calibration]:
         raise fields.refused("w", "the size of the images in w and h", "nothing")
     table = _table(fields, "perFrameIntrinsicCoeffs", 4)
     if table is None:
-        matrix = _table(fields, "K", None)
-        if matrix is None or matrix.shape != (9,):
-            raise fields.refused(
-                "K", "the nine numbers of a camera matrix, column by column", f"{fields.value('K')!r:.40}"
-            )
-        table = matrix[None, [0, 4, 6, 7]]
+        columns = _table(fields, "K", 9)
+        if columns is None:
+            raise fields.refused("K", "a camera matrix, column by column", "nothing")
+        table = columns[:, [0, 4, 6, 7]]
     return [
         Calibration((fx, fy), (cx, cy), (height, width), fields.path, of_a_sensor=True) for fx, fy, cx, cy in table.tolist()
     ]  # fmt: skip
 
 
-def _table(fields: Fields, key: str, columns: int | None) -> np.ndarray | None:
-    """A list of numbers, or of rows of so many numbers; None if it is missing or empty."""
+def _table(fields: Fields, key: str, columns: int) -> np.ndarray | None:
+    """A list of rows of so many numbers, or one row; None if it is missing or empty."""
     value = fields.value(key)
     if value is None or value == []:
         return None
     try:
-        table = np.array(value, dtype=np.float64)
+        table = np.atleast_2d(np.array(value, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
-        table = np.zeros(())
-    if table.ndim != (1 if columns is None else 2) or (columns is not None and table.shape[1] != columns):
-        expected = "a list of numbers" if columns is None else f"rows of {columns} numbers"
-        raise fields.refused(key, expected, f"{value!r:.40}")
+        table = np.zeros((0, 0))
+    if table.ndim != 2 or table.shape[1] != columns:
+        raise fields.refused(key, f"rows of {columns} numbers", f"{value!r:.40}")
     return table
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import shutil
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def test_what_is_read_equals_what_was_written(tmp_path: Path, inside: str | None
     room = write_record3d(tmp_path / "my room", upright())
     path = tmp_path / "my room" if inside is None else zipped(tmp_path / "my room", tmp_path / "my room.r3d", inside)
     scene = open_scene(path)
-    check_read(scene, room)
+    check_read(pickle.loads(pickle.dumps(scene)), room)
     assert (scene.layout, scene.unit, scene.name, scene.notes) == ("Record3D", "metric", "my room", ())
 
 
@@ -161,7 +162,8 @@ def test_damaged_depth_is_refused_with_its_member(tmp_path: Path, data: bytes, m
             {"poses": [[0, 0, 0, 0, 0, 0, 0]] * 3},
             "at least two usable frames, found 0; 3 of 3 frames have no finite pose",
         ),
-        ({"K": [1, 2, 3]}, "K: expected the nine numbers"),
+        ({"K": [1, 2, 3]}, "K: expected rows of 9 numbers"),
+        ({"K": []}, "K: expected a camera matrix"),
         ({"K": [-52, 0, 0, 0, 50, 0, 25, 30, 1]}, "expected a possible camera"),
         ({"w": None}, "w: expected the size of the images"),
         ({"w": 24}, "expected intrinsics for 48x64 pixels"),
