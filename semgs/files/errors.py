@@ -21,7 +21,7 @@ class InputError(ValueError):
         found: what is there instead ("a NaN in row 2").
         key: the place inside the file ("frames[3].transform_matrix"); None for the file itself.
         advice: what the user can do about it; None if that is obvious.
-        lines: more lines for the message, such as a list.
+        lines: more lines for the message, such as a list. The attribute `first_line` is the message without them.
     """
 
     def __init__(
