@@ -60,6 +60,8 @@ SCANNET = "semgs/data/layouts/scannet/scan.py"
 SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
 
 COLMAP = "semgs/data/layouts/colmap/files.py"
+POLYCAM = "semgs/data/layouts/phones/polycam.py"
+RECORD3D = "semgs/data/layouts/phones/record3d.py"
 
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
@@ -932,6 +934,50 @@ MUTANTS = (
         "red and blue change places in a bag", "semgs/data/layouts/ros/images.py",
         '"rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None)', '"rgb8": (3, None), "bgr8": (3, None)',
         of_layout("ros/ros_bag", "pixels_of_all_encodings_are_what_they_say"),
+    ),
+    Mutant(
+        "Polycam's axes are taken as OpenCV's", POLYCAM,
+        "* (1, -1, -1, 1)", "* (1, 1, 1, 1)", of_layout("phones/polycam", "a_point_is_where_arkits_axes_and_pixels_put_it"),
+    ),
+    Mutant(
+        "half a pixel is added to Polycam's principal point", POLYCAM,
+        "(cx, cy), (height, width)", "(cx + 0.5, cy + 0.5), (height, width)",
+        of_layout("phones/polycam", "a_point_is_where_arkits_axes_and_pixels_put_it"),
+    ),
+    Mutant(
+        "depth belongs to Polycam's corrected images", POLYCAM,
+        "raw.get(time) if optimised else None", "None",
+        of_layout("phones/polycam", "corrected_images_have_the_depth_of_the_uncorrected_camera_along_their_rays"),
+    ),
+    Mutant(
+        "a high blur score means blur", POLYCAM,
+        '"blur_score", SHARP) >= SHARP', '"blur_score", SHARP) <= SHARP',
+        of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
+    ),
+    Mutant(
+        "the position comes first in Record3D's poses", RECORD3D,
+        "table[:, [4, 5, 6, 0, 1, 2, 3]]", "table",
+        of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
+    ),
+    Mutant(
+        "Record3D's axes are taken as OpenCV's", RECORD3D,
+        "* (1, -1, -1, 1)", "* (1, 1, 1, 1)",
+        of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
+    ),
+    Mutant(
+        "Record3D's K is read row by row", RECORD3D,
+        "columns[:, [0, 4, 6, 7]]", "columns[:, [0, 4, 2, 5]]",
+        of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
+    ),
+    Mutant(
+        "width and height of Record3D's depth change places", RECORD3D,
+        "size, sure = (height, width),", "size, sure = (width, height),",
+        of_layout("phones/record3d", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "depth of low confidence counts", MAPS,
+        "depths[self._confidences(self.confidence, depths.shape) == 0] = 0", "pass",
+        of_layout("phones/polycam", "depth_of_low_confidence_is_unknown"),
     ),
     Mutant(
         "prepared poses keep OpenCV's axes", "semgs/preparation/archive.py",

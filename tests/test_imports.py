@@ -27,7 +27,7 @@ LAYOUTS = "semgs.data.layouts"
 LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
-    ("scannetpp", "replica", "ros", "rgbd", "transforms_json"),
+    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json"),
 )
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, and the rest, which know nothing of one another."""
 
@@ -47,7 +47,7 @@ VERSION = "semgs._version"
 
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
-    "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av",
+    "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

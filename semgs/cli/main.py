@@ -20,6 +20,7 @@ from typing import Any
 from semgs._version import __version__
 from semgs.cli.errors import UsageError, line_for
 from semgs.cli.terminal import Plain, open_streams
+from semgs.files.errors import InputError
 from semgs.files.text import printable
 
 BAKE = ["rooms", "bake"]
@@ -125,7 +126,7 @@ def guarded(work: Callable[[], int]) -> int:
         if line is None:
             raise
         _settle_output()
-        return _refuse(line)
+        return _refuse(line, error.lines if isinstance(error, InputError) else ())
 
 
 def _settle_output() -> None:
@@ -204,9 +205,9 @@ def _help() -> str:
     )
 
 
-def _refuse(line: str) -> int:
-    """Print the error on one line."""
-    print(f"semgs: error: {printable(' '.join(line.split()))}", file=sys.stderr)
+def _refuse(line: str, more: Sequence[str] = ()) -> int:
+    """Print the error on one line, and the list that belongs to it, if there is one."""
+    print(f"semgs: error: {printable(' '.join(line.split()))}", *map(printable, more), sep="\n", file=sys.stderr)
     return BAD_INPUT
 
 

@@ -25,7 +25,7 @@ class Prepare:
     """Convert scenes to compact zip files for training.
 
     SRC is a scene, a folder of scenes, or a folder of such folders (7-Scenes, Replica): ScanNet, ScanNet++, Replica, TUM RGB-D,
-    7-Scenes, RGB-D folders, ROS bags, COLMAP models, transforms.json. OUT will contain
+    7-Scenes, RGB-D folders, Polycam, Record3D, ROS bags, COLMAP models, transforms.json. OUT will contain
     - NAME.zip: a scene with transforms.json, JPEG images, depth in millimetres and class maps; every semgs command reads it
     - index.json: for each scene its frames, notes, pixels of each class and hash; and which scenes failed, and why
     - SHA256SUMS: the hashes, for sha256sum -c; settings.json: the options

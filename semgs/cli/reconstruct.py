@@ -39,9 +39,9 @@ MOST_VIEWS = 4
 class Reconstruct:
     """Turn posed photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
 
-    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a ROS bag, a scene of ScanNet, ScanNet++,
-    Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or an archive from semgs prepare. The layout is detected
-    automatically. Name frames by file name, or by position among the usable frames in file order, from 0.
+    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a Polycam or Record3D capture, a ROS bag, a
+    scene of ScanNet, ScanNet++, Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or an archive from semgs prepare. The
+    layout is detected automatically. Name frames by file name, or by position among the usable frames in file order, from 0.
 
     The output folder contains
     - report.html: start here: photos, renders, class maps, depth, scores, and which frames were used and why

@@ -100,11 +100,13 @@ class DepthMap:
         path: the file.
         unit: metres per count [m].
         rotated: whether the bits of each count are rotated left by three, as in SUN3D.
+        confidence: a map of the same size, 8-bit PNG or `.npy`, 0 where the depth is unreliable and therefore unknown; None if there is none.
     """
 
     path: Stored
     unit: float = 0.001
     rotated: bool = False
+    confidence: Stored | None = None
     stored: ClassVar[bool] = True
 
     def read(self, pixels: Pixels) -> Float32[np.ndarray, "h w"]:
@@ -119,14 +121,24 @@ class DepthMap:
         """The stored map [m], 0 where unknown.
 
         Raises:
-            InputError: it is missing, damaged or of another type.
+            InputError: it, or its confidence, is missing, damaged or of another type.
         """
         counts = self._counts()
         depths = counts.astype(np.float32) * np.float32(self.unit)
         depths[~np.isfinite(depths) | (depths < 0)] = 0
         if counts.dtype == np.uint16:
             depths[counts == SATURATED] = 0
+        if self.confidence is not None:
+            depths[self._confidences(self.confidence, depths.shape) == 0] = 0
         return depths
+
+    @staticmethod
+    def _confidences(path: Stored, shape: tuple[int, ...]) -> Num[np.ndarray, "rows columns"]:
+        """The confidence of each depth of a map of this shape."""
+        confidences = read_array(path) if path.suffix.lower() == ".npy" else read_uint8(path)
+        if confidences.shape != shape:
+            raise InputError(path, f"a map of {shape}, as its depth", f"{confidences.shape}")
+        return confidences
 
     def _counts(self) -> Num[np.ndarray, "rows columns"]:
         """The stored counts."""

@@ -9,6 +9,8 @@ from pathlib import Path
 from semgs.data.asked import Asked
 from semgs.data.layouts import transforms_json
 from semgs.data.layouts.colmap import model as colmap
+from semgs.data.layouts.parts.recordings import PICTURES
+from semgs.data.layouts.phones import polycam, record3d
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.rgbd import folders as rgbd
 from semgs.data.layouts.rgbd import frame_files, tum
@@ -62,14 +64,17 @@ LAYOUTS = (
     Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
     Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
     Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, asks=ros.ASKS),
+    Layout(polycam.recognises, polycam.open_polycam, polycam.LOOKED_FOR, asks=polycam.ASKS),
+    Layout(record3d.recognises, record3d.open_record3d, record3d.LOOKED_FOR, asks=record3d.ASKS),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
 )
 """The known layouts. If a folder has several, the first one counts."""
 
-SINGLE_FILES = (".zip", *ros.ENDINGS)
+SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
 
-LOOKED_FOR = ", or ".join(layout.looked_for for layout in LAYOUTS)
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv")
+"""Endings of videos, for advice."""
 
 
 def open_scene(
@@ -107,7 +112,7 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_
     with readable(path):
         scene = _opened(path, as_peers, asked, needs_labels)
         if scene is None:
-            raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
+            raise _unknown(path, "a scene")
     return scene
 
 
@@ -161,13 +166,13 @@ def _found(path: Path) -> tuple[Path, ...]:
     if _recognised(path):
         return (path,)
     if path.is_file():
-        raise InputError(path, f"a scene: {LOOKED_FOR}", "none of them", advice=_hint(path))
+        raise _unknown(path, "a scene")
     children = _children(path)
     found = [child for child in children if _recognised(child)]
     if not found:
         found = [below for child in children if child.is_dir() for below in _children(child) if _recognised(below)]
     if not found:
-        raise InputError(path, f"a scene or a folder of scenes: {LOOKED_FOR}", "none of them", advice=_hint(path))
+        raise _unknown(path, "a scene or a folder of scenes")
     return tuple(found)
 
 
@@ -195,13 +200,26 @@ def _recognised(path: Path) -> bool:
     return any(layout.recognises(path) for layout in LAYOUTS)
 
 
+_NO_VIDEOS = "a video has no poses; extract frames and run COLMAP on them first"
+
+
+def _unknown(path: Path, expected: str) -> InputError:
+    """The error for a path without a known layout: what to do, then a list of what was looked for."""
+    looked_for = [f"  {layout.looked_for}" for layout in LAYOUTS]
+    return InputError(path, expected, "no known layout", advice=_hint(path), lines=("Looked for:", *looked_for))
+
+
 def _hint(path: Path) -> str | None:
-    """What to do about a path without a known layout."""
+    """What to do about a path without a known layout: the likeliest remedy."""
     if path.is_file():
-        return "name the scene's folder"
+        return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
     inside = next((child for child in _children(path) if _recognised(child)), None)
     if inside is not None:
         return f"there is one in {inside}"
-    if any(child.suffix.lower() in (".jpg", ".jpeg", ".png") for child in path.iterdir()):
+    files = list(path.iterdir())
+    kinds = {one.suffix.lower() for place in (path, *files) if place.is_dir() for one in place.iterdir()}
+    if kinds.intersection(PICTURES):
         return "images alone have no poses; run COLMAP on them first"
-    return None
+    if kinds.intersection(VIDEOS):
+        return _NO_VIDEOS
+    return None if files else "the folder is empty"

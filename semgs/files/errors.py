@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from semgs.files.text import printable
 
 
 class InputError(ValueError):
-    """A file or folder that cannot be used: which one, what was expected, and what was found, in one printable line.
+    """A file or folder that cannot be used: which one, what was expected, and what was found, in one printable line (or more: `lines`).
 
     The command line prints it and exits with code 2. In Python code, catch it as a ValueError.
 
@@ -21,23 +21,32 @@ class InputError(ValueError):
         found: what is there instead ("a NaN in row 2").
         key: the place inside the file ("frames[3].transform_matrix"); None for the file itself.
         advice: what the user can do about it; None if that is obvious.
+        lines: more lines for the message, such as a list. The attribute `first_line` is the message without them.
     """
 
     def __init__(
-        self, path: str | Stored, expected: str, found: str, key: str | None = None, advice: str | None = None
+        self,
+        path: str | Stored,
+        expected: str,
+        found: str,
+        key: str | None = None,
+        advice: str | None = None,
+        lines: Sequence[str] = (),
     ) -> None:
         self.path = Path(str(path))
         self.key = key
         self.expected = expected
         self.found = found
         self.advice = advice
+        self.lines = tuple(lines)
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"
-        super().__init__(printable(" ".join((f"{message}; {advice}" if advice else message).split())))
+        self.first_line = printable(" ".join((f"{message}; {advice}" if advice else message).split()))
+        super().__init__("\n".join((self.first_line, *map(printable, self.lines))))
 
-    def __reduce__(self) -> tuple[type[InputError], tuple[Path, str, str, str | None, str | None]]:
+    def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Pickle the parts, not the message."""
-        return type(self), (self.path, self.expected, self.found, self.key, self.advice)
+        return type(self), (self.path, self.expected, self.found, self.key, self.advice, self.lines)
 
 
 @contextmanager

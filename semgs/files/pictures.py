@@ -1,4 +1,4 @@
-"""Images: JPEG and PNG (and PGM for depth) to arrays, and arrays to PNG and JPEG.
+"""Images: JPEG, PNG and HEIC (and PGM for depth) to arrays, and arrays to PNG and JPEG.
 
 All images become 8-bit RGB: 16 bits are rounded to 8, grey is repeated, palettes are looked up, and transparent areas become white (as
 NeRF's synthetic scenes expect). Ambiguous files are refused: CMYK, truncated images, and an EXIF rotation that the camera's size neither
@@ -23,6 +23,7 @@ from PIL import Image, UnidentifiedImageError
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
+from semgs.files.heic import is_heic, opened_heic
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
@@ -64,10 +65,11 @@ class PictureHeader:
 
 
 def read_header(path: str | Stored) -> PictureHeader:
-    """Size, orientation and transparency of a JPEG or PNG.
+    """Size, orientation and transparency of an image.
 
     Raises:
-        InputError: the file is missing, or is not a JPEG or PNG.
+        InputError: the file is missing, or is not a JPEG, PNG or HEIC.
+        ImportError: it is a HEIC, and pillow-heif is not installed.
     """
     with _opened(path) as image:
         return _header(path, image)
@@ -113,7 +115,7 @@ def read_rgb(path: str | Stored, size: tuple[int, int] | None = None) -> np.ndar
     """An image as uint8 [h w 3], RGB.
 
     Args:
-        path: a JPEG or PNG: grey, palette or RGB, 8 or 16 bits, with or without alpha.
+        path: a JPEG, PNG or HEIC: grey, palette or RGB, 8 or 16 bits, with or without alpha.
         size: (height, width) of its camera, which also decides whether an EXIF rotation is applied (see `is_turned`).
 
     Raises:
@@ -156,7 +158,7 @@ def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.nda
     For feature detection, so it is fast rather than exact: JPEGs are decoded at reduced size.
 
     Args:
-        path: a JPEG or PNG.
+        path: the image.
         size: (height, width) of its camera, as for `read_rgb`.
         longest: largest longer side [px].
 
@@ -284,7 +286,10 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit below is lower
             image = Image.open(str(file) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
-        raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
+        data = read_bytes(file, "an image") if data is None else data
+        if not is_heic(data):
+            raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
+        image = opened_heic(path, data)
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG image", str(error)) from error
     if image.width * image.height > MOST_PIXELS:

@@ -1,4 +1,4 @@
-"""Whatever is wrong with the input: exit code 2, one line on stderr, and nothing is changed on disk."""
+"""Whatever is wrong with the input: exit code 2, one line on stderr (a list after it if no layout is known), and nothing is changed on disk."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from networks import preset
 
 from semgs.cli.main import main
 from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.scenes import LAYOUTS
 from semgs.files.folders import own_folder
 from semgs.model import networks
 from semgs.model.build import build
@@ -34,7 +35,7 @@ def tree(folder: Path) -> dict[str, bytes | None]:
 def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Refused:
     """Runs `semgs reconstruct SCENE --out DIR ...`, checks that it is refused well, and returns the line."""
 
-    def run(scene: Path, *options: str, out: Path | None = None) -> str:
+    def run(scene: Path, *options: str, out: Path | None = None, lines: int = 1) -> str:
         before = tree(tmp_path)
         arguments = ["reconstruct", str(scene), "--out", str(out or tmp_path / "out"), *options]
         if "--weights" not in options:
@@ -44,7 +45,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Refused:
         told = capsys.readouterr()
         assert told.out == ""
         assert told.err.startswith("semgs: error: ")
-        assert told.err.count("\n") == 1
+        assert told.err.count("\n") == lines
         assert tree(tmp_path) == before
         return told.err
 
@@ -57,12 +58,15 @@ def test_a_missing_folder(refused: Refused, tmp_path: Path) -> None:
 
 def test_a_folder_of_no_known_layout(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    assert "transforms.json" in refused(tmp_path / "empty")
+    first, second, *layouts = refused(tmp_path / "empty", lines=2 + len(LAYOUTS)).splitlines()
+    assert first.endswith("empty: expected a scene, found no known layout; the folder is empty")
+    assert second == "Looked for:"
+    assert layouts[0].startswith("  transforms.json")
 
 
 def test_a_scene_without_its_transforms_file(refused: Refused, scene: Path) -> None:
     (scene / "transforms.json").unlink()
-    assert "transforms.json" in refused(scene)
+    assert "images alone have no poses" in refused(scene, lines=2 + len(LAYOUTS))
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"frames": 3}', '{"frames": []}', "\x00\xff"])

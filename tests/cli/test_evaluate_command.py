@@ -14,6 +14,7 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.data.classes import ClassTable
+from semgs.data.scenes import LAYOUTS
 from semgs.files.pictures import read_uint8, write_png
 from semgs.model import networks
 from semgs.model.build import build
@@ -234,12 +235,12 @@ def test_compare_prints_differences(done: tuple[Path, str]):
 def refused(done: tuple[Path, str], tmp_path: Path) -> Refused:
     """Runs `semgs evaluate` on the scenes, checks that it is refused on one line, and returns the line."""
 
-    def refuse(*options: object, data: Path | None = None, out: Path | None = None) -> str:
+    def refuse(*options: object, data: Path | None = None, out: Path | None = None, lines: int = 1) -> str:
         arguments = ["evaluate", *options, "--data", data or done[0] / "scenes", "--out", out or tmp_path / "never"]
         code, told, errors = run(*arguments)
         assert (code, told) == (2, "")
         assert errors.startswith("semgs: error: ")
-        assert errors.count("\n") == 1
+        assert errors.count("\n") == lines
         assert not (tmp_path / "never").exists()
         assert not list(tmp_path.glob(".*.part"))
         return errors
@@ -288,7 +289,7 @@ def test_more_views_than_the_scene_has(refused: Refused):
 
 def test_no_data(refused: Refused, tmp_path: Path):
     (tmp_path / "empty").mkdir()
-    assert "a scene or a folder of scenes" in refused("small", data=tmp_path / "empty")
+    assert "a scene or a folder of scenes" in refused("small", data=tmp_path / "empty", lines=2 + len(LAYOUTS))
     assert "nothing there" in refused("small", data=tmp_path / "nowhere")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import shutil
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from landmarks import looking
 from PIL import Image
 
 from semgs.data.resampling import reframed
-from semgs.data.scenes import open_scene, open_scenes
+from semgs.data.scenes import LAYOUTS, open_scene, open_scenes
 from semgs.files.errors import InputError
 
 SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]
@@ -47,6 +48,20 @@ def test_frames_are_read_in_the_order_asked_for(folder):
     assert views.depth_range.tolist() == [[0.5, 10.0]] * 2
     assert views.labels is None
     assert views.depths is None
+
+
+def test_iphone_photos_in_heic_are_read_like_others(folder):
+    pillow_heif = pytest.importorskip("pillow_heif")
+    blurred = Image.open(folder / NAMES[0]).resize((13, 9)).resize((130, 90), Image.Resampling.BILINEAR)
+    for name in NAMES[:2]:
+        pillow_heif.from_pillow(blurred).save(folder / f"{name[:-4]}.heic", quality=95, chroma="444")
+    text = (folder / "transforms.json").read_text()
+    (folder / "transforms.json").write_text(
+        text.replace("0001.png", "0001.heic").replace("left/0002.png", "left/0002.heic")
+    )
+    images = open_scene(folder).read([0, 1], "native").images
+    expected = torch.from_numpy(np.array(blurred)).permute(2, 0, 1) / 255
+    assert (images - expected).abs().mean() < 0.01
 
 
 def test_reading_at_a_size_is_reading_and_cropping_to_its_aspect_and_resizing(folder):
@@ -112,15 +127,35 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
         open_scene(folder).read(frames, "native")
 
 
-def test_an_unknown_layout_lists_what_was_looked_for(tmp_path):
-    (tmp_path / "photo.jpg").touch()
-    with pytest.raises(
-        InputError, match=r"transforms\.json .* COLMAP model .* sparse/0/.*; images alone have no poses"
-    ):
+@pytest.mark.parametrize(
+    ("files", "remedy"),
+    [
+        ([], "the folder is empty"),
+        (["photo.jpg", "clip.mov"], "images alone have no poses; run COLMAP on them first"),
+        (["photos/IMG_1.HEIC"], "images alone have no poses; run COLMAP on them first"),
+        (["clip.MP4"], "a video has no poses; extract frames and run COLMAP on them first"),
+    ],
+)
+def test_an_unknown_layout_gets_the_likeliest_remedy_then_a_line_for_each_layout(tmp_path, files, remedy):
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    with pytest.raises(InputError) as caught:
         open_scene(tmp_path)
+    first, second, *rest = str(caught.value).splitlines()
+    assert first == f"{tmp_path}: expected a scene, found no known layout; {remedy}"
+    assert second == "Looked for:"
+    assert rest == [f"  {layout.looked_for}" for layout in LAYOUTS]
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+def test_a_file_without_a_known_layout_is_refused(tmp_path):
     (tmp_path / "notes.txt").touch()
     with pytest.raises(InputError, match="name the scene's folder"):
         open_scene(tmp_path / "notes.txt")
+    (tmp_path / "clip.mp4").touch()
+    with pytest.raises(InputError, match="a video has no poses"):
+        open_scenes(tmp_path / "clip.mp4")
 
 
 def test_the_scene_one_folder_below_is_pointed_to(folder):
@@ -149,7 +184,7 @@ def test_scenes_are_those_right_inside_a_folder_by_name(folder, tmp_path_factory
 def test_a_folder_without_any_scene_is_refused_and_a_broken_scene_is_not_passed_over(folder, tmp_path_factory):
     data = tmp_path_factory.mktemp("data")
     (data / "empty").mkdir()
-    with pytest.raises(InputError, match=r"a scene or a folder of scenes: transforms\.json"):
+    with pytest.raises(InputError, match="expected a scene or a folder of scenes, found no known layout"):
         open_scenes(data)
     shutil.copytree(folder, data / "a")
     (data / "a" / "transforms.json").write_text("{")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -13,7 +14,16 @@ import pytest
 from PIL import Image, ImageOps
 
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_grey, read_header, read_rgb, read_uint8, read_uint16, write_png
+from semgs.files.pictures import (
+    PictureHeader,
+    decode_rgb,
+    read_grey,
+    read_header,
+    read_rgb,
+    read_uint8,
+    read_uint16,
+    write_png,
+)
 
 HEIGHT, WIDTH = 24, 37
 
@@ -54,7 +64,7 @@ def test_what_is_written_is_read_back_bit_by_bit(tmp_path, shape, dtype):
     "array",
     [
         np.zeros((4, 5), np.float32),
-        np.zeros((4, 5, 4), np.uint8),
+        np.zeros((4, 5, 2), np.uint8),
         np.zeros((4, 5, 3), np.uint16),
         np.zeros((0, 5), np.uint8),
     ],
@@ -251,3 +261,52 @@ def test_grey_pictures_for_features_are_reduced_in_proportion(tmp_path):
     assert grey.shape == (65, 100)
     expected = cv2.resize(cv2.cvtColor(smooth(), cv2.COLOR_RGB2GRAY), (100, 65), interpolation=cv2.INTER_AREA)
     assert np.abs(grey.astype(int) - expected).max() <= 6
+
+
+def heic(pixels: np.ndarray, **more: object) -> bytes:
+    """A HEIC of full colour resolution, which keeps pixels to a few levels."""
+    pillow_heif = pytest.importorskip("pillow_heif")
+    buffer = io.BytesIO()
+    pillow_heif.from_pillow(Image.fromarray(pixels)).save(buffer, quality=95, chroma="444", **more)
+    return buffer.getvalue()
+
+
+def test_a_heic_comes_out_as_it_was_drawn(tmp_path):
+    path, pixels = tmp_path / "IMG_0001.HEIC", smooth()
+    path.write_bytes(heic(pixels))
+    assert read_header(path) == PictureHeader((200, 310), 1, False)
+    for read in (read_rgb(path, (200, 310)), decode_rgb(path.read_bytes(), path)):
+        assert np.abs(read.astype(int) - pixels).mean() < 2
+    grey = read_grey(path, (200, 310), 155)
+    assert grey.shape == (100, 155)
+    assert abs(grey.mean() - cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).mean()) < 1
+
+
+def test_the_rotation_of_a_heic_is_applied_once(tmp_path):
+    path, pixels = tmp_path / "IMG_0001.heic", smooth()
+    exif = Image.Exif()
+    exif[0x0112] = 6  # shown a quarter turn clockwise
+    path.write_bytes(heic(pixels, exif=exif.tobytes()))
+    assert read_header(path).size == (310, 200)
+    turned = read_rgb(path, (310, 200))
+    assert np.abs(turned.astype(int) - np.rot90(pixels, -1)).mean() < 2
+    with pytest.raises(InputError, match=r"expected 310x200 pixels .*found 200x310"):
+        read_rgb(path, (200, 310))
+
+
+@pytest.mark.parametrize("left", [20, 100, 300, -20])
+def test_a_damaged_heic_is_refused(tmp_path, left):
+    path = tmp_path / "IMG_0001.heic"
+    path.write_bytes(heic(smooth())[:left])
+    with pytest.raises(InputError, match=r"IMG_0001\.heic: expected a"):
+        read_rgb(path)
+
+
+def test_a_heic_without_pillow_heif_says_what_to_install(tmp_path, monkeypatch):
+    path = tmp_path / "IMG_0001.heic"
+    path.write_bytes(b"\0\0\0\x1cftypheic" + bytes(100))
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    with pytest.raises(
+        ImportError, match=r"IMG_0001\.heic is a HEIC image, which needs pillow-heif: pip install '\.\[phone\]'"
+    ):
+        read_header(path)

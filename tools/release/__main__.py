@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _run(given)
     except InputError as error:
-        print(error, file=sys.stderr)
+        print(error.first_line, file=sys.stderr)
         return 2
     return 0
 

@@ -11,6 +11,7 @@ import pytest
 import torch
 from bags import COLOUR, DEPTH, Bag, add_tree, times
 from miniatures import SIZE, Miniature, miniature, text, write_picture
+from phone_captures import TIMES, write_polycam, write_record3d
 from replicas import write_replica
 from test_frame_files import write_frames
 from test_tum import write_tum
@@ -74,6 +75,28 @@ def recorded(folder: Path, room: Miniature) -> Scene:
     return open_scene(bag.write(folder), world="map")
 
 
+PHONE = (FOCAL, FOCAL, CENTRE[0] + 0.5, CENTRE[1] + 0.5)
+
+
+def polycam(folder: Path, room: Miniature) -> Scene:
+    """A phone's, with images that lose nothing."""
+    write_polycam(folder, room, PHONE)
+    for time, image in zip(TIMES, room.images, strict=False):
+        (folder / f"keyframes/images/{time}.jpg").unlink()
+        write_picture(folder / f"keyframes/images/{time}.png", image)
+    return open_scene(folder)
+
+
+def record3d(folder: Path, room: Miniature) -> Scene:
+    """Another phone's."""
+    pytest.importorskip("lzfse")
+    write_record3d(folder, room, PHONE)
+    for index, image in enumerate(room.images):
+        (folder / f"rgbd/{index}.jpg").unlink()
+        write_picture(folder / f"rgbd/{index}.png", image)
+    return open_scene(folder)
+
+
 LAYOUTS: dict[str, Callable[[Path, Miniature], Scene]] = {
     "Replica": lambda folder, room: open_scene(write_replica(folder, room)),
     "TUM RGB-D": lambda folder, room: open_scene(
@@ -82,6 +105,8 @@ LAYOUTS: dict[str, Callable[[Path, Miniature], Scene]] = {
     "frame files": three_files,
     "RGB-D folders": folders,
     "ROS bag": recorded,
+    "Polycam": polycam,
+    "Record3D": record3d,
 }
 
 

@@ -24,6 +24,7 @@ from semgs.data.layouts.parts.fields import Fields, parsed
 from semgs.data.layouts.parts.numbers import pairs, rows
 from semgs.data.lens import HALF, Lens
 from semgs.files.errors import InputError, input_error
+from semgs.files.stored import Stored
 
 MATRICES = ("intrinsic_matrix", "camera_matrix", "K", "cam_K", "intrinsic", "intrinsics", "matrix")
 INSIDE = ("camera", "color", "colour", "rgb", "intrinsics", "intrinsic")
@@ -47,12 +48,12 @@ class Calibration:
     focal: tuple[float, float]
     centre: tuple[float, float]
     size: tuple[int, int] | None = None
-    source: Path | None = None
+    source: Stored | None = None
     depth_unit: float | None = None
     depth_lens: Lens | None = None
     of_a_sensor: bool = False
 
-    def lens(self, picture: Path, size: tuple[int, int]) -> Lens:
+    def lens(self, picture: Stored, size: tuple[int, int]) -> Lens:
         """The lens for images of a size (height, width).
 
         Raises:
@@ -63,7 +64,7 @@ class Calibration:
             scale = size[0] / self.size[0]
             if self.of_a_sensor and size[0] * self.size[1] == size[1] * self.size[0]:
                 fx, fy, cx, cy = (scale * number for number in (*self.focal, *self.centre))
-                return Lens(size, (fx, fy), (cx, cy))
+                return replace(self, focal=(fx, fy), centre=(cx, cy), size=size).lens(picture, size)
             raise InputError(
                 place, f"intrinsics for {size[1]}x{size[0]} pixels (width x height), the size of {picture.name}",
                 f"some for {self.size[1]}x{self.size[0]}", advice="give intrinsics of these images (--intrinsics fx fy cx cy)",

@@ -18,11 +18,12 @@ from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 from semgs.files.pictures import is_turned, read_header
+from semgs.files.stored import Stored
 
-PICTURES = (".png", ".jpg", ".jpeg")
+PICTURES = (".png", ".jpg", ".jpeg", ".heic")
 """Endings of images, in lower case."""
 
-GENERIC = ("seq", "sequence", "data", "imap", "")
+GENERIC = ("seq", "sequence", "data", "imap", "exr_rgbd", "")
 """Names of folders, without numbers, that are the same in every scene."""
 
 
@@ -32,14 +33,14 @@ class Shot:
 
     Attributes:
         name: of the frame.
-        picture: the path of its image, which may be missing.
+        picture: its image, which may be missing.
         pose: NaN if tracking was lost; None if there is no pose.
         depth: source of its z-depths, or None.
         labels: source of its labels, or None.
     """
 
     name: str
-    picture: Path
+    picture: Stored
     pose: FoundPose | None
     depth: MapSource | None = None
     labels: MapSource | None = None
@@ -55,9 +56,10 @@ class ShotList:
         name: of the scene.
         unit: "metric" or "unknown".
         shots: in order.
-        lens: gives the lens of an image (path, size).
+        lens: gives the lens of an image (its file, size).
         classes: the class table of its labels, if it has any.
         notes: what else the user should know.
+        left_out: notes about frames that are not among the shots.
     """
 
     path: Path
@@ -65,9 +67,10 @@ class ShotList:
     name: str
     unit: str
     shots: Sequence[Shot]
-    lens: Callable[[Path, tuple[int, int]], Lens]
+    lens: Callable[[Stored, tuple[int, int]], Lens]
     classes: ClassTable | None = None
     notes: Sequence[str] = ()
+    left_out: Sequence[str] = ()
 
     def scene(self) -> Scene:
         """The scene from the shots that have an image and a pose.
@@ -79,7 +82,7 @@ class ShotList:
         lost = [shot.name for shot in self.shots if shot.pose is not None and not shot.pose.finite]
         unposed = [shot.name for shot in self.shots if shot.pose is None]
         poses = _checked([pose for _, pose in posed])
-        lenses: dict[tuple[int, int], Lens] = {}
+        lenses: dict[Lens, Lens] = {}
         frames, absent, mapless, unlabelled = [], [], [], []
         for (shot, _), pose in zip(posed, poses, strict=True):
             if not shot.picture.is_file():
@@ -89,15 +92,15 @@ class ShotList:
             is_turned(
                 shot.picture, header, header.size
             )  # refuses an EXIF rotation, as no file says whether to apply it
-            if header.size not in lenses:
-                lenses[header.size] = self.lens(shot.picture, header.size)
+            lens = self.lens(shot.picture, header.size)
             if shot.depth is None:
                 mapless.append(shot.name)
             if shot.labels is None:
                 unlabelled.append(shot.name)
-            frames.append(Frame(shot.name, shot.picture, lenses[header.size], pose, shot.depth, shot.labels))
+            frames.append(Frame(shot.name, shot.picture, lenses.setdefault(lens, lens), pose, shot.depth, shot.labels))
         count = len(self.shots)
         left_out = [
+            *self.left_out,
             *lacking(lost, count, "frames have no finite pose and are left out"),
             *lacking(unposed, count, "frames have no pose and are left out"),
             *lacking(absent, count, "frames have no image"),
@@ -161,7 +164,7 @@ def sequence_name(path: Path) -> str:
 def _checked(poses: Sequence[FoundPose]) -> np.ndarray:
     """Poses as rigid motions [n 4 4]."""
     checked = np.zeros((len(poses), 4, 4))
-    by_file: dict[Path, list[int]] = {}
+    by_file: dict[Stored, list[int]] = {}
     for index, pose in enumerate(poses):
         by_file.setdefault(pose.path, []).append(index)
     for file, indices in by_file.items():

@@ -17,6 +17,7 @@ import numpy as np
 
 from semgs.data.layouts.parts.numbers import rows
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored
 
 FORMS = "poses as 8 numbers per line (time, tx ty tz, qx qy qz qw) or the last 7 of them, as 4x4 or 3x4 matrices, or as Redwood's .log"
 
@@ -35,7 +36,7 @@ class FoundPose:
     """
 
     matrix: np.ndarray
-    path: Path
+    path: Stored
     place: str = ""
 
     @property
@@ -83,7 +84,7 @@ def read_trajectory(path: Path) -> Trajectory:
     places = [f"line {number}" for number, _ in held]
     if set(lengths) in ({7}, {8}):
         table = np.array([values for _, values in held])
-        poses = _from_quaternions(path, table[:, -7:], places)
+        poses = poses_of_rows(path, table[:, -7:], places)
         return Trajectory(path, poses, tuple(places), table[:, 0] if table.shape[1] == 8 else None)
     if set(lengths) in ({16}, {12}):
         return Trajectory(path, np.stack([_as_motion(values) for _, values in held]), tuple(places))
@@ -110,7 +111,7 @@ def read_pose(path: Path) -> FoundPose:
     held = rows(path)
     flat = [value for _, values in held for value in values]
     if len(held) == 1 and len(flat) == 7:
-        return FoundPose(_from_quaternions(path, np.array([flat]), [f"line {held[0][0]}"])[0], path)
+        return FoundPose(poses_of_rows(path, np.array([flat]), [f"line {held[0][0]}"])[0], path)
     if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for _, values in held)):
         found = f"{len(held)} lines of {sorted({len(values) for _, values in held})} numbers" if held else "nothing"
         raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers, or tx ty tz, qx qy qz qw", found)
@@ -122,14 +123,23 @@ def _as_motion(flat: list[float]) -> np.ndarray:
     return np.array([*flat, 0.0, 0.0, 0.0, 1.0][:16] if len(flat) == 12 else flat, dtype=np.float64).reshape(4, 4)
 
 
-def _from_quaternions(path: Path, table: np.ndarray, places: Sequence[str]) -> np.ndarray:
-    """Matrices [n 4 4] from lines tx ty tz, qx qy qz qw [n 7]; a zero or NaN quaternion means no pose."""
+def poses_of_rows(path: Stored, table: np.ndarray, places: Sequence[str]) -> np.ndarray:
+    """Matrices [n 4 4] from rows tx ty tz, qx qy qz qw [n 7]; NaN for a zero or NaN quaternion, which means no pose.
+
+    Args:
+        path: the file that they are from.
+        table: the rows.
+        places: of each in the file.
+
+    Raises:
+        InputError: a quaternion is far from unit length.
+    """
     norms = np.linalg.norm(table[:, 3:], axis=1)
     off = (np.abs(norms - 1) > UNIT_TOLERANCE) & (norms > 1e-6)
     if off.any():
         index = int(np.argmax(off))
         found = f"{table[index, 3:].tolist()} of length {norms[index]:.3g}"
-        raise InputError(path, "a unit quaternion qx qy qz qw in the last four numbers", found, places[index])
+        raise InputError(path, "a unit quaternion qx qy qz qw", found, places[index])
     return poses_from_quaternions(table[:, :3], table[:, 3:])
 
 

@@ -30,6 +30,7 @@ from semgs.data.maps import DepthMap, IdMap
 from semgs.data.readings import READINGS, ROW_229
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
+from semgs.files.stored import Stored
 
 LAYOUT = "Replica"
 LOOKED_FOR = "traj_w_c.txt with rgb/rgb_0.png (Replica, Semantic-NeRF's)"
@@ -96,7 +97,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
     return scene if unread is None else replace(scene, classes=None, unread_labels=unread)
 
 
-def _lens(picture: Path, size: tuple[int, int], row: float) -> Lens:
+def _lens(picture: Stored, size: tuple[int, int], row: float) -> Lens:
     """The renderer's camera for images of a size (height, width), with the principal point at `row` relative to the height."""
     height, width = size
     return Lens(size, (width / 2, width / 2), (width / 2, row * height))

@@ -1,0 +1,1 @@
+"""Captures of phone apps, as folders or zip archives."""
