@@ -37,6 +37,12 @@ Apache-2.0 (MLCommons Association License), github.com/mlcommons/mobile_open@86a
 """
 """Published networks from which the included weights were initialised or distilled."""
 
+VIDEOS = """
+Videos of `semgs render` are encoded by PyAV (BSD-3-Clause), an optional dependency that SemGS neither contains nor distributes. PyAV's wheels on the Python Package
+Index contain FFmpeg built with x264 and x265, which are under the GPL-2.0-or-later: whoever passes on such a wheel, in an image of a container for example, has to keep to its terms.
+"""
+"""An optional dependency whose wheel contains works under the GPL."""
+
 
 def write_notice(attributions: Sequence[Path]) -> None:
     """Write NOTICE from files `ATTRIBUTION.md`.
@@ -48,7 +54,7 @@ def write_notice(attributions: Sequence[Path]) -> None:
         text = notice([path.read_text(encoding="utf-8") for path in attributions])
     except (OSError, ValueError) as error:
         raise InputError(", ".join(map(str, attributions)), "ATTRIBUTION.md of semgs rooms", str(error)) from error
-    write_text(ROOT / "NOTICE", text + NETWORKS)
+    write_text(ROOT / "NOTICE", text + NETWORKS + VIDEOS)
 
 
 def notice(attributions: Sequence[str]) -> str:
