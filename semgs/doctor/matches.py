@@ -160,7 +160,7 @@ def _features(frame: Frame, most: int) -> _Features:
 
 
 def _depths(frame: Frame, directions: np.ndarray) -> np.ndarray:
-    """The measured z-depth along some directions of a frame, NaN where there is none."""
+    """The measured z-depth along some directions of a frame, NaN if unknown."""
     depths = frame.measured()
     if depths is None or not len(directions):
         return np.full(len(directions), np.nan)

@@ -46,6 +46,18 @@ def miss(rig: Rig, matches: Matches) -> float:
     return float(known.mean()) if len(known) and 2 * len(known) >= len(each) else np.inf
 
 
+def epipolar_line(rig: Rig, i: int, j: int, point: Float64[np.ndarray, " xy"]) -> Float64[np.ndarray, "k 2"]:
+    """The image in frame j of the ray of a point of frame i: pixel positions as in `Matches`, from the vanishing point; NaN behind the camera."""
+    motion = (inverse(rig.poses[j : j + 1]) @ rig.poses[i : i + 1])[0]
+    far = motion[:3, :3] @ np.append((point - rig.centre[i]) / rig.focal[i], 1.0)
+    step = motion[:3, 3]
+    nearness = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 200))) / max(float(np.linalg.norm(step)), 1e-12)
+    along = far + nearness[:, None] * step
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = along[:, :2] / along[:, 2:] * rig.focal[j] + rig.centre[j]
+    return np.where(along[:, 2:] > 1e-9, pixels, np.nan)
+
+
 def _second_from_first(rig: Rig, matches: Matches) -> Float64[np.ndarray, "m 4 4"]:
     """For each match the motion from the first frame's camera to the second's."""
     first, second = rig.poses[matches.pairs].swapaxes(0, 1)

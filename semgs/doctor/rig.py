@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from semgs.data.frames import Frame
+from semgs.data.lens import AbstractLens, matrix
 
 POSES_ARE_INVERSE = ("COLMAP",)
 """Layouts whose files have world-to-camera poses; all others have camera-to-world."""
@@ -49,6 +50,11 @@ def rig_of(frames: Sequence[Frame]) -> Rig:
         np.array([frame.lens.centre for frame in frames], dtype=np.float64),
         np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64),
     )
+
+
+def undistorted_from_pinhole(lens: AbstractLens) -> Float64[np.ndarray, "3 3"]:
+    """Takes (x, y, 1) of a pinhole with the focal length and principal point of a lens to the same in its undistorted images [px]."""
+    return lens.intrinsics @ np.linalg.inv(matrix(lens.focal, lens.centre))
 
 
 def inverse(poses: Float64[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "n 4 4"]:

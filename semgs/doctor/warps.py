@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from semgs.data.scene import Scene
-from semgs.doctor.rig import Rig, inverse
+from semgs.doctor.rig import Rig, inverse, undistorted_from_pinhole
 
 GRID = (15, 20)
 """Points of each depth map: rows and columns."""
@@ -66,9 +66,7 @@ def _depth_view(scene: Scene, index: int) -> DepthView | None:
     )
     z = depths[row[:, None], column].ravel().astype(np.float64)
     x, y = (places.ravel() + 0.5 for places in np.meshgrid(column, row))
-    (fx, fy), (cx, cy) = frame.lens.focal, frame.lens.centre
-    given = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    map_from_pixel = frame.lens.intrinsics @ np.linalg.inv(given)
+    map_from_pixel = undistorted_from_pinhole(frame.lens)
     pixels = np.column_stack((x, y, np.ones_like(x))) @ np.linalg.inv(map_from_pixel).T
     known = z > 0
     if not known.any():
