@@ -24,7 +24,7 @@ def facts(scene: Scene) -> tuple[tuple[str, str], ...]:
     focal = np.array([lens.focal for lens in lenses])
     angles = np.degrees(2 * np.arctan(np.array([lens.size[::-1] for lens in lenses]) / (2 * focal)))
     bounds = scene.depth_range()
-    few = np.unique(np.linspace(0, len(scene) - 1, MOST_FRAMES).round().astype(int))
+    few = _few(scene)
     grids = DepthGrids(scene)
     together = Covisibility(scene, few, grids.of(few, bounds.typical))
     steps = np.diagonal(together.baselines, 1)
@@ -43,6 +43,26 @@ def facts(scene: Scene) -> tuple[tuple[str, str], ...]:
         ("distance of neighbours", f"{length(float(np.median(steps)), metric)}, at most {length(float(steps.max()), metric)}"),
         ("overlap of neighbours", f"{percent(float(np.median(overlaps)))}, at least {percent(float(overlaps.min()))}, under these cameras"),
     )  # fmt: skip
+
+
+def coverage(scene: Scene) -> list[tuple[str, float]]:
+    """Names of some frames, and the share of what each sees that another of them also sees.
+
+    Raises:
+        InputError: as `facts`.
+    """
+    few = _few(scene)
+    together = Covisibility(scene, few, DepthGrids(scene).of(few, scene.depth_range().typical))
+    others = [np.delete(np.arange(len(few)), index).tolist() for index in range(len(few))]
+    return [
+        (scene.frames[place].name, float(together.covered(others[index])[index]))
+        for index, place in enumerate(few.tolist())
+    ]
+
+
+def _few(scene: Scene) -> np.ndarray:
+    """Positions of at most `MOST_FRAMES` frames, evenly spread."""
+    return np.unique(np.linspace(0, len(scene) - 1, MOST_FRAMES).round().astype(int))
 
 
 def _range(numbers: np.ndarray) -> str:

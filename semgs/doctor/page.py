@@ -11,9 +11,11 @@ from jaxtyping import UInt8
 from semgs._version import __version__
 from semgs.data.scene import Scene
 from semgs.doctor.diagnosis import Diagnosis
+from semgs.doctor.facts import coverage
 from semgs.doctor.misses import epipolar_line, pair_misses
 from semgs.doctor.rig import Rig, undistorted_from_pinhole
 from semgs.figures import page
+from semgs.figures.numbers import percent
 from semgs.figures.views import please_note
 from semgs.files.colours import opencv_palette
 
@@ -50,17 +52,14 @@ def doctor_page(scene: Scene, found: Diagnosis, facts: tuple[tuple[str, str], ..
     notes = [f"Not excluded, because it would not show here: {one.name}." for one in found.undecided]
     sections = [page.Section("The scene", "", (page.Facts(facts),))]
     if len(found.evidence.matches):
-        sections.append(
-            page.Section("Matches", LEAD, (*_galleries(scene, found, corrected), _pairs(scene, found, corrected)))
-        )
-    plots = [page.Plot(page.Picture(_from_above(found.given), "given cameras"))]
+        sections.append(page.Section("Matches", LEAD, tuple(_galleries(scene, found, corrected))))
+        sections.append(page.Section("All pairs", "", (_pairs(scene, found, corrected),), folded=True))
+    plots = [page.Picture(_from_above(found.given), "given cameras")]
     if corrected is not None:
-        plots.append(page.Plot(page.Picture(_from_above(corrected), "corrected cameras")))
-    sections.append(
-        page.Section(
-            "Cameras", "Seen along the direction in which they move least; red is the first frame.", tuple(plots)
-        )
-    )
+        plots.append(page.Picture(_from_above(corrected), "corrected cameras"))
+    sections.append(page.Section("Cameras", ABOVE, (page.Gallery("Positions and directions", "", tuple(plots)),)))
+    bars = tuple(page.Bar(name, BAR, share, percent(share)) for name, share in coverage(scene))
+    sections.append(page.Section("Coverage", COVERAGE, (page.Bars(bars),), folded=True))
     return page.html_page(
         title=scene.name,
         lead=found.sentence,
@@ -74,6 +73,13 @@ LEAD = (
     "Each point on the left is the same as the one of its colour on the right. The line is where the cameras allow it to be: if they are right, "
     "the points on the right are on their lines."
 )
+
+
+ABOVE = "Seen along the direction in which they move least; the first frame is red."
+
+COVERAGE = "How much of what each frame sees is also seen by another one, under the given cameras."
+
+BAR = (40, 80, 160)
 
 
 def _worst_first(found: Diagnosis) -> np.ndarray:
