@@ -7,9 +7,8 @@ decidable if the mistake moves half of the points that some pair of frames share
 from __future__ import annotations
 
 import argparse
-import sys
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -100,6 +99,74 @@ def judge(one: Tested, planted: Planted | None, depth: bool, seed: int) -> tuple
     ) > MOVED_PX
 
 
+@dataclass
+class Counts:
+    """How often the doctor was right.
+
+    Attributes:
+        decidable, right: cases with a decidable mistake, and those of them in which it was named.
+        undecidable, told: the other cases, and those of them whose mistake was listed as not excluded, or in which nothing could be said.
+        intact, alarms: right cameras, and those of them that were called suspicious.
+        confusion: of the decidable cases, by the planted mistake and what was said.
+        lines: every wrong answer.
+    """
+
+    decidable: int = 0
+    right: int = 0
+    undecidable: int = 0
+    told: int = 0
+    intact: int = 0
+    alarms: int = 0
+    confusion: Counter[tuple[str, str]] = field(default_factory=Counter)
+    lines: list[str] = field(default_factory=list)
+
+
+def counted(paths: list[Path], cases: int) -> Counts:
+    """Count until there are `cases` decidable and as many intact ones. Every second case has no depth."""
+    order = np.random.default_rng(1).permutation(len(paths))
+    counts = Counts()
+    case = 0
+    while min(counts.decidable, counts.intact) < cases:
+        one = tested(paths[order[case % len(paths)]])
+        depth = (case // len(paths) + case) % 2 == 0
+        if counts.intact < cases:
+            _count_intact(counts, one, depth, case)
+        for planted in (PLANTED[case % len(PLANTED)], PLANTED[(case + 7) % len(PLANTED)]):
+            _count_planted(counts, one, planted, depth, case, cases)
+        case += 1
+    return counts
+
+
+def _count_intact(counts: Counts, one: Tested, depth: bool, case: int) -> None:
+    found, _ = judge(one, None, depth, case)
+    counts.intact += 1
+    if found.verdict == "suspicious":
+        counts.alarms += 1
+        counts.lines.append(f"alarm: {one.scene.name}, {'with' if depth else 'without'} depth: {found.sentence}")
+
+
+def _count_planted(counts: Counts, one: Tested, planted: Planted, depth: bool, case: int, most: int) -> None:
+    found, decidable = judge(one, planted, depth, case)
+    name = found.finding.mistake.name if found.finding else found.verdict
+    right = name == planted.name
+    if decidable and counts.decidable < most:
+        counts.decidable += 1
+        counts.right += right
+        counts.confusion[short(planted.name), short(name)] += 1
+    elif not decidable:
+        right = found.verdict == "cannot tell" or any(one.name == planted.name for one in found.undecided)
+        counts.undecidable += 1
+        counts.told += right
+    else:
+        return
+    if not right:
+        kind = "missed" if decidable else "undecidable"
+        said = (
+            f"{kind}: {one.scene.name}, {'with' if depth else 'without'} depth, {short(planted.name)}: {found.sentence}"
+        )
+        counts.lines.append(said)
+
+
 def short(name: str) -> str:
     """A name without its explanation."""
     return name.partition(" (")[0]
@@ -108,51 +175,25 @@ def short(name: str) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--cases", type=int, default=40)
-    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument(
+        "folders", nargs="+", type=Path, help="scenes, or folders of scenes, with a transforms.json each"
+    )
+    parser.add_argument("--cases", type=int, default=200)
     options = parser.parse_args()
-    cv2.setNumThreads(1)
     cv2.setRNGSeed(0)
-    paths = [
+    folders = [
         path
         for folder in options.folders
-        for path in (sorted(folder.iterdir()) if not (folder / "transforms.json").exists() else [folder])
-        if (path / "transforms.json").exists()
+        for path in ([folder] if (folder / "transforms.json").exists() else sorted(folder.iterdir()))
     ]
-    order = np.random.default_rng(1).permutation(len(paths))
-    confusion: Counter[tuple[str, str]] = Counter()
-    right = decidable = told = undecidable = alarms = intact = 0
-    case = 0
-    while min(decidable, intact) < options.cases:
-        one = tested(paths[order[case % len(paths)]])
-        depth = (case // len(paths) + case) % 2 == 0
-        if intact < options.cases:
-            found, _ = judge(one, None, depth, case)
-            intact += 1
-            alarms += found.verdict == "suspicious"
-            if found.verdict == "suspicious" and options.verbose:
-                print("alarm:", one.scene.path, depth, found.sentence, file=sys.stderr)
-        for planted in (PLANTED[case % len(PLANTED)], PLANTED[(case + 7) % len(PLANTED)]):
-            found, can = judge(one, planted, depth, case)
-            name = found.finding.mistake.name if found.finding else found.verdict
-            if can and decidable < options.cases:
-                decidable += 1
-                right += name == planted.name
-                confusion[short(planted.name), short(name)] += 1
-                if name != planted.name and options.verbose:
-                    print("missed:", one.scene.path, depth, planted.name, "->", found.sentence, file=sys.stderr)
-            if not can:
-                undecidable += 1
-                fine = found.verdict == "cannot tell" or any(one.name == planted.name for one in found.undecided)
-                told += fine
-                if not fine and options.verbose:
-                    print("undecidable:", one.scene.path, depth, planted.name, "->", found.sentence, file=sys.stderr)
-        case += 1
-    print(f"decidable: {right} of {decidable} named; undecidable: {told} of {undecidable} 'cannot tell'")
-    print(f"intact: {alarms} alarms in {intact}")
-    for planted, name in sorted(confusion):
-        print(f"| {planted} | {name} | {confusion[planted, name]} |")
+    counts = counted([path for path in folders if (path / "transforms.json").exists()], options.cases)
+    print("\n".join(counts.lines))
+    print(f"decidable: {counts.right} of {counts.decidable} named")
+    print(f"undecidable: {counts.told} of {counts.undecidable} not excluded")
+    print(f"intact: {counts.alarms} alarms in {counts.intact}")
+    print("| planted | said | cases |\n|---|---|---|")
+    for (planted, said), number in sorted(counts.confusion.items()):
+        print(f"| {planted} | {said} | {number} |")
 
 
 if __name__ == "__main__":
