@@ -51,7 +51,7 @@ def tested(path: Path) -> Tested:
             matches,
             pair=matches.pair[fits], points=matches.points[fits], depths=matches.depths[fits], shrink=matches.shrink[fits],
         )  # fmt: skip
-    return Tested(scene, Evidence(matches, () if len(matches) else find_depth_views(scene)), truth)
+    return Tested(scene, Evidence(matches, find_depth_views(scene)), truth)
 
 
 def true_matches(scene: Scene) -> Matches:

@@ -10,7 +10,7 @@ import numpy as np
 
 from semgs.data.scene import Scene
 from semgs.doctor.matches import FEATURES, Matches, find_matches
-from semgs.doctor.misses import CAP_PX, miss
+from semgs.doctor.misses import CAP_PX, miss, pair_misses
 from semgs.doctor.mistakes import BAD_DEPTH, MISTAKES, Given, Mistake
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
@@ -23,6 +23,9 @@ BAD = 5.0
 
 EXPLAINS = 0.5
 """A mistake explains the data if undoing it leaves at most this share of the error."""
+
+SLACK_PERCENT = 0.5
+"""Undoing a mistake may not make depth maps disagree by more than this in addition."""
 
 ALIKE, ALIKE_BY = 1.25, 0.25
 """Two mistakes explain the data equally well if their errors differ by less than this factor, or by less than this."""
@@ -37,7 +40,7 @@ class Evidence:
 
     Attributes:
         matches: between images, with the measured depth of each.
-        depth_views: measured depth of neighbouring frames, used if there are no matches.
+        depth_views: measured depth of neighbouring frames. It replaces matches if there are none; else it guards against wrong ones.
     """
 
     matches: Matches
@@ -63,6 +66,17 @@ class Evidence:
     def error(self, rig: Rig) -> float:
         """How far cameras are from what was observed, in `unit`."""
         return miss(rig, self.matches) if len(self.matches) else warp_error(rig, self.depth_views)
+
+    def error_where(self, rig: Rig, other: Rig) -> float:
+        """The error on the pairs of frames for which another rig has poses too."""
+        if not len(self.matches):
+            return self.error(rig)
+        posed = np.isfinite(other.poses).all((1, 2))[self.matches.pairs].all(1)
+        return float(pair_misses(rig, self.matches)[posed].mean()) if posed.any() else np.inf
+
+    def depth_error(self, rig: Rig) -> float:
+        """By how much depth maps disagree [%]; infinite without depth maps."""
+        return warp_error(rig, self.depth_views) if len(self.depth_views) > 1 else np.inf
 
 
 @final
@@ -141,7 +155,7 @@ def diagnose(scene: Scene, frames: Sequence[int] | None = None, features: int = 
         InputError: an image or a depth map cannot be read.
     """
     matches = find_matches(scene, frames, features)
-    evidence = Evidence(matches, () if len(matches) else find_depth_views(scene, frames))
+    evidence = Evidence(matches, find_depth_views(scene, frames))
     return judged(rig_of(scene.frames), evidence, scene.layout, [frame.name for frame in scene.frames])
 
 
@@ -159,8 +173,8 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str]) -> D
     given = Given(rig, FileConvention.of(layout), tuple(names), rig.depth_unit * evidence.depth, evidence.error)
     before = given.error(rig)
     if before > FITS:
-        findings = _findings(given, before)
-        if findings or before > BAD:
+        findings = _findings(given, evidence)
+        if findings or (before > BAD and evidence.depth_error(rig) > FITS):
             return Diagnosis("suspicious", before, findings, (), rig, evidence)
     limit = max(FITS, 2 * before)
     undecided = tuple(
@@ -169,11 +183,21 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str]) -> D
     return Diagnosis("good", before, (), undecided, rig, evidence)
 
 
-def _findings(given: Given, before: float) -> tuple[Finding, ...]:
-    """The mistakes that explain the error of the given cameras, the likeliest first."""
-    found = [one for mistake in MISTAKES if (one := _best(mistake, given)) and one.error <= EXPLAINS * before]
+def _findings(given: Given, evidence: Evidence) -> tuple[Finding, ...]:
+    """The mistakes that explain the error of the given cameras, the likeliest first.
+
+    Repeated texture gives wrong matches, so undoing a mistake must not make depth maps disagree.
+    """
+    depth_error = evidence.depth_error(given.rig)
+
+    def explains(one: Finding) -> bool:
+        before = evidence.error_where(given.rig, one.rig)
+        return one.error <= EXPLAINS * before and evidence.depth_error(one.rig) <= depth_error + SLACK_PERCENT
+
+    found = [one for mistake in MISTAKES if (one := _best(mistake, given)) and explains(one)]
     if not found:
-        last = _best(BAD_DEPTH, given) if before > BAD else None
+        before = given.error(given.rig)
+        last = _best(BAD_DEPTH, given) if before > BAD and depth_error > FITS else None
         return (last,) if last and last.error <= EXPLAINS * before else ()
     best = min(one.error for one in found)
     return tuple(one for one in found if one.error <= max(ALIKE * best, best + ALIKE_BY))
