@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from planted_mistakes import PLANTED, Planted
-from test_mistakes import NAMES, walk
+from test_mistakes import NAMES, seen, walk
 
 from semgs.doctor.diagnosis import Evidence, judged
 from semgs.doctor.matches import Matches
@@ -91,3 +91,13 @@ def test_depth_twice_as_large_disagrees_by_how_the_cameras_approach():
         DepthView(1, middle - [0, 0, 0.5], np.full(SIZE, 1.5, np.float32), np.eye(3)),
     )
     assert warp_error(rig, views) == pytest.approx(100 * (abs(3.5 / 3 - 1) + abs(3.5 / 4 - 1)) / 2)
+
+
+def test_matches_of_repeated_texture_raise_no_alarm_if_depth_maps_agree():
+    """Matches as if the camera had hardly moved, as of a pattern that repeats: only without depth maps are they believed."""
+    rig = small_walk()
+    poses = rig.poses.copy()
+    poses[:, :3, 3] /= 1000
+    wrong = seen(replace(rig, poses=poses))
+    assert judged(rig, Evidence(wrong), "transforms.json", NAMES).verdict == "suspicious"
+    assert judged(rig, Evidence(wrong, corner(rig)), "transforms.json", NAMES).verdict == "good"
