@@ -18,7 +18,7 @@ FLOORS = (
     ("model", "rooms", "preparation"),
     ("weights", "objectives", "figures", "segmenters"),
     ("training", "reconstruction", "export"),
-    ("evaluation", "bench", "viewer"),
+    ("evaluation", "bench", "viewer", "doctor"),
     ("cli",),
 )
 """From the ground up; `semgs` itself, which resolves the public names, stands above them all."""

@@ -52,6 +52,7 @@ COMMANDS = {
     "reconstruct": Command(
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
+    "doctor": Command("semgs.cli.doctor", "Doctor", "Check a scene's cameras, and name the mistake if they are wrong."),
     "query": Command("semgs.cli.query", "Query", "Find what looks like an embedding in a reconstructed scene."),
     "export": Command("semgs.cli.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."),
     "render": Command("semgs.cli.render", "Render", "Render images or a video along a camera path."),
@@ -88,8 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process, which then also keeps freed memory for reuse.
 
     Returns:
-        0; 2 after unusable input, a missing extra, or an error of the system (full disk, no permission, no memory); 130 after an interrupt,
-        143 after SIGTERM, and 141 if the reader of stdout has gone, as with `| head`. Bugs raise.
+        0; 3 if `semgs doctor` finds wrong cameras; 2 after unusable input, a missing extra, or an error of the system (full disk, no
+        permission, no memory); 130 after an interrupt, 143 after SIGTERM, and 141 if the reader of stdout has gone, as with `| head`. Bugs raise.
     """
 
     def work() -> int:
@@ -173,7 +174,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int:
-    """Parse the arguments into a dataclass of options, call its `run()` and return 0.
+    """Parse the arguments into a dataclass of options, call its `run()` and return the exit code: what it returns, 0 for None.
 
     Raises:
         UsageError: the options are wrong.
@@ -183,8 +184,8 @@ def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int
 
     given = parse(options, program, arguments)
     with redirect_stdout(Plain(sys.stdout)):
-        given.run()
-    return 0
+        code: int | None = given.run()
+    return code or 0
 
 
 def _help() -> str:

@@ -120,6 +120,10 @@ class Reconstruct:
         stages = Stages(show_stage, say_compiling)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
+        with stages("check", "Checking the cameras"):
+            from semgs.doctor.quick import warnings_of
+
+            warnings = warnings_of(scene, (*choice.context, *choice.targets))
         with stages("load", "Loading the network"):
             model, origin = self._model(device)
 
@@ -139,7 +143,7 @@ class Reconstruct:
                     featuring=self.featuring.featuring(scene),
                     stages=stages,
                     min_confidence=self.min_confidence,
-                    notes=self._notes(),
+                    notes=[*warnings, *self._notes()],
                 )
             result = write_results(folder, result, origin, stages, self.html)
         print(summary(result, stages.seconds, self.out, self.html))

@@ -17,6 +17,9 @@ HALF = 0.5
 FOCAL = (0.01, 100.0)
 """Allowed focal lengths relative to the longer side: angles of view from 179 to half a degree."""
 
+NORMALISED = 10.0
+"""Refused focal lengths below this are probably divided by width and height."""
+
 FURTHEST_CENTRE = 10.0
 """Largest distance of the principal point from the image corner, relative to the longer side."""
 
@@ -58,8 +61,9 @@ class AbstractLens(ABC):
             raise ValueError(f"size {self.size} (height, width); expected at most {MOST_PIXELS:,} pixels")
         longer = max(self.size)
         if not all(FOCAL[0] * longer <= focal <= FOCAL[1] * longer for focal in self.focal):
+            hint = "; they look as if divided by the image size" if max(self.focal) < NORMALISED else ""
             raise ValueError(
-                f"focal lengths {self.focal} px; expected {FOCAL[0]:g} to {FOCAL[1]:g} times the longer side of {longer} px"
+                f"focal lengths {self.focal} px; expected {FOCAL[0]:g} to {FOCAL[1]:g} times the longer side of {longer} px{hint}"
             )
         if max(map(abs, self.centre)) > FURTHEST_CENTRE * longer:
             raise ValueError(

@@ -70,7 +70,7 @@ def inverse_depths(first: Seen, second: Seen) -> np.ndarray:
     baseline = second.centre - first.centre
     if not np.linalg.norm(baseline) > 0:
         return np.zeros(0)
-    i, j = _matches(first.descriptors, second.descriptors)
+    i, j = mutual_matches(first.descriptors, second.descriptors)
     a, b = first.directions[i], second.directions[j]
     along = baseline / np.linalg.norm(baseline)
     # With correct poses, a, b and the baseline lie in one plane; the angle out of it is the epipolar error.
@@ -90,7 +90,7 @@ def inverse_depths(first: Seen, second: Seen) -> np.ndarray:
     return inverse if np.median(inverse) > 0 else np.zeros(0)
 
 
-def _matches(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mutual_matches(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of descriptors that are each other's nearest neighbours and pass the ratio test."""
     none = np.zeros(0, dtype=np.int64)
     if len(first) < 2 or len(second) < 2:

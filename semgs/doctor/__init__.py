@@ -1,0 +1,1 @@
+"""Tests the cameras of a scene against its images and depth maps, and names the usual mistakes."""

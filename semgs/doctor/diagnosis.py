@@ -1,0 +1,209 @@
+"""Tests a scene's cameras against its images and depth maps, and names the mistake that explains what does not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, final
+
+import numpy as np
+
+from semgs.data.scene import Scene
+from semgs.doctor.matches import FEATURES, Matches, find_matches
+from semgs.doctor.misses import CAP_PX, miss, pair_misses
+from semgs.doctor.mistakes import BAD_DEPTH, MISTAKES, Given, Mistake
+from semgs.doctor.rig import FileConvention, Rig, rig_of
+from semgs.doctor.warps import DepthView, find_depth_views, warp_error
+
+FITS = 1.0
+"""Cameras with a smaller error fit, and no mistake is looked for [px of the reduced images, or % of depth]."""
+
+BAD = 5.0
+"""Cameras with a larger error are wrong, even if no usual mistake explains it."""
+
+EXPLAINS = 0.5
+"""A mistake explains the data if undoing it leaves at most this share of the error."""
+
+SLACK_PERCENT = 0.5
+"""Undoing a mistake may not make depth maps disagree by more than this in addition."""
+
+ALIKE, ALIKE_BY = 1.25, 0.25
+"""Two mistakes explain the data equally well if their errors differ by less than this factor, or by less than this."""
+
+Verdict = Literal["good", "suspicious", "cannot tell"]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What cameras are tested on.
+
+    Attributes:
+        matches: between images, with the measured depth of each.
+        depth_views: measured depth of neighbouring frames. It replaces matches if there are none; else it guards against wrong ones.
+    """
+
+    matches: Matches
+    depth_views: tuple[DepthView, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """Of the error: "px" or "%"."""
+        return "px" if len(self.matches) else "%"
+
+    @property
+    def depth(self) -> float:
+        """The median of the measured depths [m]; NaN if too little was measured."""
+        if len(self.matches):
+            known = self.matches.depths[np.isfinite(self.matches.depths)]
+            return float(np.median(known)) if self.matches.measured else np.nan
+        return float(np.median(np.concatenate([view.points[:, 2] for view in self.depth_views])))
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return len(self.matches) > 0 or len(self.depth_views) > 1
+
+    def error(self, rig: Rig) -> float:
+        """How far cameras are from what was observed, in `unit`."""
+        return miss(rig, self.matches) if len(self.matches) else warp_error(rig, self.depth_views)
+
+    def error_where(self, rig: Rig, other: Rig) -> float:
+        """The error on the pairs of frames for which another rig has poses too."""
+        if not len(self.matches):
+            return self.error(rig)
+        posed = np.isfinite(other.poses).all((1, 2))[self.matches.pairs].all(1)
+        return float(pair_misses(rig, self.matches)[posed].mean()) if posed.any() else np.inf
+
+    def depth_error(self, rig: Rig) -> float:
+        """By how much depth maps disagree [%]; infinite without depth maps."""
+        return warp_error(rig, self.depth_views) if len(self.depth_views) > 1 else np.inf
+
+
+@final
+@dataclass(frozen=True)
+class Finding:
+    """A mistake that explains the data.
+
+    Attributes:
+        mistake: which.
+        error: that of the corrected cameras.
+        rig: the corrected cameras.
+    """
+
+    mistake: Mistake
+    error: float
+    rig: Rig = field(repr=False)
+
+
+@final
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the images and depth maps say about a scene's cameras.
+
+    Attributes:
+        verdict: "good", "suspicious", or "cannot tell".
+        error: by which the given cameras miss matches, the mean over pairs of the median [px of the reduced images]; or, without matches, by
+            which depth maps disagree [%]; NaN without evidence.
+        findings: the mistakes that explain the data, the likeliest first; empty unless suspicious.
+        undecided: usual mistakes that would not show in these images, so they cannot be excluded.
+        given: the cameras as given.
+        evidence: what they were tested on.
+    """
+
+    verdict: Verdict
+    error: float
+    findings: tuple[Finding, ...]
+    undecided: tuple[Mistake, ...]
+    given: Rig = field(repr=False)
+    evidence: Evidence = field(repr=False)
+
+    @property
+    def finding(self) -> Finding | None:
+        """The likeliest mistake, None if there is none."""
+        return self.findings[0] if self.findings else None
+
+    def amount(self, error: float) -> str:
+        """An error as text: "1.2 px", "20 % or more"."""
+        unit = self.evidence.unit
+        return f"{error:.1f} {unit}" if error < CAP_PX else f"{CAP_PX:.0f} {unit} or more"
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence or two."""
+        if self.verdict == "cannot tell":
+            return "Cannot tell: too few points are seen in two frames, or the camera does not move."
+        by = self.amount(self.error)
+        matched = self.evidence.unit == "px"
+        if self.verdict == "good":
+            return f"The cameras fit: {f'they miss matches by {by}' if matched else f'depth maps disagree by {by}'}."
+        said = f"The cameras miss matches by {by}" if matched else f"Under these cameras, depth maps disagree by {by}"
+        if self.finding is None:
+            return f"{said}, and no usual mistake explains it."
+        also = "".join(f", or {one.mistake.name} ({self.amount(one.error)})" for one in self.findings[1:])
+        return f"{said}. Likely mistake: {self.finding.mistake.name}, {self.amount(self.finding.error)} when corrected{also}."
+
+
+def diagnose(scene: Scene, frames: Sequence[int] | None = None, features: int = FEATURES) -> Diagnosis:
+    """Test the cameras of a scene.
+
+    Args:
+        scene: the scene.
+        frames: positions of the frames to use; None for a selection.
+        features: the most features of a frame.
+
+    Raises:
+        InputError: an image or a depth map cannot be read.
+    """
+    matches = find_matches(scene, frames, features)
+    evidence = Evidence(matches, find_depth_views(scene, frames))
+    return judged(rig_of(scene.frames), evidence, scene.layout, [frame.name for frame in scene.frames])
+
+
+def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str]) -> Diagnosis:
+    """Test cameras on evidence.
+
+    Args:
+        rig: the cameras as given.
+        evidence: from their images and depth maps.
+        layout: of the scene, which says how its files write poses.
+        names: of the frames.
+    """
+    if not evidence:
+        return Diagnosis("cannot tell", np.nan, (), MISTAKES, rig, evidence)
+    given = Given(rig, FileConvention.of(layout), tuple(names), rig.depth_unit * evidence.depth, evidence.error)
+    before = given.error(rig)
+    if before > FITS:
+        findings = _findings(given, evidence)
+        if findings or (before > BAD and evidence.depth_error(rig) > FITS):
+            return Diagnosis("suspicious", before, findings, (), rig, evidence)
+    limit = max(FITS, 2 * before)
+    undecided = tuple(
+        mistake for mistake in MISTAKES if any(given.error(one) <= limit for one in mistake.excluded_by(given))
+    )
+    return Diagnosis("good", before, (), undecided, rig, evidence)
+
+
+def _findings(given: Given, evidence: Evidence) -> tuple[Finding, ...]:
+    """The mistakes that explain the error of the given cameras, the likeliest first.
+
+    Repeated texture gives wrong matches, so undoing a mistake must not make depth maps disagree.
+    """
+    depth_error = evidence.depth_error(given.rig)
+
+    def explains(one: Finding) -> bool:
+        before = evidence.error_where(given.rig, one.rig)
+        return one.error <= EXPLAINS * before and evidence.depth_error(one.rig) <= depth_error + SLACK_PERCENT
+
+    found = [one for mistake in MISTAKES if (one := _best(mistake, given)) and explains(one)]
+    if not found:
+        before = given.error(given.rig)
+        last = _best(BAD_DEPTH, given) if before > BAD and depth_error > FITS else None
+        return (last,) if last and last.error <= EXPLAINS * before else ()
+    best = min(one.error for one in found)
+    return tuple(one for one in found if one.error <= max(ALIKE * best, best + ALIKE_BY))
+
+
+def _best(mistake: Mistake, given: Given) -> Finding | None:
+    """The corrected cameras that fit best if a mistake was made; None if it cannot have been made."""
+    tried = [Finding(mistake, given.error(rig), rig) for rig in mistake.corrected(given)]
+    return min(tried, key=lambda one: one.error, default=None)

@@ -1,0 +1,78 @@
+"""Writes corrected cameras as a `transforms.json`, which lists the scene's own images and depth maps."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semgs.data.frames import Frame
+from semgs.data.lens import Lens
+from semgs.data.maps import DepthMap
+from semgs.data.scene import Scene
+from semgs.doctor.rig import FLIP, Rig
+from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
+
+DISTORTION = ("k1", "k2", "p1", "p2", "k3")
+
+
+def check_fixable(scene: Scene) -> None:
+    """Check that corrected cameras of a scene can be written.
+
+    Raises:
+        InputError: its images are inside an archive or a recording, or its lens has no place in a `transforms.json`.
+    """
+    for frame in scene.frames:
+        if not isinstance(frame.picture, Path):
+            raise InputError(
+                scene.path, "images as files, to write corrected cameras for", "images inside an archive or a recording"
+            )
+        if not isinstance(frame.lens, Lens):
+            raise InputError(scene.path, "pinholes with radial and tangential distortion", type(frame.lens).__name__)
+
+
+def fixed_transforms(scene: Scene, rig: Rig, folder: Path) -> dict[str, Any]:
+    """The content of a `transforms.json` with other cameras.
+
+    Frames without a pose are left out. Labels are not listed. Depth maps are, unless the correction is to ignore them.
+
+    Args:
+        scene: what `check_fixable` has passed.
+        rig: the corrected cameras.
+        folder: where the file will be; paths are relative to it.
+    """
+    frames = []
+    for index, frame in enumerate(scene.frames):
+        if np.isfinite(rig.poses[index]).all():
+            frames.append(_entry(frame, rig, index, folder))
+    metric = {"metric": True} if scene.unit == "metric" else {}
+    return {"camera_model": "OPENCV", **metric, "frames": frames}
+
+
+def write_fixed(path: Path, scene: Scene, rig: Rig) -> None:
+    """Write corrected cameras of a scene; arguments as for `fixed_transforms`.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    write_json(path, fixed_transforms(scene, rig, path.absolute().parent))
+
+
+def _entry(frame: Frame, rig: Rig, index: int, folder: Path) -> dict[str, Any]:
+    """One entry of `frames`."""
+    lens = frame.lens
+    assert isinstance(lens, Lens)
+    height, width = lens.size
+    (fx, fy), (cx, cy) = rig.focal[index].tolist(), rig.centre[index].tolist()
+    entry = {
+        "file_path": os.path.relpath(str(frame.picture), folder), "w": width, "h": height,
+        "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, **dict(zip(DISTORTION, lens.distortion, strict=True)),
+        "transform_matrix": (rig.poses[index] @ FLIP).tolist(),
+    }  # fmt: skip
+    if isinstance(frame.depth, DepthMap) and not frame.depth.rotated and np.isfinite(rig.depth_unit):
+        entry["depth_file_path"] = os.path.relpath(str(frame.depth.path), folder)
+        entry["depth_unit_scale_factor"] = frame.depth.unit * rig.depth_unit
+    return entry

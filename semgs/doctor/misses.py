@@ -1,0 +1,96 @@
+"""How far cameras miss the matches: by epipolar geometry, and by one warp where depth was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+
+from semgs.doctor.matches import Matches
+from semgs.doctor.rig import Rig, inverse
+
+CAP_PX = 20.0
+"""A match that is missed by more counts as this: how far off nonsense is says nothing."""
+
+
+def misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " m"]:
+    """The distance by which each match is missed [px of the reduced images], at most `CAP_PX`; NaN if a frame has no pose.
+
+    A point of one frame may lie anywhere on its ray, in front of both cameras: the miss is the distance of its match in the other frame from
+    the image of that ray, which is half of an epipolar line. If its depth was measured, the ray is one point. Both directions are averaged;
+    if only one of them has depth, that one counts.
+    """
+    frames = matches.pairs[matches.pair]
+    relative = _second_from_first(rig, matches)
+    back = inverse(relative)
+    rays = (matches.points - rig.centre[frames]) / rig.focal[frames]
+    depths = rig.depth_unit * matches.depths
+    px = rig.focal[frames] * matches.shrink[..., None]
+    forth_px = _one_way(relative, rays[:, 0], rays[:, 1], depths[:, 0], px[:, 1])
+    back_px = _one_way(back, rays[:, 1], rays[:, 0], depths[:, 1], px[:, 0])
+    known = np.isfinite(depths)
+    weight = np.where(known.any(1, keepdims=True), known, 1.0)
+    return (weight * np.stack((forth_px, back_px), axis=1)).sum(1) / weight.sum(1)
+
+
+def pair_misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " p"]:
+    """The median miss of each pair of frames [px]; NaN if a frame has no pose."""
+    each = misses(rig, matches)
+    bounds = np.flatnonzero(np.diff(matches.pair)) + 1
+    return np.array([np.median(part) for part in np.split(each, bounds)]) if len(each) else np.zeros(0)
+
+
+def miss(rig: Rig, matches: Matches) -> float:
+    """The mean over pairs of their median miss [px]. Infinite if more than half of the pairs have no poses."""
+    each = pair_misses(rig, matches)
+    known = each[np.isfinite(each)]
+    return float(known.mean()) if len(known) and 2 * len(known) >= len(each) else np.inf
+
+
+def epipolar_line(rig: Rig, i: int, j: int, point: Float64[np.ndarray, " xy"]) -> Float64[np.ndarray, "k 2"]:
+    """The image in frame j of the ray of a point of frame i: pixel positions as in `Matches`, from the vanishing point; NaN behind the camera."""
+    motion = (inverse(rig.poses[j : j + 1]) @ rig.poses[i : i + 1])[0]
+    far = motion[:3, :3] @ np.append((point - rig.centre[i]) / rig.focal[i], 1.0)
+    step = motion[:3, 3]
+    nearness = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 200))) / max(float(np.linalg.norm(step)), 1e-12)
+    along = far + nearness[:, None] * step
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = along[:, :2] / along[:, 2:] * rig.focal[j] + rig.centre[j]
+    return np.where(along[:, 2:] > 1e-9, pixels, np.nan)
+
+
+def _second_from_first(rig: Rig, matches: Matches) -> Float64[np.ndarray, "m 4 4"]:
+    """For each match the motion from the first frame's camera to the second's."""
+    first, second = rig.poses[matches.pairs].swapaxes(0, 1)
+    return (inverse(second) @ first)[matches.pair]
+
+
+def _one_way(
+    b_from_a: Float64[np.ndarray, "m 4 4"],
+    a: Float64[np.ndarray, "m 2"],
+    b: Float64[np.ndarray, "m 2"],
+    depths: Float64[np.ndarray, " m"],
+    focal_px: Float64[np.ndarray, "m 2"],
+) -> Float64[np.ndarray, " m"]:
+    """The distance of points b from the images of the rays a in the other frame [px].
+
+    A point at inverse depth w on the ray is at (R a + w t) / (R a + w t)_z: a straight line in w, with the vanishing point at w = 0. Its
+    direction is l = t - (R a) t_z / (R a)_z, and the point nearest to b has (R a + w t) . l = b . l (R a + w t)_z.
+    """
+    far = np.einsum("mij,mj->mi", b_from_a[:, :3, :3], np.column_stack((a, np.ones(len(a)))))
+    step = b_from_a[:, :3, 3]
+    target, scaled_step = b * focal_px, step[:, :2] * focal_px
+    scaled_far = far[:, :2] * focal_px
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        line = scaled_step * far[:, 2:] - scaled_far * step[:, 2:]
+        above = (target * line).sum(1) * far[:, 2] - (scaled_far * line).sum(1)
+        below = (scaled_step * line).sum(1) - (target * line).sum(1) * step[:, 2]
+        nearest = np.where(below == 0, 0.0, above / below)
+        distances = []
+        # On the free ray both the nearest point and the vanishing point may count: the first may be behind a camera.
+        for w in (np.where(np.isfinite(depths), 1 / depths, nearest), np.zeros(len(a))):
+            depth = far[:, 2] + w * step[:, 2]
+            at = (scaled_far + w[:, None] * scaled_step) / depth[:, None]
+            distance = np.linalg.norm(at - target, axis=1)
+            distances.append(np.where((w >= 0) & (depth > 0), np.minimum(distance, CAP_PX), CAP_PX))
+    least = np.where(np.isfinite(depths), distances[0], np.minimum(*distances))
+    return np.where(np.isfinite(step).all(1), least, np.nan)

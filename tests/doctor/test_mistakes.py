@@ -1,0 +1,190 @@
+"""Each usual mistake is named from matches alone: points in a room, seen by six cameras that walk and turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from planted_mistakes import PLANTED, Planted
+from scipy.spatial.transform import Rotation
+
+from semgs.doctor.diagnosis import Diagnosis, Evidence
+from semgs.doctor.diagnosis import judged as judged_on
+from semgs.doctor.matches import Matches
+from semgs.doctor.misses import miss, misses, pair_misses
+from semgs.doctor.mistakes import BAD_DEPTH
+from semgs.doctor.rig import FileConvention, Rig, inverse
+
+NAMES = [f"frame{index}.jpg" for index in range(8, 14)]
+POINTS = 14
+
+
+def walk(step: float = 0.3, turn: float = 0.12) -> Rig:
+    """Six cameras of 320x240 on a curve; principal point and focal lengths are unlike in both directions."""
+    count = len(NAMES)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    along = np.arange(count)
+    angles = np.column_stack((0.5 + 0.02 * along**2, -0.3 + turn * along, 0.2 - 0.03 * along))
+    poses[:, :3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
+    poses[:, :3, 3] = np.column_stack((1 + step * along, 2 + 0.2 * step * along**1.5, -0.5 + 0.3 * step * along))
+    return Rig(
+        poses, np.tile((250.0, 285.0), (count, 1)), np.tile((150.0, 126.0), (count, 1)), np.tile((320.0, 240.0), (count, 1))
+    )  # fmt: skip
+
+
+def seen(rig: Rig, *, depth: bool = True, seed: int = 0) -> Matches:
+    """True matches of all pairs: points 1.5 to 4 m in front of the first camera, wherever they are in the other."""
+    rng = np.random.default_rng(seed)
+    pairs = np.array(list(combinations(range(len(rig.poses)), 2)))
+    points, depths = [], []
+    for i, j in pairs:
+        a = rng.uniform(0, 1, (POINTS, 2)) * rig.sizes[i]
+        z = rng.uniform(1.5, 4, POINTS)
+        there = np.column_stack(((a - rig.centre[i]) / rig.focal[i], np.ones(POINTS))) * z[:, None]
+        motion = np.linalg.inv(rig.poses[j]) @ rig.poses[i]
+        there = there @ motion[:3, :3].T + motion[:3, 3]
+        b = there[:, :2] / there[:, 2:] * rig.focal[j] + rig.centre[j]
+        points.append(np.stack((a, b), axis=1))
+        depths.append(np.column_stack((z, there[:, 2])))
+    measured = np.concatenate(depths) if depth else np.full((len(pairs) * POINTS, 2), np.nan)
+    return Matches(
+        pairs, np.repeat(np.arange(len(pairs)), POINTS), np.concatenate(points), measured, np.ones((len(pairs) * POINTS, 2))
+    )  # fmt: skip
+
+
+def judged(rig: Rig, matches: Matches) -> Diagnosis:
+    return judged_on(rig, Evidence(matches), "transforms.json", NAMES)
+
+
+def named(rig: Rig, matches: Matches) -> str:
+    found = judged(rig, matches)
+    return found.finding.mistake.name if found.finding else found.verdict
+
+
+@pytest.mark.parametrize("depth", [True, False], ids=["measured", "unmeasured"])
+def test_true_cameras_miss_nothing(depth: bool):
+    rig = walk()
+    matches = seen(rig, depth=depth)
+    assert misses(rig, matches).max() < 1e-6
+    assert named(rig, matches) == "good"
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.name)
+def test_with_measured_depth_each_mistake_is_named_and_undone(planted: Planted, seed: int):
+    rig = walk()
+    matches = seen(rig)
+    wrong = planted.make(rig, np.random.default_rng(seed))
+    found = judged(wrong, matches)
+    assert found.verdict == "suspicious"
+    assert found.finding is not None
+    assert found.finding.mistake.name == planted.name
+    assert found.error > 2
+    assert found.finding.error < 0.5  # a searched principal point or focal length is near, not exact
+    assert miss(found.finding.rig, matches) == found.finding.error
+
+
+@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.name)
+def test_without_depth_scale_cannot_be_told_and_the_rest_is_named(planted: Planted):
+    rig = walk()
+    matches = seen(rig, depth=False)
+    wrong = planted.make(rig, np.random.default_rng(0))
+    if "millimetres" in planted.name or "depth unit" in planted.name:
+        found = judged(wrong, matches)
+        assert found.verdict == "good"
+        assert planted.name in [one.name for one in found.undecided]
+    else:
+        assert named(wrong, matches) == planted.name
+
+
+def test_a_point_between_two_cameras_that_look_away_from_it_counts_as_nonsense():
+    """The line through both images is right, but the point would be behind the cameras."""
+    rig = walk()
+    behind = rig.poses.copy()
+    behind[:, :3, 3] *= -1  # E and -E have the same epipolar lines
+    matches = seen(rig, depth=False)
+    assert miss(replace(rig, poses=behind), matches) > 5
+
+
+def test_the_miss_of_a_parallel_pair_is_the_distance_from_its_row():
+    """Two cameras side by side: a match 3 px below its row is missed by 3 px, to the wrong side by its distance from the vanishing point."""
+    rig = Rig(
+        np.tile(np.eye(4), (2, 1, 1)), np.full((2, 2), 100.0), np.tile((31.0, 22.0), (2, 1)), np.tile((64.0, 48.0), (2, 1))
+    )  # fmt: skip
+    rig.poses[1, 0, 3] = 0.5
+    points = np.array([[[40.0, 20], [30.0, 23]], [[40.0, 20], [46.0, 28]], [[40.0, 20], [18.0, 24]]])
+    depths = np.array([[np.nan, np.nan], [np.nan, np.nan], [2.0, np.nan]])
+    matches = Matches(np.array([[0, 1]]), np.zeros(3, int), points, depths, np.ones((3, 2)))
+    # The third has depth: 100 px 0.5 m / 2 m = 25 px to the left, exactly: 3 px less, and 4 px down.
+    np.testing.assert_allclose(misses(rig, matches), [3, 10, 5], atol=1e-9)
+    np.testing.assert_allclose(pair_misses(rig, matches), [5])
+    half = replace(matches, shrink=np.full((3, 2), 0.5))
+    np.testing.assert_allclose(misses(rig, half), [1.5, 5, 2.5], atol=1e-9)
+
+
+def test_a_camera_that_only_turns_leaves_inverted_poses_wrong_and_scale_open():
+    rig = walk(step=0.0)
+    matches = seen(rig, depth=False)
+    assert named(rig, matches) == "good"
+    assert (
+        named(PLANTED[0].make(rig, np.random.default_rng(0)), matches)
+        == "poses inverted (world to camera for camera to world, or the reverse)"
+    )
+
+
+def test_a_camera_that_neither_moves_nor_turns_decides_nothing():
+    rig = walk(step=0.0, turn=0.0)
+    still = replace(rig, poses=np.tile(rig.poses[:1], (len(NAMES), 1, 1)))
+    found = judged(PLANTED[0].make(still, np.random.default_rng(0)), seen(still))
+    assert found.verdict == "good"
+    assert len(found.undecided) >= 12
+
+
+def test_without_matches_nothing_can_be_told():
+    none = Matches(np.zeros((0, 2), int), np.zeros(0, int), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
+    assert judged(walk(), none).verdict == "cannot tell"
+
+
+def test_images_sorted_as_text_are_named():
+    """Frames 8 to 13 as text: 10, 11, 12, 13, 8, 9."""
+    rig = walk()
+    wrong = replace(rig, poses=rig.poses[[2, 3, 4, 5, 0, 1]])
+    assert named(wrong, seen(rig)) == "images sorted as text (10 before 9)"
+
+
+def test_depth_of_another_place_is_named_if_the_images_alone_fit():
+    rig = walk()
+    matches = seen(rig)
+    shuffled = np.random.default_rng(3).permuted(matches.depths, axis=0)
+    assert named(rig, replace(matches, depths=shuffled)) == BAD_DEPTH.name
+
+
+def test_cameras_that_nothing_explains_are_suspicious():
+    rig = walk()
+    poses = rig.poses.copy()
+    poses[:, :3, :3] = Rotation.random(len(NAMES), random_state=1).as_matrix()
+    found = judged(replace(rig, poses=poses), seen(rig))
+    assert (found.verdict, found.finding) == ("suspicious", None)
+    assert "no usual mistake explains it" in found.sentence
+
+
+def test_camera_to_world_poses_in_a_colmap_model_are_named():
+    rig = walk()
+    wrong = replace(rig, poses=inverse(rig.poses))  # COLMAP's reader has inverted what was camera to world
+    found = judged_on(wrong, Evidence(seen(rig)), "COLMAP", NAMES)
+    assert found.finding is not None
+    assert found.finding.mistake.name.startswith("poses inverted (")
+    np.testing.assert_allclose(found.finding.rig.poses, rig.poses, atol=1e-12)
+
+
+@pytest.mark.parametrize("layout", ["transforms.json", "COLMAP", "ScanNet"])
+def test_reading_is_the_inverse_of_writing(layout: str):
+    poses = walk().poses
+    convention = FileConvention.of(layout)
+    np.testing.assert_allclose(convention.read(convention.written(poses)), poses, atol=1e-12)
+    if layout == "COLMAP":
+        np.testing.assert_allclose(convention.written(poses), inverse(poses))
+    if layout == "transforms.json":
+        np.testing.assert_allclose(convention.written(poses)[:, :, 2], -poses[:, :, 2])
