@@ -161,7 +161,10 @@ def test_the_scripts_of_all_tables_and_the_three_figures_run_on_miniatures(world
     figures = {
         "qualitative": (work / "runs/scannet/weights.safetensors", work / "runs/scannetpp/weights.safetensors"),
         "generalisation": (work / "runs/scannet/weights.safetensors",),
-        "smoothness": (work / "ablation/seed_0/camera/run/weights.safetensors", work / "runs/scannet/weights.safetensors"),
+        "smoothness": (
+            work / "ablation/seed_0/camera/run/weights.safetensors",
+            work / "runs/scannet/weights.safetensors",
+        ),
     }
     (world / "held.txt").write_text(sorted(tested)[0] + "\n")
     for kind, weights in figures.items():
