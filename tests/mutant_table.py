@@ -122,7 +122,7 @@ OF_CONFIDENCE = ("tests/export/test_confidence.py",)
 OF_SELECTIVE = ("tests/objectives/test_selective.py",)
 OF_SPLATS = ("tests/viewer/test_splats.py",)
 OF_PICKS = ("tests/viewer/test_pick.py",)
-OF_VIEWER_CAMERAS = ("tests/viewer/test_views.py",)
+OF_VIEWER_CAMERAS = ("tests/viewer/test_viewer_views.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
 MUTANTS = (
@@ -764,7 +764,7 @@ MUTANTS = (
     Mutant(
         "the spread of rendered depth forgets that depths are apart", "semgs/rendering/depth_spread.py",
         "torch.stack((log, log.square() + depth_spread.square()), 1)", "torch.stack((0 * log, depth_spread.square()), 1)",
-        ("tests/rendering/test_depth_spread.py::test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them",),
+        ("tests/rendering/test_rendered_depth_spread.py::test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them",),
     ),
     Mutant(
         "percent of confidence are rounded to the nearest", "semgs/reconstruction/renders.py",
@@ -1173,12 +1173,12 @@ MUTANTS = (
     Mutant(
         "cameras of the held-out world are used as those in homes", "semgs/rooms/sets/cameras.py",
         'if style != "home":', 'if style == "nowhere":',
-        ("tests/rooms/sets/test_cameras.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
+        ("tests/rooms/sets/test_cameras_of_rooms.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
     ),
     Mutant(
         "close cameras are anywhere in the room", "semgs/rooms/sets/cameras.py",
         "150, subject)[:60]", "150)[:60]",
-        ("tests/rooms/sets/test_cameras.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
+        ("tests/rooms/sets/test_cameras_of_rooms.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
     ),
     Mutant(
         "a sofa in the room has its front to it", "semgs/rooms/plans/home.py",

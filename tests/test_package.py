@@ -103,3 +103,9 @@ def test_every_requirement_is_pinned():
     pinned = {line.split("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").read_text().split()}
     names = {re.match(r"[\w.-]+", one)[0].lower().replace("_", "-") for one in asked}
     assert names <= pinned
+
+
+def test_no_two_test_files_have_the_same_name():
+    """pytest imports them by their names alone, and refuses the second."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert len(names) == len(set(names))
