@@ -15,10 +15,10 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = (
     ("files", "geometry"),
     ("data", "rendering"),
-    ("model", "rooms", "preparation"),
-    ("weights", "objectives", "figures", "segmenters"),
+    ("model", "rooms", "preparation", "sfm"),
+    ("weights", "objectives", "figures", "segmenters", "robotics"),
     ("training", "reconstruction", "export"),
-    ("evaluation", "bench", "viewer", "doctor"),
+    ("evaluation", "bench", "viewer", "doctor", "mapping"),
     ("cli",),
 )
 """From the ground up; `semgs` itself, which resolves the public names, stands above them all."""

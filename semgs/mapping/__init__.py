@@ -1,0 +1,1 @@
+"""Recordings: builds one scene from many frames, window by window."""
