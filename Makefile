@@ -43,7 +43,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
 	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,dev]'
+	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,docs,dev]'
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup
