@@ -25,12 +25,15 @@ default_role = "py:obj"
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
 autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
 napoleon_use_ivar = True
 napoleon_attr_annotations = False
 python_use_unqualified_type_names = True
 
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_title = f"SemGS {version}"
 html_theme_options = {}
 if repository := os.environ.get("GITHUB_REPOSITORY"):  # "owner/name", set by the workflow: only then there is a page to edit
@@ -48,14 +51,25 @@ def from_root(name: str) -> str:
     return text.replace("](docs/", "](")
 
 
+def help_page(name: str, printed: str) -> str:
+    """The help of a command as a section: prose as prose, examples and options as code."""
+    usage, _, rest = re.sub(r" +$", "", printed.strip(), flags=re.MULTILINE).partition("\n\n")
+    prose, *boxes = re.split(r"\n(?= (?:positional arguments|options)\n)", rest)
+    options = "\n".join(boxes).strip("\n")
+    prose, _, examples = prose.partition("Examples\n")
+    examples = "\n".join(line.removeprefix("- ") for line in examples.strip().splitlines())
+    shell = f"```sh\n{examples}\n```\n\n" if examples else ""
+    return f"## semgs {name}\n\n```text\n{usage}\n```\n\n{prose.strip()}\n\n{shell}```text\n{options}\n```\n"
+
+
 def commands() -> str:
     """The help of every command, as `semgs COMMAND --help` prints it."""
     parts = []
-    for name, command in COMMANDS.items():
+    for name in COMMANDS:
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
             main([*name.split(), "--help"])
-        parts.append(f"## semgs {name}\n\n{command.summary}\n\n```text\n{printed.getvalue().strip()}\n```\n")
+        parts.append(help_page(name, printed.getvalue()))
     return "\n".join(parts)
 
 

@@ -53,7 +53,7 @@ def frames_figure() -> None:
 
 def pixels_figure() -> None:
     """The 3 x 4 image whose first pixel's centre is (0.5, 0.5)."""
-    figure, axes = plt.subplots(figsize=(6.4, 4.2))
+    figure, axes = plt.subplots(figsize=(9, 6))
     for u in range(5):
         axes.plot([u, u], [0, 3], color=INK, linewidth=0.9)
     for v in range(4):
@@ -65,9 +65,9 @@ def pixels_figure() -> None:
         ((2.5, 1.5), "row 1, column 2\n(2.5, 1.5)", AXES["y"]),
     ):
         axes.plot(u, v, "o", color=colour, markersize=4)
-        axes.text(u, v + 0.28, text, color=colour, ha="center", va="center", fontsize=8)
+        axes.text(u, v + 0.24, text, color=colour, ha="center", va="center", fontsize=9)
     axes.plot(2, 1.5, "x", color=AXES["x"], markersize=9, markeredgewidth=2)
-    axes.text(1.93, 1.5, "W/2, H/2\n(2, 1.5)", color=AXES["x"], ha="right", va="center", fontsize=8)
+    axes.text(1.9, 1.5, "W/2, H/2\n(2, 1.5)", color=AXES["x"], ha="right", va="center", fontsize=9)
     axes.plot(0, 0, "o", color=INK, markersize=5)
     axes.text(-0.08, -0.12, "(0, 0)", color=INK, ha="right", va="center", fontsize=9)
     axes.text(4.08, 3.12, "(4, 3)", color=INK, ha="left", va="center", fontsize=9)
