@@ -36,7 +36,9 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_title = f"SemGS {version}"
 html_theme_options = {}
-if repository := os.environ.get("GITHUB_REPOSITORY"):  # "owner/name", set by the workflow: only then there is a page to edit
+if repository := os.environ.get(
+    "GITHUB_REPOSITORY"
+):  # "owner/name", set by the workflow: only then there is a page to edit
     html_theme_options = {
         "source_repository": f"https://github.com/{repository}",
         "source_branch": "main",

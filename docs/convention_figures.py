@@ -47,7 +47,9 @@ def frames_figure() -> None:
     figure, axes = plt.subplots(1, len(FRAMES), figsize=(13, 3.6))
     for one, (title, directions) in zip(axes, FRAMES.items(), strict=True):
         draw_frame(one, title, directions)
-    figure.text(0.5, 0.02, "each camera is seen from behind and looks into the page", color=INK, ha="center", fontsize=9)
+    figure.text(
+        0.5, 0.02, "each camera is seen from behind and looks into the page", color=INK, ha="center", fontsize=9
+    )
     save(figure, "camera_axes.svg")
 
 
