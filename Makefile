@@ -14,7 +14,7 @@ SECOND_READER := .venv/second_reader
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
 
-.PHONY: help setup demo test long gpu bench mutants check format anew
+.PHONY: help setup demo test long docs gpu bench mutants check format anew
 .DEFAULT_GOAL := help
 
 help:
@@ -25,6 +25,7 @@ help:
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
 	@echo 'make bench   set up, then measure time and memory (10 minutes)'
 	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
+	@echo 'make docs    set up, then build the documentation into docs/_build/html'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
 
@@ -43,7 +44,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
 	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,dev]'
+	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,docs,dev]'
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup
@@ -51,6 +52,11 @@ demo: setup
 
 test: setup
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'
+	$(MAKE) docs
+
+# Warnings are errors: a link that leads nowhere, a page in no table of contents, a docstring that cannot be read.
+docs: setup
+	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build/html
 
 $(SECOND_READER): $(STAMP)
 	$(PIP) --no-deps scenezoo

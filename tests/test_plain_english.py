@@ -20,7 +20,7 @@ PHRASES = (
 
 
 PAGES = (
-    "README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/benchmarks.md", "docs/conventions.md", "docs/experiments.md", "docs/method.md",
+    "README.md", "docs/CONTRIBUTING.md", "CHANGELOG.md", "docs/benchmarks.md", "docs/conventions.md", "docs/experiments.md", "docs/method.md",
     "docs/rooms.md", "docs/segmenters.md", "docs/train.md",
 )  # fmt: skip
 """The pages that have been read for such phrases."""

@@ -1,0 +1,98 @@
+"""Settings of the documentation. `make docs` builds docs/_build/html; it needs no network."""
+
+import contextlib
+import io
+import os
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+os.environ["COLUMNS"] = "100"
+
+from semgs import __version__  # noqa: E402
+from semgs.cli.main import COMMANDS, main  # noqa: E402
+
+project = "SemGS"
+author = "the SemGS contributors"
+copyright = f"{author}. Apache-2.0"
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+exclude_patterns = ["_build"]
+default_role = "py:obj"
+myst_heading_anchors = 4
+myst_enable_extensions = ["colon_fence"]
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+autodoc_member_order = "bysource"
+napoleon_use_ivar = True
+napoleon_attr_annotations = False
+python_use_unqualified_type_names = True
+
+html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_title = f"SemGS {version}"
+html_theme_options = {}
+if repository := os.environ.get(
+    "GITHUB_REPOSITORY"
+):  # "owner/name", set by the workflow: only then there is a page to edit
+    html_theme_options = {
+        "source_repository": f"https://github.com/{repository}",
+        "source_branch": "main",
+        "source_directory": "docs/",
+    }
+
+
+def from_root(name: str) -> str:
+    """A page of the repository's root, with links that lead from docs/."""
+    text = (ROOT / name).read_text()
+    text = re.sub(r"\]\((?!docs/|https?:|#)", "](../", text)
+    return text.replace("](docs/", "](")
+
+
+def help_page(name: str, printed: str) -> str:
+    """The help of a command as a section: prose as prose, examples and options as code."""
+    usage, _, rest = re.sub(r" +$", "", printed.strip(), flags=re.MULTILINE).partition("\n\n")
+    prose, *boxes = re.split(r"\n(?= (?:positional arguments|options)\n)", rest)
+    options = "\n".join(boxes).strip("\n")
+    prose, _, examples = prose.partition("Examples\n")
+    examples = "\n".join(line.removeprefix("- ") for line in examples.strip().splitlines())
+    shell = f"```sh\n{examples}\n```\n\n" if examples else ""
+    return f"## semgs {name}\n\n```text\n{usage}\n```\n\n{prose.strip()}\n\n{shell}```text\n{options}\n```\n"
+
+
+def commands() -> str:
+    """The help of every command, as `semgs COMMAND --help` prints it."""
+    parts = []
+    for name in COMMANDS:
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            main([*name.split(), "--help"])
+        parts.append(help_page(name, printed.getvalue()))
+    return "\n".join(parts)
+
+
+def written_at_build(app: object, page: str, source: list[str]) -> None:
+    """Fill the pages whose text exists elsewhere, and link files of the repository that are no pages as downloads."""
+    if page == "index":
+        source[0] = from_root("README.md") + source[0]
+    elif page == "changelog":
+        source[0] = from_root("CHANGELOG.md")
+    elif page == "commands":
+        source[0] += commands()
+    source[0] = source[0].replace("](../CHANGELOG.md)", "](changelog.md)")
+    source[0] = re.sub(r"\]\((\.\./[^)#]+\.md)\)", r"](path:\1)", source[0])
+
+
+def without_markup(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Keep the stars of shapes such as [*v h w] from starting emphasis."""
+    lines[:] = [line.replace("*", "\\*") for line in lines]
+
+
+def setup(app: object) -> None:
+    """Called by Sphinx."""
+    app.connect("source-read", written_at_build)  # type: ignore[attr-defined]
+    app.connect("autodoc-process-docstring", without_markup, priority=400)  # type: ignore[attr-defined]  # before napoleon

@@ -1,0 +1,33 @@
+"""The documentation site: every page is in a table of contents, and the Python reference has every public name."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import semgs
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+
+
+def listed() -> list[str]:
+    """The pages of all tables of contents on the front page, in order."""
+    trees = re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL)
+    return [
+        line for tree in trees for line in tree.splitlines() if line and not line.startswith(":") and "<" not in line
+    ]
+
+
+def test_every_page_is_listed_once():
+    pages = {
+        path.relative_to(DOCS).with_suffix("").as_posix() for path in DOCS.rglob("*.md") if "_build" not in path.parts
+    }
+    assert sorted(listed()) == sorted(pages - {"index"})
+
+
+def test_the_reference_has_every_public_name():
+    documented = re.findall(
+        r"^\.\. auto(?:function|class):: semgs\.(\w+)$", (DOCS / "api.md").read_text(), re.MULTILINE
+    )
+    assert sorted(documented) == sorted(semgs.__all__)
