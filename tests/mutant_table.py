@@ -64,6 +64,7 @@ SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
 COLMAP = "semgs/data/layouts/colmap/files.py"
 POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
+ZOO = "semgs/data/layouts/zoo.py"
 
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
@@ -955,6 +956,21 @@ MUTANTS = (
         "a high blur score means blur", POLYCAM,
         '"blur_score", SHARP) >= SHARP', '"blur_score", SHARP) <= SHARP',
         of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
+    ),
+    Mutant(
+        "half a pixel is added to cx only in what scenezoo reads", ZOO,
+        "    cy = cy + source.half\n", "",
+        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+    ),
+    Mutant(
+        "rows of Matterport3D count from the top", ZOO,
+        "height - cy if source.from_below", "cy if source.from_below",
+        ("tests/data/layouts/test_zoo.py::test_rows_that_count_from_below_are_turned_round",),
+    ),
+    Mutant(
+        "scenezoo's poses are taken as camera to world", ZOO,
+        "np.linalg.inv(np.asarray(matrix, np.float64))", "np.asarray(matrix, np.float64)",
+        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
     ),
     Mutant(
         "the position comes first in Record3D's poses", RECORD3D,

@@ -74,7 +74,8 @@ class DataSet:
         mesh: scenezoo's name of its labelled mesh; empty if there is none.
         segmentation: scenezoo's keywords for the labels of the mesh.
         label_images: whether every image has NYU40 labels.
-        needs: the file with the names of the labels, in the data set's folder or `metadata/`, and scenezoo's keyword for it; empty if none.
+        names_file, names_keyword: the file with the names of the labels, in the data set's folder or `metadata/`, and scenezoo's keyword for
+            it; empty if it needs none.
     """
 
     name: str
@@ -84,7 +85,8 @@ class DataSet:
     mesh: str = ""
     segmentation: Mapping[str, str] = field(default_factory=dict)
     label_images: bool = False
-    needs: tuple[str, str] | tuple[()] = ()
+    names_file: str = ""
+    names_keyword: str = ""
 
 
 DATA_SETS = (
@@ -104,7 +106,8 @@ DATA_SETS = (
         (Source("undistorted", HALF, from_below=True), Source("raw", HALF)),
         mesh="house",
         segmentation={"segmentation_type": "semantic", "label_space": "nyu40"},
-        needs=("label_mapping_file", "category_mapping.tsv"),
+        names_file="category_mapping.tsv",
+        names_keyword="label_mapping_file",
     ),
     DataSet(
         "multiscan",
@@ -341,16 +344,16 @@ def open_zoo(path: Path, asked: Asked) -> Scene:
     """
     name, scene, part = (*str(asked.scenezoo).split(":"), "")[:3]
     data, source = _chosen(path, name.lower(), part)
-    label_files = [place / data.needs[1] for place in (path, path / "metadata")] if data.needs else []
-    label_file = next((one for one in label_files if one.is_file()), None)
+    named = [
+        one for place in (path, path / "metadata") if data.names_file and (one := place / data.names_file).is_file()
+    ]
     with scenezoo_errors(path):
-        opened = _scenezoo().get_dataset(
-            data.name, path, offline=True, **({data.needs[0]: label_file} if data.needs and label_file else {})
-        )
+        library = _scenezoo()
+        opened = library.get_dataset(data.name, path, offline=True, **({data.names_keyword: named[0]} if named else {}))
     keywords = {"room_id": part} if data.has_rooms else {}
     if source.name:
         keywords["source"] = source.name
-    return zoo_scene(opened, path, scene, data, source, keywords, names_known=not label_files or label_file is not None)
+    return zoo_scene(opened, path, scene, data, source, keywords, bool(named) or not data.names_file)
 
 
 def _chosen(path: Path, name: str, part: str) -> tuple[DataSet, Source]:
@@ -398,8 +401,10 @@ def zoo_scene(
     if not shots:
         raise InputError(path, "at least two frames with a pose", "none", scene)
     first = shots[0].item("rgb").shape[:2]
-    sizes = [first] * len(shots) if batch.image_sizes is None else [tuple(size[::-1]) for size in batch.image_sizes]
-    notes = []
+    sizes = [first] * len(shots)
+    if batch.image_sizes is not None:
+        sizes = [(int(height), int(width)) for width, height in batch.image_sizes]
+    notes: list[str] = []
     depth = source.depth and _readable(shots[0], "depth", "depth", notes)
     confidence = depth and source.confidence and _readable(shots[0], "confidence_maps", "confidence of depth", notes)
     depth_size = shots[0].item("depth").shape if depth and source.own_depth_camera else None
@@ -438,7 +443,7 @@ def _lens(
     shot: Shot, size: tuple[int, ...], intrinsics: np.ndarray, source: Source, distortion: tuple[float, ...] = ()
 ) -> Lens:
     """A camera of a frame, its principal point counted from the corner of the first pixel."""
-    height, width = (int(side) for side in size)
+    height, width = size
     fx, fy, cx, cy = (float(intrinsics[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
     cy = cy + source.half
     with input_error(shot, "a camera"):
@@ -469,7 +474,7 @@ def _mesh(opened: Any, path: Path, scene: str, data: DataSet, names_known: bool,
     if not data.mesh:
         return None
     if not names_known:
-        notes.append(f"The labels are left out: {data.needs[1]} is not in the data set's folder.")
+        notes.append(f"The labels are left out: {data.names_file} is not in the data set's folder.")
         return None
     found = find_table(path)
     mesh = SceneMesh(opened, path, scene, data, read_table(found) if found else None)
