@@ -1473,6 +1473,16 @@ MUTANTS = (
         (f"{OF_DOCTOR}test_with_measured_depth_each_mistake_is_named_and_undone",),
     ),
     Mutant(
+        "parallax has the wrong sign", "semgs/doctor/misses.py",
+        "depths = -(across * step)", "depths = (across * step)",
+        (f"{OF_DOCTOR}test_parallax_gives_the_depth_of_matches",),
+    ),
+    Mutant(
+        "any distance of a room passes for metres", "semgs/doctor/diagnosis.py",
+        "if np.isfinite(far) and not plausible(far):", "if False:",
+        (f"{OF_DOCTOR}test_positions_that_put_a_room_far_away_are_not_in_metres",),
+    ),
+    Mutant(
         "the unit of depth is only made smaller", "semgs/doctor/mistakes.py",
         "for power in (-3, -2, -1, 1, 2, 3):", "for power in (-3, -2, -1):",
         (f"{OF_DOCTOR}test_with_measured_depth_each_mistake_is_named_and_undone",),

@@ -34,7 +34,7 @@ MARGIN_PX = 12
 PYRAMID = 0.3
 """Length of the pyramid of a camera, as a share of how far the cameras reach."""
 
-MOST_REACH = 5.0
+MOST_REACH = 20.0
 """Points are shown up to this many times the reach of the cameras."""
 
 LEAST_UP = 0.3
@@ -210,18 +210,19 @@ def _drawn(
     """Points and pyramids of the cameras along two axes, to the right and down."""
     posed = np.flatnonzero(np.isfinite(rig.poses).all((1, 2)))
     centres = rig.poses[posed, :3, 3]
-    middle = (centres.min(0) + centres.max(0)) / 2
-    reach = float(np.linalg.norm(centres - middle, axis=1).max()) or 1.0
-    away = np.linalg.norm(points - middle, axis=1)
-    far = min(MOST_REACH * reach, float(np.quantile(away, 0.9)) if len(away) else 0.0)
-    size = PYRAMID * max(reach, 0.4 * far)
-    scale = (PLOT_PX / 2 - MARGIN_PX) / max(reach + size, far)
+    reach = float(np.linalg.norm(centres - centres.mean(0), axis=1).max()) or 1.0
+    points = points[np.linalg.norm(points - centres.mean(0), axis=1) < MOST_REACH * reach]
+    around = [centres, *([np.quantile(points, (0.02, 0.98), axis=0)] if len(points) else [])]
+    shown = np.concatenate(around) @ axes.T
+    half = (shown.max(0) - shown.min(0)).max() / 2
+    size = PYRAMID * max(reach, 0.4 * half)
+    scale = (PLOT_PX / 2 - MARGIN_PX) / (half + size)
 
     def flat(places: np.ndarray) -> np.ndarray:
-        return PLOT_PX / 2 + scale * (places - middle) @ axes.T
+        return PLOT_PX / 2 + scale * (places @ axes.T - (shown.max(0) + shown.min(0)) / 2)
 
     canvas = np.full((PLOT_PX, PLOT_PX, 3), 255, np.uint8)
-    for place in flat(points[away <= 1.2 * max(far, reach)]):
+    for place in flat(points):
         cv2.circle(canvas, _rounded(place), 1, (170, 170, 170), -1, cv2.LINE_AA)
     for start, end in pairwise(flat(centres)):
         cv2.line(canvas, _rounded(start), _rounded(end), (190, 190, 190), 1, cv2.LINE_AA)
