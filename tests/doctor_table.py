@@ -15,17 +15,21 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from planted_mistakes import PLANTED, Planted
+from planted_mistakes import PLANTED, SORTED_AS_TEXT, UNREGISTERED, Planted, Unregistered
 
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Diagnosis, Evidence, judged
 from semgs.doctor.matches import Matches, find_matches
 from semgs.doctor.misses import misses, pair_misses
+from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.rig import inverse, rig_of
 from semgs.doctor.warps import find_depth_views
 
 MOVED_PX = 2.0
+BAD = Planted(BAD_DEPTH.name, lambda rig, rng: rig)
+"""It is planted in the depth maps, not in the cameras."""
+ALL = (*PLANTED, SORTED_AS_TEXT, BAD)
 STEP = 24
 LEAST_POINTS = 20
 
@@ -86,6 +90,27 @@ def true_matches(scene: Scene) -> Matches:
     return Matches(np.array(pairs), np.array(pair), np.concatenate(points), np.concatenate(both), shrink)
 
 
+@lru_cache(maxsize=400)
+def unregistered(path: Path, focal: float) -> Tested:
+    """The same with depth of a camera of its own."""
+    right = tested(path)
+    frames = tuple(
+        frame if frame.depth is None else replace(frame, depth=Unregistered(frame.depth, focal))
+        for frame in right.scene.frames
+    )
+    scene = replace(right.scene, frames=frames)
+    evidence = Evidence(find_matches(scene), find_depth_views(scene))
+    maps = [frame.measured() if frame.lens.is_pinhole else None for frame in frames]
+    depths = np.full_like(right.truth.depths, np.nan)
+    for index, (pair, points) in enumerate(zip(right.truth.pair, right.truth.points.astype(int), strict=True)):
+        for side, frame in enumerate(right.truth.pairs[pair]):
+            seen = maps[frame]
+            column, row = points[side]
+            if seen is not None and seen[row, column] > 0:
+                depths[index, side] = seen[row, column]
+    return Tested(scene, evidence, replace(right.truth, depths=depths))
+
+
 def judge(one: Tested, planted: Planted | None, depth: bool, seed: int) -> tuple[Diagnosis, bool]:
     """The diagnosis of a case, and whether it is decidable."""
     evidence = one.evidence if depth else Evidence(one.evidence.matches.without_depth())
@@ -94,9 +119,8 @@ def judge(one: Tested, planted: Planted | None, depth: bool, seed: int) -> tuple
     if planted is not None:
         rig = planted.make(rig, np.random.default_rng(seed))
     names = [frame.name for frame in one.scene.frames]
-    return judged(rig, evidence, one.scene.layout, names), len(truth) > 0 and float(
-        np.nanmax(pair_misses(rig, truth))
-    ) > MOVED_PX
+    found = judged(rig, evidence, one.scene.layout, names, metric=one.scene.unit == "metric")
+    return found, len(truth) > 0 and float(np.nanmax(pair_misses(rig, truth))) > MOVED_PX
 
 
 @dataclass
@@ -105,7 +129,7 @@ class Counts:
 
     Attributes:
         decidable, right: cases with a decidable mistake, and those of them in which it was named.
-        undecidable, told: the other cases, and those of them whose mistake was listed as not excluded, or in which nothing could be said.
+        undecidable, told: the other cases, and those of them whose mistake was named or listed as not excluded, or in which nothing could be said.
         intact, alarms: right cameras, and those of them that were called suspicious.
         confusion: of the decidable cases, by the planted mistake and what was said.
         lines: every wrong answer.
@@ -131,8 +155,12 @@ def counted(paths: list[Path], cases: int) -> Counts:
         depth = (case // len(paths) + case) % 2 == 0
         if counts.intact < cases:
             _count_intact(counts, one, depth, case)
-        for planted in (PLANTED[case % len(PLANTED)], PLANTED[(case + 7) % len(PLANTED)]):
-            _count_planted(counts, one, planted, depth, case, cases)
+        for planted in (ALL[case % len(ALL)], ALL[(case + 7) % len(ALL)]):
+            if planted is not BAD:
+                _count_planted(counts, one, planted, depth, case, cases)
+            elif one.evidence.matches.measured:
+                wrong = unregistered(paths[order[case % len(paths)]], UNREGISTERED[case // len(ALL) % 2])
+                _count_planted(counts, wrong, planted, True, case, cases)
         case += 1
     return counts
 
@@ -154,7 +182,7 @@ def _count_planted(counts: Counts, one: Tested, planted: Planted, depth: bool, c
         counts.right += right
         counts.confusion[short(planted.name), short(name)] += 1
     elif not decidable:
-        right = found.verdict == "cannot tell" or any(one.name == planted.name for one in found.undecided)
+        right = right or found.verdict == "cannot tell" or any(one.name == planted.name for one in found.undecided)
         counts.undecidable += 1
         counts.told += right
     else:

@@ -64,6 +64,7 @@ SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
 COLMAP = "semgs/data/layouts/colmap/files.py"
 POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
+ZOO = "semgs/data/layouts/zoo.py"
 
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
@@ -957,6 +958,21 @@ MUTANTS = (
         of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
     ),
     Mutant(
+        "half a pixel is added to cx only in what scenezoo reads", ZOO,
+        "    cy = cy + source.half\n", "",
+        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+    ),
+    Mutant(
+        "rows of Matterport3D count from the top", ZOO,
+        "height - cy if source.from_below", "cy if source.from_below",
+        ("tests/data/layouts/test_zoo.py::test_rows_that_count_from_below_are_turned_round",),
+    ),
+    Mutant(
+        "scenezoo's poses are taken as camera to world", ZOO,
+        "np.linalg.inv(np.asarray(matrix, np.float64))", "np.asarray(matrix, np.float64)",
+        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+    ),
+    Mutant(
         "the position comes first in Record3D's poses", RECORD3D,
         "table[:, [4, 5, 6, 0, 1, 2, 3]]", "table",
         of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
@@ -1455,6 +1471,16 @@ MUTANTS = (
         "millimetres become decimetres", "semgs/doctor/mistakes.py",
         "for factor in (1e-3, 1e-2):", "for factor in (1e-1, 1e-2):",
         (f"{OF_DOCTOR}test_with_measured_depth_each_mistake_is_named_and_undone",),
+    ),
+    Mutant(
+        "parallax has the wrong sign", "semgs/doctor/misses.py",
+        "depths = -(across * step)", "depths = (across * step)",
+        (f"{OF_DOCTOR}test_parallax_gives_the_depth_of_matches",),
+    ),
+    Mutant(
+        "any distance of a room passes for metres", "semgs/doctor/diagnosis.py",
+        "if np.isfinite(far) and not plausible(far):", "if False:",
+        (f"{OF_DOCTOR}test_positions_that_put_a_room_far_away_are_not_in_metres",),
     ),
     Mutant(
         "the unit of depth is only made smaller", "semgs/doctor/mistakes.py",

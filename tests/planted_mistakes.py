@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from semgs.data.lens import Lens, carried_over
+from semgs.data.maps import MapSource, Pixels
 from semgs.doctor.rig import Rig
 
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -95,6 +98,11 @@ def _off_by_one(rig, rng):
     return replace(rig, poses=np.roll(rig.poses, int(rng.choice([-1, 1])), axis=0))
 
 
+def _sorted_as_text(rig, rng):
+    """Frames are numbered from 0: 0, 1, 10, 11, 2, ... Fewer than eleven have the same order both ways."""
+    return replace(rig, poses=rig.poses[sorted(range(len(rig.poses)), key=str)].copy())
+
+
 def _focal_of_other_size(rig, rng):
     factor = float(rng.choice([0.25, 0.5, 2 / 3, 0.75, 4 / 3, 1.5, 2, 4]))
     centre = rig.centre * factor if rng.random() < 0.5 else rig.centre
@@ -122,3 +130,29 @@ PLANTED = (
     Planted("focal length of another image size", _focal_of_other_size),
     Planted("wrong principal point", _centre_ignored),
 )
+
+SORTED_AS_TEXT = Planted("images sorted as text (10 before 9)", _sorted_as_text)
+"""Needs eleven frames."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unregistered:
+    """Depth of a camera of its own, used as if it had been registered to the images.
+
+    Attributes:
+        depth: registered.
+        focal: of the depth camera over that of the images: 585 / 525 for the first Kinect, 0.72 for a RealSense.
+    """
+
+    depth: MapSource
+    focal: float
+    stored: ClassVar[bool] = True
+
+    def read(self, pixels: Pixels) -> np.ndarray:
+        lens = pixels.lens
+        assert isinstance(lens, Lens)
+        fx, fy = lens.focal
+        return carried_over(self.depth.read(pixels), lens, replace(lens, focal=(fx * self.focal, fy * self.focal)))
+
+
+UNREGISTERED = (585 / 525, 0.72)

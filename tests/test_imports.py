@@ -28,8 +28,10 @@ LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
     ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json"),
+    ("zoo",),
 )
-"""Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, and the rest, which know nothing of one another."""
+"""Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
+through another library, with their tables of names."""
 
 READERS_OF_LAYOUTS = ("semgs.data.scenes", "semgs.data.terms", "semgs.preparation.prepared_set")
 """Outside of that package only these import from it: what opens scenes, what knows the data sets' terms, and what names prepared scenes."""
@@ -48,6 +50,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
+    "scenezoo", "open3d",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

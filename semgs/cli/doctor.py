@@ -31,9 +31,10 @@ class Doctor:
     mistakes are undone one at a time: inverted poses, OpenGL for OpenCV axes, transposed rotations, the order of quaternions, a mirrored
     world, millimetres, the unit of depth, the focal length of another image size, swapped fx fy or cx cy, a wrong principal point, and images
     in another order. The one that explains the data is named, with the error before and after. Some mistakes do not show in some scenes, for
-    example millimetres without measured depth; these are listed as not excluded.
+    example fx and fy swapped if they are nearly equal; these are listed as not excluded.
 
-    Exit code 0 if the cameras fit or nothing can be said, 3 if they do not fit, 2 if the scene cannot be read.
+    Exit code 0 if the cameras fit or nothing can be said, 3 if they do not fit, 2 if the scene is unusable: fewer than two frames with an image
+    and a pose, or files that cannot be read.
 
     Examples
     - semgs doctor scans/office
@@ -47,7 +48,7 @@ class Doctor:
     """Write the corrected cameras to this transforms.json, which every semgs command reads as a scene. It lists the images and depth maps where
     they are, without labels."""
     page: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html", help_behavior_hint="")] = None
-    """Write a page with the verdict, matches and epipolar lines on the images, and the cameras from above."""
+    """Write a page with the verdict, matches and epipolar lines on the images, and the cameras from above and from the side."""
     overwrite: bool = False
     """Replace the files of --fix and --page if they exist."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)

@@ -78,7 +78,7 @@ class Label:
             from semgs.segmenters.relabelling import relabelling
             from semgs.segmenters.source import notes_of
 
-            found = sources(self.src, read_list(self.scenes) if self.scenes else None)
+            found = sources(self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo)
             reading = Reading(self.reading.as_peers, self.reading.asked, needs_labels=False)
             labelled = relabelling(
                 self.segmenter, reading, self.answers.classes, self.confidence,

@@ -68,7 +68,9 @@ class Prepare:
             from semgs.preparation import prepared_set
             from semgs.preparation.archive import Preparation
 
-            found = prepared_set.sources(self.src, read_list(self.scenes) if self.scenes else None)
+            found = prepared_set.sources(
+                self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo
+            )
         reading = prepared_set.Reading(self.reading.as_peers, self.reading.asked)
         workers = cores() if self.workers is None else self.workers
         index = prepared(self.out, found, Preparation(self.size, self.every), reading, workers)

@@ -29,6 +29,9 @@ class SceneOptions:
     """fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2). Overrides any file."""
     depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
     """Metres per unit of the depth maps, such as 0.001, if no file says so."""
+    scenezoo: Annotated[str | None, tyro.conf.arg(metavar="DATASET:SCENE", help_behavior_hint="")] = None
+    """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is
+    the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra [scenezoo]; see docs/data.md."""
     as_peers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
     row-229.5 (Replica); see docs/data.md."""
@@ -51,4 +54,4 @@ class SceneOptions:
             UsageError: a number is invalid.
         """
         with what_the_user_gave():
-            return Asked(self.camera, self.world, self.body, self.intrinsics, self.depth_unit)
+            return Asked(self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo)

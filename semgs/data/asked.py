@@ -21,9 +21,11 @@ class Asked:
         intrinsics: fx, fy, cx, cy of the full-size images [px], without distortion, the centre of the first pixel at (0.5, 0.5).
             Overrides the files.
         depth_unit: metres per count of the depth maps [m].
+        scenezoo: data sets that scenezoo reads: the data set, the scene, and perhaps its room or camera ("3rscan:SCAN",
+            "structured3d:scene_00000:485142").
 
     Raises:
-        ValueError: a number is not finite, or not positive where it must be.
+        ValueError: a number is not finite, or not positive where it must be; or the name of a scene has another form.
     """
 
     camera: str | None = None
@@ -31,6 +33,7 @@ class Asked:
     body: str | None = None
     intrinsics: Sequence[float] | None = None
     depth_unit: float | None = None
+    scenezoo: str | None = None
 
     def __post_init__(self) -> None:
         if self.intrinsics is not None and not (
@@ -39,6 +42,10 @@ class Asked:
             raise ValueError(f"intrinsics are {self.intrinsics}; expected fx, fy, cx, cy in pixels, fx and fy positive")
         if self.depth_unit is not None and not 0 < self.depth_unit < math.inf:
             raise ValueError(f"depth_unit is {self.depth_unit}; expected metres per count, such as 0.001")
+        if self.scenezoo is not None and not (2 <= len(parts := self.scenezoo.split(":")) <= 3 and all(parts)):
+            raise ValueError(
+                f"scenezoo is {self.scenezoo!r}; expected DATASET:SCENE or DATASET:SCENE:PART, as in 3rscan:SCAN"
+            )
 
     def only(self, path: Path, layout: str, *takes: str) -> None:
         """Refuse details that a layout does not use, rather than ignore them.

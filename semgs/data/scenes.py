@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts import transforms_json
+from semgs.data.layouts import transforms_json, zoo
 from semgs.data.layouts.colmap import model as colmap
 from semgs.data.layouts.parts.recordings import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
@@ -70,6 +70,9 @@ LAYOUTS = (
 )
 """The known layouts. If a folder has several, the first one counts."""
 
+ZOO = Layout(lambda path: False, zoo.open_zoo, "", asks=zoo.ASKS)
+"""The layout of a scene that the user names by its data set; it is not detected."""
+
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
 
@@ -86,6 +89,7 @@ def open_scene(
     body: str | None = None,
     intrinsics: Sequence[float] | None = None,
     depth_unit: float | None = None,
+    scenezoo: str | None = None,
     needs_labels: bool = True,
 ) -> Scene:
     """The scene at a path; its layout is detected automatically.
@@ -93,7 +97,7 @@ def open_scene(
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.readings.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit: details that the files may not state, see `semgs.data.asked.Asked`.
+        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.asked.Asked`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
 
     Raises:
@@ -101,7 +105,7 @@ def open_scene(
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit), needs_labels)
+    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit, scenezoo), needs_labels)
 
 
 def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene:
@@ -135,7 +139,7 @@ def open_scenes(
     """
     check_readings(as_peers)
     details = asked or Asked()
-    paths = scene_paths(path, wanted)
+    paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
     with readable(path):
         scenes = tuple(scene for one in paths if (scene := _opened(one, as_peers, details)) is not None)
     names: dict[str, Path] = {}
@@ -178,7 +182,7 @@ def _found(path: Path) -> tuple[Path, ...]:
 
 def _opened(path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene | None:
     """The scene at a path, None if it has no known layout."""
-    layout = next((one for one in LAYOUTS if one.recognises(path)), None)
+    layout = ZOO if asked.scenezoo else next((one for one in LAYOUTS if one.recognises(path)), None)
     if layout is None:
         return None
     scene = layout.scene(path, as_peers, asked)

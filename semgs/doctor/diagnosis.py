@@ -10,8 +10,8 @@ import numpy as np
 
 from semgs.data.scene import Scene
 from semgs.doctor.matches import FEATURES, Matches, find_matches
-from semgs.doctor.misses import CAP_PX, miss, pair_misses
-from semgs.doctor.mistakes import BAD_DEPTH, MISTAKES, Given, Mistake
+from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth
+from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES, MISTAKES, Given, Mistake, plausible
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
 
@@ -108,6 +108,7 @@ class Diagnosis:
         undecided: usual mistakes that would not show in these images, so they cannot be excluded.
         given: the cameras as given.
         evidence: what they were tested on.
+        far: the median distance at which the cameras put what both images of a pair show, if that is what is wrong [m]; NaN otherwise.
     """
 
     verdict: Verdict
@@ -116,6 +117,7 @@ class Diagnosis:
     undecided: tuple[Mistake, ...]
     given: Rig = field(repr=False)
     evidence: Evidence = field(repr=False)
+    far: float = np.nan
 
     @property
     def finding(self) -> Finding | None:
@@ -132,6 +134,8 @@ class Diagnosis:
         """The verdict in a sentence or two."""
         if self.verdict == "cannot tell":
             return "Cannot tell: too few points are seen in two frames, or the camera does not move."
+        if self.finding is not None and np.isfinite(self.far):
+            return f"The cameras fit the images, but put what they show {self.far:,.0f} m away. Likely mistake: {self.finding.mistake.name}."
         by = self.amount(self.error)
         matched = self.evidence.unit == "px"
         if self.verdict == "good":
@@ -156,10 +160,11 @@ def diagnose(scene: Scene, frames: Sequence[int] | None = None, features: int = 
     """
     matches = find_matches(scene, frames, features)
     evidence = Evidence(matches, find_depth_views(scene, frames))
-    return judged(rig_of(scene.frames), evidence, scene.layout, [frame.name for frame in scene.frames])
+    names = [frame.name for frame in scene.frames]
+    return judged(rig_of(scene.frames), evidence, scene.layout, names, metric=scene.unit == "metric")
 
 
-def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str]) -> Diagnosis:
+def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str], *, metric: bool = False) -> Diagnosis:
     """Test cameras on evidence.
 
     Args:
@@ -167,6 +172,7 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str]) -> D
         evidence: from their images and depth maps.
         layout: of the scene, which says how its files write poses.
         names: of the frames.
+        metric: whether the scene says that its lengths are metres. Then matched points at distances that no room has show another unit.
     """
     if not evidence:
         return Diagnosis("cannot tell", np.nan, (), MISTAKES, rig, evidence)
@@ -176,9 +182,18 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str]) -> D
         findings = _findings(given, evidence)
         if findings or (before > BAD and evidence.depth_error(rig) > FITS):
             return Diagnosis("suspicious", before, findings, (), rig, evidence)
+    far = triangulated_depth(rig, evidence.matches) if metric and not evidence.matches.measured else np.nan
+    if np.isfinite(far) and not plausible(far):
+        metres = [one for one in MILLIMETRES.corrected(given) if plausible(triangulated_depth(one, evidence.matches))]
+        if metres:
+            finding = Finding(MILLIMETRES, given.error(metres[0]), metres[0])
+            return Diagnosis("suspicious", before, (finding,), (), rig, evidence, far)
     limit = max(FITS, 2 * before)
     undecided = tuple(
-        mistake for mistake in MISTAKES if any(given.error(one) <= limit for one in mistake.excluded_by(given))
+        mistake
+        for mistake in MISTAKES
+        if not (mistake is MILLIMETRES and plausible(far))
+        and any(given.error(one) <= limit for one in mistake.excluded_by(given))
     )
     return Diagnosis("good", before, (), undecided, rig, evidence)
 

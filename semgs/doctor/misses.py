@@ -46,6 +46,23 @@ def miss(rig: Rig, matches: Matches) -> float:
     return float(known.mean()) if len(known) and 2 * len(known) >= len(each) else np.inf
 
 
+def triangulated_depth(rig: Rig, matches: Matches) -> float:
+    """The median z-depth in their first frame at which the cameras put matches, by parallax alone [the scene's unit]; NaN if there is none.
+
+    A point at depth z on the ray a is at z R a + t in the second frame, parallel to the ray b there: z (b x R a) = -(b x t), solved by least
+    squares.
+    """
+    frames = matches.pairs[matches.pair]
+    motion = _second_from_first(rig, matches)
+    rays = (matches.points - rig.centre[frames]) / rig.focal[frames]
+    a, b = np.concatenate((rays, np.ones((*rays.shape[:2], 1))), axis=-1).swapaxes(0, 1)
+    across, step = np.cross(b, np.einsum("mij,mj->mi", motion[:, :3, :3], a)), np.cross(b, motion[:, :3, 3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depths = -(across * step).sum(1) / (across**2).sum(1)
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    return float(np.median(depths)) if len(depths) else np.nan
+
+
 def epipolar_line(rig: Rig, i: int, j: int, point: Float64[np.ndarray, " xy"]) -> Float64[np.ndarray, "k 2"]:
     """The image in frame j of the ray of a point of frame i: pixel positions as in `Matches`, from the vanishing point; NaN behind the camera."""
     motion = (inverse(rig.poses[j : j + 1]) @ rig.poses[i : i + 1])[0]

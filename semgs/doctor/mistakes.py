@@ -200,7 +200,7 @@ def _other_centres(given: Given) -> Iterator[Rig]:
 
 
 def _millimetres(given: Given) -> Iterator[Rig]:
-    if np.isnan(given.depth) or _plausible(given.depth):
+    if np.isnan(given.depth) or plausible(given.depth):
         for factor in (1e-3, 1e-2):
             poses = given.rig.poses.copy()
             poses[:, :3, 3] *= factor
@@ -209,7 +209,7 @@ def _millimetres(given: Given) -> Iterator[Rig]:
 
 def _other_depth_unit(given: Given) -> Iterator[Rig]:
     for power in (-3, -2, -1, 1, 2, 3):
-        if np.isnan(given.depth) or _plausible(given.depth * 10.0**power):
+        if np.isnan(given.depth) or plausible(given.depth * 10.0**power):
             yield replace(given.rig, depth_unit=given.rig.depth_unit * 10.0**power)
 
 
@@ -218,10 +218,12 @@ def _without_depth(given: Given) -> Iterator[Rig]:
         yield replace(given.rig, depth_unit=np.nan)
 
 
-def _plausible(depth: float) -> bool:
+def plausible(depth: float) -> bool:
     """Whether it may be the median depth of a room."""
     return PLAUSIBLE_DEPTH[0] <= depth <= PLAUSIBLE_DEPTH[1]
 
+
+MILLIMETRES = Mistake("positions in millimetres or centimetres", _millimetres)
 
 MISTAKES = (
     Mistake("poses inverted (world to camera for camera to world, or the reverse)", _inverted),
@@ -232,7 +234,7 @@ MISTAKES = (
     Mistake("mirrored world (left-handed coordinates)", _mirrored),
     Mistake("fx and fy swapped", _focal_swapped),
     Mistake("cx and cy swapped", _centre_swapped),
-    Mistake("positions in millimetres or centimetres", _millimetres),
+    MILLIMETRES,
     Mistake("depth unit off by a power of ten", _other_depth_unit),
     Mistake("images in reverse order", _reversed),
     Mistake("images off by one", _off_by_one),

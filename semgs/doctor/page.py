@@ -1,4 +1,4 @@
-"""The page of `semgs doctor`: the verdict, matches with their epipolar lines, and the cameras from above."""
+"""The page of `semgs doctor`: the verdict, matches with their epipolar lines, the cameras from two directions, and coverage."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float64, UInt8
 
 from semgs._version import __version__
 from semgs.data.scene import Scene
@@ -29,7 +29,16 @@ WIDTH_PX = 480
 """Images are shown at most this wide."""
 
 PLOT_PX = 420
-MARGIN_PX = 40
+MARGIN_PX = 12
+
+PYRAMID = 0.3
+"""Length of the pyramid of a camera, as a share of how far the cameras reach."""
+
+MOST_REACH = 20.0
+"""Points are shown up to this many times the reach of the cameras."""
+
+LEAST_UP = 0.3
+"""If the mean of the images' upward directions is shorter, they do not agree about up."""
 
 
 def doctor_page(scene: Scene, found: Diagnosis, facts: tuple[tuple[str, str], ...]) -> str:
@@ -54,10 +63,10 @@ def doctor_page(scene: Scene, found: Diagnosis, facts: tuple[tuple[str, str], ..
     if len(found.evidence.matches):
         sections.append(page.Section("Matches", LEAD, tuple(_galleries(scene, found, corrected))))
         sections.append(page.Section("All pairs", "", (_pairs(scene, found, corrected),), folded=True))
-    plots = [page.Picture(_from_above(found.given), "given cameras")]
-    if corrected is not None:
-        plots.append(page.Picture(_from_above(corrected), "corrected cameras"))
-    sections.append(page.Section("Cameras", ABOVE, (page.Gallery("Positions and directions", "", tuple(plots)),)))
+    plots = _cameras(found.given, found, "given") + (
+        [] if corrected is None else _cameras(corrected, found, "corrected")
+    )
+    sections.append(page.Section("Cameras", CAMERAS, (page.Gallery("Positions and directions", "", tuple(plots)),)))
     bars = tuple(page.Bar(name, BAR, share, percent(share)) for name, share in coverage(scene))
     sections.append(page.Section("Coverage", COVERAGE, (page.Bars(bars),), folded=True))
     return page.html_page(
@@ -75,7 +84,10 @@ LEAD = (
 )
 
 
-ABOVE = "Seen along the direction in which they move least; the first frame is red."
+CAMERAS = (
+    "Each pyramid is a camera: its tip is the position, its base is the image. The first frame is red, and a line joins the frames in the file's order. "
+    "Grey points are matches with measured depth. Up is where most images have it."
+)
 
 COVERAGE = "How much of what each frame sees is also seen by another one, under the given cameras."
 
@@ -158,22 +170,71 @@ def _px(miss: float) -> str:
     return f"{miss:.1f}" if np.isfinite(miss) else "no pose"
 
 
-def _from_above(rig: Rig) -> UInt8[np.ndarray, "h w 3"]:
-    """Positions and directions of the cameras, in the plane in which they move most."""
+def _cameras(rig: Rig, found: Diagnosis, whose: str) -> list[page.Picture]:
+    """The cameras with what they measured, from above and from the side."""
     poses = rig.poses[np.isfinite(rig.poses).all((1, 2))]
+    points = _measured_points(rig, found)
+    across, ahead, up = _axes(poses)
+    return [
+        page.Picture(_drawn(rig, points, np.stack((across, ahead))), f"{whose} cameras, from above"),
+        page.Picture(_drawn(rig, points, np.stack((across, -up))), f"{whose} cameras, from the side"),
+    ]
+
+
+def _axes(poses: Float64[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "3 3"]:
+    """Rows: the direction in which the cameras move most, one that is square to it, and up as most images have it."""
     centres = poses[:, :3, 3] - poses[:, :3, 3].mean(0)
-    # With the directions of view, a straight path has a plane too.
-    spread = np.linalg.norm(centres, axis=1).max() or 1.0
-    _, _, axes = np.linalg.svd(np.concatenate((centres / spread, 0.5 * poses[:, :3, 2])))
-    flat = centres @ axes[:2].T / spread
-    ahead = flat + 0.25 * poses[:, :3, 2] @ axes[:2].T
-    scale = (PLOT_PX / 2 - MARGIN_PX) / max(np.abs(np.concatenate((flat, ahead))).max(), 1e-9)
+    up = -poses[:, :3, 1].mean(0)
+    if np.linalg.norm(up) < LEAST_UP:  # the cameras do not agree about up
+        up = np.linalg.svd(np.concatenate((centres, poses[:, :3, 2])))[2][2]
+    up = up / np.linalg.norm(up)
+    # With the directions of view, a straight path up has a width too.
+    level = np.concatenate((centres, 1e-3 * poses[:, :3, 0]))
+    across = np.linalg.svd(level - np.outer(level @ up, up))[2][0]
+    return np.stack((across, np.cross(across, up), up))
+
+
+def _measured_points(rig: Rig, found: Diagnosis) -> Float64[np.ndarray, "m 3"]:
+    """Where cameras put the matches whose depth was measured."""
+    matches = found.evidence.matches
+    frames = matches.pairs[matches.pair][:, 0]
+    rays = np.column_stack(((matches.points[:, 0] - rig.centre[frames]) / rig.focal[frames], np.ones(len(frames))))
+    places = rays * (rig.depth_unit * matches.depths[:, :1])
+    places = np.einsum("mij,mj->mi", rig.poses[frames, :3, :3], places) + rig.poses[frames, :3, 3]
+    return places[np.isfinite(places).all(1)]
+
+
+def _drawn(
+    rig: Rig, points: Float64[np.ndarray, "m 3"], axes: Float64[np.ndarray, "2 3"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Points and pyramids of the cameras along two axes, to the right and down."""
+    posed = np.flatnonzero(np.isfinite(rig.poses).all((1, 2)))
+    centres = rig.poses[posed, :3, 3]
+    reach = float(np.linalg.norm(centres - centres.mean(0), axis=1).max()) or 1.0
+    points = points[np.linalg.norm(points - centres.mean(0), axis=1) < MOST_REACH * reach]
+    around = [centres, *([np.quantile(points, (0.02, 0.98), axis=0)] if len(points) else [])]
+    shown = np.concatenate(around) @ axes.T
+    half = (shown.max(0) - shown.min(0)).max() / 2
+    size = PYRAMID * max(reach, 0.4 * half)
+    scale = (PLOT_PX / 2 - MARGIN_PX) / (half + size)
+
+    def flat(places: np.ndarray) -> np.ndarray:
+        return PLOT_PX / 2 + scale * (places @ axes.T - (shown.max(0) + shown.min(0)) / 2)
+
     canvas = np.full((PLOT_PX, PLOT_PX, 3), 255, np.uint8)
-    at, to = (PLOT_PX / 2 + scale * one for one in (flat, ahead))
-    for start, end in pairwise(at):
-        cv2.line(canvas, _rounded(start), _rounded(end), (200, 200, 200), 1, cv2.LINE_AA)
-    for index, (start, end) in enumerate(zip(at, to, strict=True)):
-        colour = (200, 30, 30) if index == 0 else (40, 80, 160)
-        cv2.arrowedLine(canvas, _rounded(start), _rounded(end), colour, 2, cv2.LINE_AA, tipLength=0.25)
-        cv2.circle(canvas, _rounded(start), 4, colour, -1, cv2.LINE_AA)
+    for place in flat(points):
+        cv2.circle(canvas, _rounded(place), 1, (170, 170, 170), -1, cv2.LINE_AA)
+    for start, end in pairwise(flat(centres)):
+        cv2.line(canvas, _rounded(start), _rounded(end), (190, 190, 190), 1, cv2.LINE_AA)
+    for index in posed[::-1]:
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * rig.sizes[index]
+        rays = np.column_stack(((corners - rig.centre[index]) / rig.focal[index], np.ones(4)))
+        rays /= np.linalg.norm(rays, axis=1).max()
+        base = flat(size * rays @ rig.poses[index, :3, :3].T + rig.poses[index, :3, 3])
+        apex = flat(rig.poses[index, :3, 3])
+        colour = (200, 30, 30) if index == posed[0] else (40, 80, 160)
+        for corner, following in zip(base, np.roll(base, -1, axis=0), strict=True):
+            cv2.line(canvas, _rounded(apex), _rounded(corner), colour, 1, cv2.LINE_AA)
+            cv2.line(canvas, _rounded(corner), _rounded(following), colour, 1, cv2.LINE_AA)
+        cv2.circle(canvas, _rounded(apex), 3, colour, -1, cv2.LINE_AA)
     return canvas

@@ -58,6 +58,12 @@ def test_inverted_poses_end_with_3_and_are_corrected(tmp_path: Path, capsys: pyt
     assert main(["doctor", str(out)]) == 0
 
 
+def test_a_scene_with_one_usable_frame_ends_with_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = copied(tmp_path / "scene", lambda described: described.update(frames=described["frames"][:1]))
+    assert main(["doctor", str(scene)]) == 2
+    assert "expected at least two usable frames, found 1" in capsys.readouterr().err
+
+
 def test_the_unit_of_depth_is_corrected(tmp_path: Path) -> None:
     scene = copied(tmp_path / "scene", lambda described: described.update(depth_unit_scale_factor=0.1))
     out = scene / "fixed.json"

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from semgs.doctor.diagnosis import Diagnosis, Evidence
 from semgs.doctor.diagnosis import judged as judged_on
 from semgs.doctor.matches import Matches
-from semgs.doctor.misses import miss, misses, pair_misses
-from semgs.doctor.mistakes import BAD_DEPTH
+from semgs.doctor.misses import miss, misses, pair_misses, triangulated_depth
+from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES
 from semgs.doctor.rig import FileConvention, Rig, inverse
 
 NAMES = [f"frame{index}.jpg" for index in range(8, 14)]
@@ -122,6 +122,37 @@ def test_the_miss_of_a_parallel_pair_is_the_distance_from_its_row():
     np.testing.assert_allclose(pair_misses(rig, matches), [5])
     half = replace(matches, shrink=np.full((3, 2), 0.5))
     np.testing.assert_allclose(misses(rig, half), [1.5, 5, 2.5], atol=1e-9)
+
+
+def test_parallax_gives_the_depth_of_matches():
+    """Two cameras side by side, 0.5 m apart, with 100 px: a match 25 px further left is 2 m away, one 10 px further left 5 m."""
+    rig = Rig(
+        np.tile(np.eye(4), (2, 1, 1)), np.full((2, 2), 100.0), np.tile((31.0, 22.0), (2, 1)), np.tile((64.0, 48.0), (2, 1))
+    )  # fmt: skip
+    rig.poses[1, 0, 3] = 0.5
+    points = np.array([[[40.0, 20], [15.0, 20]], [[50.0, 12], [25.0, 12]], [[40.0, 30], [30.0, 30]]])
+    matches = Matches(np.array([[0, 1]]), np.zeros(3, int), points, np.full((3, 2), np.nan), np.ones((3, 2)))
+    assert triangulated_depth(rig, matches) == pytest.approx(2)
+    turned = walk()
+    assert triangulated_depth(turned, seen(turned)) == pytest.approx(np.median(seen(turned).depths[:, 0]))
+
+
+@pytest.mark.parametrize(("factor", "away"), [(1000, "2,907 m"), (100, "291 m")])
+def test_positions_that_put_a_room_far_away_are_not_in_metres(factor: int, away: str):
+    """Points are 1.5 to 4 m from the first camera; only a scene that says it is in metres shows it."""
+    rig = walk()
+    matches = seen(rig, depth=False)
+    poses = rig.poses.copy()
+    poses[:, :3, 3] *= factor
+    far = replace(rig, poses=poses)
+    found = judged_on(far, Evidence(matches), "transforms.json", NAMES, metric=True)
+    assert found.verdict == "suspicious"
+    assert found.finding is not None
+    assert found.finding.mistake is MILLIMETRES
+    np.testing.assert_allclose(found.finding.rig.poses[:, :3, 3] * factor, far.poses[:, :3, 3])
+    assert f"put what they show {away}" in found.sentence
+    assert MILLIMETRES in judged_on(far, Evidence(matches), "COLMAP", NAMES).undecided
+    assert MILLIMETRES not in judged_on(rig, Evidence(matches), "transforms.json", NAMES, metric=True).undecided
 
 
 def test_a_camera_that_only_turns_leaves_inverted_poses_wrong_and_scale_open():
