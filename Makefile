@@ -14,7 +14,7 @@ SECOND_READER := .venv/second_reader
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
 
-.PHONY: help setup demo test long docs gpu bench mutants check format anew
+.PHONY: help setup demo test long docs gpu bench mutants check format anew audit release
 .DEFAULT_GOAL := help
 
 help:
@@ -26,6 +26,8 @@ help:
 	@echo 'make bench   set up, then measure time and memory (10 minutes)'
 	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
 	@echo 'make docs    set up, then build the documentation into docs/_build/html'
+	@echo 'make audit   set up, then look up vulnerabilities, hashes and licences of what is installed'
+	@echo 'make release set up, then build wheel and sdist, and run the demo from the wheel in an empty environment'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
 
@@ -44,7 +46,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
 	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,docs,dev]'
+	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,dev]'
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup
@@ -76,6 +78,13 @@ bench: setup
 
 mutants: setup
 	$(BIN)/python tests/mutants.py
+
+audit: setup
+	$(PIP) pip-audit uv
+	$(BIN)/python -m tools.release audit --lock build/requirements.lock
+
+release: setup
+	scripts/release.sh
 
 check: setup
 	$(BIN)/ruff format --check .

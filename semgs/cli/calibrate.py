@@ -12,6 +12,7 @@ from semgs.cli.errors import what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.types import AutoSize, Protocol, Views, Weights
+from semgs.figures.plotting import check_plotting
 from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
@@ -106,6 +107,8 @@ class Calibrate:
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
         existing_folder(self.data)
+        if self.plot is not None:
+            check_plotting()
         self.reading.check()
         for file in (self.out, self.plot):
             if file is not None and file.exists():

@@ -14,6 +14,7 @@ from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views
+from semgs.figures.plotting import check_plotting
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder, typed_path
@@ -123,6 +124,7 @@ class Figure:
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
+        check_plotting()
         for folder in self.data:
             existing_folder(folder)
         if not self.data or not self.weights:

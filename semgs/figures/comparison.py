@@ -12,9 +12,10 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from semgs.figures.classes import LegendEntry
+from semgs.figures.plotting import new_figure, rectangle
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from semgs.figures.plotting import Figure
 
 Form = Literal["png", "pdf"]
 
@@ -122,9 +123,6 @@ def comparison(
     """
     if not any(block.rows for block in blocks):
         raise ValueError("no pictures to compare")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     places = [_Grid(block) for block in blocks]
     if beside:
         width = sum(grid.width for grid in places) + BETWEEN_BLOCKS * (len(places) - 1)
@@ -132,8 +130,7 @@ def comparison(
     else:
         width, height = max(grid.width for grid in places), sum(grid.height for grid in places)
     below = _legend_height(legend, width)
-    figure = Figure(figsize=(width + 2 * MARGIN, height + below + 2 * MARGIN))
-    FigureCanvasAgg(figure)
+    figure = new_figure((width + 2 * MARGIN, height + below + 2 * MARGIN))
     left, top = MARGIN, MARGIN
     for grid in places:
         grid.draw(figure, left, top)
@@ -221,8 +218,6 @@ def _legend_height(legend: Sequence[LegendEntry], width: float) -> float:
 
 def _draw_legend(figure: Figure, legend: Sequence[LegendEntry], width: float, below: float) -> None:
     """Add colour patches with their names at the bottom."""
-    from matplotlib.patches import Rectangle
-
     whole, height = figure.get_size_inches()
     columns = _legend_columns(width)
     start = (whole - ENTRY * min(columns, len(legend))) / 2
@@ -231,7 +226,7 @@ def _draw_legend(figure: Figure, legend: Sequence[LegendEntry], width: float, be
         y = MARGIN + below - 0.06 - LEGEND_LINE * (number // columns + 1)
         colour = tuple(value / 255 for value in entry.colour)
         figure.add_artist(
-            Rectangle(
+            rectangle(
                 (x / whole, (y + 0.02) / height),
                 0.12 / whole,
                 0.1 / height,

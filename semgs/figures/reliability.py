@@ -6,6 +6,8 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from semgs.figures.plotting import new_figure
+
 SIDE = 2.6
 """Side of a plot [inch]."""
 COLOURS = ("#c44e52", "#4c72b0")
@@ -34,11 +36,7 @@ def reliability_png(plots: Sequence[ReliabilityPlot]) -> bytes:
 
     Bins with less than a thousandth of the pixels say little, so they get no point.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(SIDE * len(plots), 1.3 * SIDE), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure((SIDE * len(plots), 1.3 * SIDE), layout="constrained")
     axes = figure.subplots(2, len(plots), squeeze=False, sharex=True, height_ratios=(3, 1))
     for (above, below), plot in zip(axes.T, plots, strict=True):
         above.plot((0, 1), (0, 1), color="0.7", linewidth=0.8)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
+from semgs.figures.plotting import new_figure, pixels
+
 COLOURS = ("#4c72b0", "#c44e52", "#55a868", "#8172b3")
 SIZE = 7.0
 """Font size [points]."""
@@ -33,11 +35,7 @@ class RiskCurve:
 
 def risk_coverage_picture(curves: Sequence[RiskCurve]) -> UInt8[np.ndarray, "h w 3"]:
     """The share of wrong pixels over the share of pixels that counts, with 95 % intervals as bands."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(4.2, 2.8), dpi=160, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
+    figure = new_figure((4.2, 2.8), dpi=160, layout="constrained")
     axes = figure.subplots()
     for index, curve in enumerate(curves):
         colour = COLOURS[index % len(COLOURS)]
@@ -58,5 +56,4 @@ def risk_coverage_picture(curves: Sequence[RiskCurve]) -> UInt8[np.ndarray, "h w
     axes.tick_params(labelsize=SIZE)
     axes.grid(color="0.9", linewidth=0.6)
     axes.legend(fontsize=SIZE, frameon=False, loc="upper left")
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    return pixels(figure)

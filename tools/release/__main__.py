@@ -7,6 +7,7 @@
     python -m tools.release failures small --data SCENES --out look.jpg      show failures in other labelled scenes instead
     python -m tools.release notice ROOMS/ATTRIBUTION.md [...]                update NOTICE for the rooms that weights are trained on
     python -m tools.release demo OUT                                         update docs/images/demo.png from `semgs demo --out OUT`
+    python -m tools.release audit                                            vulnerabilities, hashes, licences of what is installed
 
 For a release, run them in this order from the root.
 """
@@ -25,15 +26,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a task and return its exit code, 2 for bad input."""
     given = _parser().parse_args(arguments)
     try:
-        _run(given)
+        return _run(given) or 0
     except InputError as error:
         print(error.first_line, file=sys.stderr)
         return 2
-    return 0
 
 
-def _run(given: argparse.Namespace) -> None:
-    """Run the given task."""
+def _run(given: argparse.Namespace) -> int | None:
+    """Run the given task; its exit code, None for 0."""
     if given.task == "card":
         from tools.release.card import write_card
 
@@ -51,10 +51,15 @@ def _run(given: argparse.Namespace) -> None:
         from tools.release.notice import write_notice
 
         write_notice(given.attributions)
+    elif given.task == "audit":
+        from tools.release.audit import audit
+
+        return audit(given.lock)
     else:
         from tools.release.demo import write_picture
 
         write_picture(given.demo)
+    return None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -77,6 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     failures.add_argument("--out", type=Path, metavar="FILE.jpg")
     notice = tasks.add_parser("notice")
     notice.add_argument("attributions", nargs="+", type=Path, metavar="ATTRIBUTION.md")
+    audit = tasks.add_parser("audit")
+    audit.add_argument("--lock", type=Path, default=Path("requirements.lock"), metavar="FILE")
     demo = tasks.add_parser("demo")
     demo.add_argument("demo", type=Path, metavar="OUT")
     return parser

@@ -23,6 +23,7 @@ from semgs.figures import page
 from semgs.figures.classes import LegendEntry
 from semgs.figures.depth import WORST_ERROR, depth_error_bar, depth_error_picture
 from semgs.figures.numbers import percent
+from semgs.figures.plotting import can_plot
 from semgs.figures.risk_coverage import risk_coverage_picture
 from semgs.figures.views import class_map, depth_map, photo, please_note, true_class_map
 from semgs.files.colours import depth_limits
@@ -165,13 +166,16 @@ def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> lis
         )
     if numbers["risk_coverage"]:
         curve = risk_curve(evaluation.subject.name, numbers)
-        picture = page.Picture(risk_coverage_picture([curve]), "wrong classes among the most confident pixels")
+        plot: tuple[page.Plot, ...] = ()
+        if can_plot():
+            picture = page.Picture(risk_coverage_picture([curve]), "wrong classes among the most confident pixels")
+            plot = (page.Plot(picture),)
         sections.append(
             page.Section(
                 f"Confidence from {views} views",
                 "If only the most confident pixels keep their class, fewer are wrong: --min-confidence sets the threshold. AURC: mean of this curve. ECE: "
                 "mean |confidence − accuracy| in 15 bins with the same number of pixels. Labelled and seen pixels; bands are 95 % intervals.",
-                (page.Plot(picture), _risk_table(numbers)),
+                (*plot, _risk_table(numbers)),
                 folded=True,
             )
         )

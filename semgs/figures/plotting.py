@@ -1,0 +1,57 @@
+"""matplotlib, which is optional: everything that plots takes its figure from here."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import UInt8
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Figure
+    from matplotlib.patches import Rectangle
+
+
+def new_figure(size: tuple[float, float], **options: Any) -> Figure:
+    """An empty figure of (width, height) inches that renders without a display.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    check_plotting()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, **options)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def rectangle(*arguments: Any, **options: Any) -> Rectangle:
+    """A rectangle, as matplotlib takes its arguments."""
+    from matplotlib.patches import Rectangle
+
+    return Rectangle(*arguments, **options)
+
+
+def pixels(figure: Figure) -> UInt8[np.ndarray, "h w 3"]:
+    """The figure as an image."""
+    canvas: Any = figure.canvas
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def can_plot() -> bool:
+    """Whether matplotlib is installed."""
+    return find_spec("matplotlib") is not None
+
+
+def check_plotting() -> None:
+    """Check that matplotlib is installed, before work whose result will be plotted.
+
+    Raises:
+        ImportError: it is not; says how to install it.
+    """
+    if not can_plot():
+        raise ImportError("plots need matplotlib: pip install '.[figures]' in SemGS's folder", name="matplotlib")
