@@ -672,11 +672,11 @@ MUTANTS = (
         ("tests/training/test_step.py",),
     ),
     Mutant(
-        "a run that goes on has Adam begin anew", "semgs/training/state.py",
+        "a resumed run has Adam begin anew", "semgs/training/state.py",
         '{"state": held, "param_groups"', '{"state": {}, "param_groups"', ("tests/training/test_loop.py",),
     ),
     Mutant(
-        "a run that goes on forgets its best score", "semgs/training/state.py",
+        "a resumed run forgets its best score", "semgs/training/state.py",
         'float(numbers.get("best_score", -math.inf))', "-math.inf",
         ("tests/training/test_loop.py::test_a_run_that_goes_on_knows_the_best_score_of_before",),
     ),
@@ -1212,7 +1212,7 @@ MUTANTS = (
         ("tests/rooms/pieces/test_kitchen_and_bath.py::test_a_washstand_is_a_sink_in_a_counter_on_a_cabinet",),
     ),
     Mutant(
-        "a run in a world that is given up goes on in homes", "semgs/training/settings.py",
+        "a run in a world that is given up continues in homes", "semgs/training/settings.py",
         '(style := saved.pop("style", "home")) != "home"', '(style := saved.pop("style", "home")) == "other"',
         ("tests/training/test_whole_runs.py::test_worlds_that_no_training_may_see_are_refused",),
     ),

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 PHRASES = (
-    "found out", "goes on", "go on with", "is told", "are told", "asked for", "nobody", "anybody", "peers'", "sitting", "trivial row",
+    "found out", "goes on", "go on with", "is told", "are told", "asked for", "nobody", "anybody", "peers'", "sitting", "trivial row", "trivial rows",
     "beforehand", "what ships", "where there is none", "where there is one", "where there are none", "one's own", "as it stands", "mended",
     "none needs nothing", "stands beside", "of its own accord", "in the manner of", "shall",
 )  # fmt: skip
@@ -20,10 +20,9 @@ PHRASES = (
 
 
 PAGES = (
-    "README.md", "docs/CONTRIBUTING.md", "CHANGELOG.md", "docs/benchmarks.md", "docs/conventions.md", "docs/experiments.md", "docs/method.md",
-    "docs/rooms.md", "docs/segmenters.md", "docs/train.md",
+    "README.md", "CHANGELOG.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "data.md"),
 )  # fmt: skip
-"""The pages that have been read for such phrases."""
+"""All pages of the docs; data.md is still to be rewritten."""
 
 
 def written(path: Path) -> Iterator[tuple[int, str]]:

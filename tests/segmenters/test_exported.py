@@ -149,7 +149,7 @@ def test_the_record_names_file_hashes_and_licence(tmp_path):
 
 def test_the_descriptions_in_the_docs_are_valid(tmp_path):
     page = (Path(__file__).parents[2] / "docs/segmenters.md").read_text()
-    found = re.findall(r'^ +\{"size".*?\}$', page, re.DOTALL | re.MULTILINE)
+    found = re.findall(r'^ *\{"size".*?\}$', page, re.DOTALL | re.MULTILINE)
     counts = []
     for number, text in enumerate(found):
         (path := tmp_path / f"{number}.json").write_text(text)
