@@ -6,9 +6,9 @@ the epipolar geometry in pixels (Sampson's), with which the points themselves dr
 
     sum over matches of log(1 + (distance / MATCH_PX)^2)  +  sum over cameras of (angle / TURN_DEG)^2 + (distance / (SHIFT spacing))^2
 
-The second sum says how far cameras may be off. Matches do not know the world's frame and scale at all, and of neighbouring views they hardly
-know the direction of the baseline apart from the rotation; there the given cameras decide. The first camera is therefore no better than the
-others, and all of them together stay where they were.
+The second sum says how far off cameras usually are. Matches say nothing about the world's frame and scale, and little about the baseline of
+neighbouring views, because a shift to the side looks like a rotation. There the given cameras decide: no camera is held, and the mean position
+of all stays.
 """
 
 from __future__ import annotations
@@ -135,10 +135,13 @@ def refine(scene: Scene, frames: Sequence[int]) -> Refinement:
     frames = tuple(frames)
     given = np.stack([scene.frames[index].world_from_camera for index in frames])
     spacing = _spacing(given)
+    unchanged = Refinement(frames, given, given, 0, spacing, np.nan, np.nan, accepted=False)
+    if not spacing:
+        return unchanged
     seen = sightings(scene, frames, find_matches(scene, frames))
     count = len(seen.cameras)
-    if not count or not spacing:
-        return Refinement(frames, given, given, count, spacing, np.nan, np.nan, accepted=False)
+    if not count:
+        return unchanged
     found = adjusted(given, seen, spacing)
     before, after = (float(np.median(np.abs(epipolar_px(poses, seen)))) for poses in (given, found))
     accepted = after <= FALLS_TO * before
