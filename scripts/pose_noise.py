@@ -59,7 +59,7 @@ class Condition:
     then: str = ""
 
     def __str__(self) -> str:
-        noise = [f"{self.turn_deg:g} degrees"] * bool(self.turn_deg) + [f"{self.shift:.1%}"] * bool(self.shift)
+        noise = [f"{self.turn_deg:g}°"] * bool(self.turn_deg) + [f"{100 * self.shift:g} %"] * bool(self.shift)
         return ", ".join([" and ".join(noise) or "none", *([self.then] if self.then else [])])
 
 
@@ -174,7 +174,7 @@ def plot(found: dict[str, dict[int, dict[Condition, dict[str, float]]]]) -> byte
     axes_of = (
         ("rotation off by [degrees]", [Condition(turn_deg=turn) for turn in (0.0, *TURNS_DEG)], (0.0, *TURNS_DEG)),
         (
-            "position off by [% of the distance between neighbours]",
+            "position off by [% of the spacing]",
             [Condition(shift=shift) for shift in (0.0, *SHIFTS)],
             [100 * shift for shift in (0.0, *SHIFTS)],
         ),
