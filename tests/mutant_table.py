@@ -1555,11 +1555,6 @@ MUTANTS = (
         (f"{OF_REFINE}test_a_third_of_wrong_matches_does_little_harm",),
     ),
     Mutant(
-        "nothing holds the cameras together", "semgs/sfm/refine.py",
-        "np.sqrt(np.log1p(distance**2)), step))", "np.sqrt(np.log1p(distance**2)), 1e-3 * step))",
-        (f"{OF_REFINE}test_1_degree_and_2_percent_of_noise_become_a_tenth_of_a_degree",),
-    ),
-    Mutant(
         "frames are taken in the order of the file", "semgs/sfm/refine.py",
         "for camera, index in enumerate(frames)}", "for camera, index in enumerate(sorted(frames))}",
         (f"{OF_REFINE}test_matches_become_rays_of_the_frames_in_the_order_given",),
