@@ -20,11 +20,11 @@ from planted_mistakes import PLANTED, SORTED_AS_TEXT, UNREGISTERED, Planted, Unr
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Diagnosis, Evidence, judged
-from semgs.doctor.matches import Matches, find_matches
 from semgs.doctor.misses import misses, pair_misses
 from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.rig import inverse, rig_of
 from semgs.doctor.warps import find_depth_views
+from semgs.sfm.matches import Matches, find_matches
 
 MOVED_PX = 2.0
 BAD = Planted(BAD_DEPTH.name, lambda rig, rng: rig)

@@ -52,6 +52,7 @@ DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
 OF_DOCTOR = "tests/doctor/test_mistakes.py::"
+OF_REFINE = "tests/sfm/test_refine.py::"
 
 FOLDERS = "semgs/files/folders.py"
 CHOICE = "semgs/data/choice.py"
@@ -1526,5 +1527,46 @@ MUTANTS = (
         "corrected cameras are written with OpenCV's axes", "semgs/doctor/fix.py",
         "(rig.poses[index] @ FLIP).tolist()", "rig.poses[index].tolist()",
         ("tests/cli/test_doctor_command.py::test_inverted_poses_end_with_3_and_are_corrected",),
+    ),
+    # Refined cameras
+    Mutant(
+        "epipolar distances are those of angles", "semgs/sfm/refine.py",
+        "np.cross(b, baseline)) / seen.focal[:, 0]", "np.cross(b, baseline)) / seen.focal[:, 1]",
+        (f"{OF_REFINE}test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images",),
+    ),
+    Mutant(
+        "epipolar distances are those in one image", "semgs/sfm/refine.py",
+        "np.sqrt((by_first**2).sum(1) + (by_second**2).sum(1))", "np.sqrt((by_second**2).sum(1))",
+        (f"{OF_REFINE}test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images",),
+    ),
+    Mutant(
+        "gradients stay in the world", "semgs/sfm/refine.py",
+        '"mji,mj->mi", first[:, :3, :2]', '"mij,mj->mi", first[:, :2, :3]',
+        (f"{OF_REFINE}test_the_distance_is_that_by_which_the_pixels_have_to_move",),
+    ),
+    Mutant(
+        "the baseline is between the wrong cameras", "semgs/sfm/refine.py",
+        "second[:, :3, 3] - first[:, :3, 3]", "second[:, :3, 3] + first[:, :3, 3]",
+        (f"{OF_REFINE}test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images",),
+    ),
+    Mutant(
+        "matches are squared, so wrong ones win", "semgs/sfm/refine.py",
+        "np.sign(distance) * np.sqrt(np.log1p(distance**2))", "distance",
+        (f"{OF_REFINE}test_a_third_of_wrong_matches_does_little_harm",),
+    ),
+    Mutant(
+        "frames are taken in the order of the file", "semgs/sfm/refine.py",
+        "for camera, index in enumerate(frames)}", "for camera, index in enumerate(sorted(frames))}",
+        (f"{OF_REFINE}test_matches_become_rays_of_the_frames_in_the_order_given",),
+    ),
+    Mutant(
+        "the focal length is that of the full image", "semgs/sfm/refine.py",
+        "focal * matches.shrink[..., None])", "focal)",
+        (f"{OF_REFINE}test_matches_become_rays_of_the_frames_in_the_order_given",),
+    ),
+    Mutant(
+        "any improvement is taken", "semgs/sfm/refine.py",
+        "accepted = after <= FALLS_TO * before", "accepted = True",
+        (f"{OF_REFINE}test_good_cameras_stay_and_slightly_wrong_ones_are_corrected",),
     ),
 )  # fmt: skip

@@ -65,6 +65,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
     - semgs reconstruct scans/office --out out/office --features clip
     - semgs reconstruct recording --out out/robot --depth sensor
+    - semgs reconstruct scans/office --out out/office --refine-poses
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -90,6 +91,9 @@ class Reconstruct:
     depth: Literal["network", "sensor", "both"] = "network"
     """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
     the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
+    refine_poses: bool = False
+    """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
+    images. Cameras that fit already stay as they are; the report says what moved. See docs/refine.md."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
     hatched and 255. Scores do not change."""
@@ -120,10 +124,18 @@ class Reconstruct:
         stages = Stages(show_stage, say_compiling)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
+        chosen = (*choice.context, *choice.targets)
+        refined = []
+        if self.refine_poses:
+            with stages("refine", f"Refining {len(chosen)} cameras"):
+                from semgs.sfm.refine import refine
+
+                refinement = refine(scene, chosen)
+                scene, refined = refinement.applied(scene), refinement.notes(scene)
         with stages("check", "Checking the cameras"):
             from semgs.doctor.quick import warnings_of
 
-            warnings = warnings_of(scene, (*choice.context, *choice.targets))
+            warnings = warnings_of(scene, chosen)
         with stages("load", "Loading the network"):
             model, origin = self._model(device)
 
@@ -143,7 +155,7 @@ class Reconstruct:
                     featuring=self.featuring.featuring(scene),
                     stages=stages,
                     min_confidence=self.min_confidence,
-                    notes=[*warnings, *self._notes()],
+                    notes=[*refined, *warnings, *self._notes()],
                 )
             result = write_results(folder, result, origin, stages, self.html)
         print(summary(result, stages.seconds, self.out, self.html))

@@ -9,11 +9,11 @@ from typing import Literal, final
 import numpy as np
 
 from semgs.data.scene import Scene
-from semgs.doctor.matches import FEATURES, Matches, find_matches
 from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth
 from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES, MISTAKES, Given, Mistake, plausible
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
+from semgs.sfm.matches import FEATURES, Matches, find_matches
 
 FITS = 1.0
 """Cameras with a smaller error fit, and no mistake is looked for [px of the reduced images, or % of depth]."""

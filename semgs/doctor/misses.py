@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.doctor.matches import Matches
 from semgs.doctor.rig import Rig, inverse
+from semgs.sfm.matches import Matches
 
 CAP_PX = 20.0
 """A match that is missed by more counts as this: how far off nonsense is says nothing."""

@@ -11,10 +11,10 @@ from planted_mistakes import PLANTED
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Evidence, diagnose, judged
-from semgs.doctor.matches import MOST_MATCHES, Matches, find_matches
 from semgs.doctor.misses import misses
 from semgs.doctor.rig import rig_of
 from semgs.rooms.sets.demo import demo_scene
+from semgs.sfm.matches import MOST_MATCHES, Matches, find_matches
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from semgs.doctor.diagnosis import Diagnosis, Evidence
 from semgs.doctor.diagnosis import judged as judged_on
-from semgs.doctor.matches import Matches
 from semgs.doctor.misses import miss, misses, pair_misses, triangulated_depth
 from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES
 from semgs.doctor.rig import FileConvention, Rig, inverse
+from semgs.sfm.matches import Matches
 
 NAMES = [f"frame{index}.jpg" for index in range(8, 14)]
 POINTS = 14

@@ -10,9 +10,9 @@ from planted_mistakes import PLANTED, Planted
 from test_mistakes import NAMES, seen, walk
 
 from semgs.doctor.diagnosis import Evidence, judged
-from semgs.doctor.matches import Matches
 from semgs.doctor.rig import Rig
 from semgs.doctor.warps import CAP_PERCENT, DepthView, warp_error
+from semgs.sfm.matches import Matches
 
 SIZE = (24, 32)
 NO_MATCHES = Matches(
