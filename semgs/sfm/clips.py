@@ -60,7 +60,9 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     chosen = moving(sharpest(usable, most))
     if len(chosen) < 2:
         advice = "walk sideways past the scene while filming; turning on the spot does not help"
-        raise InputError(path, "a video in which the camera moves", f"the same picture in {len(judged)} frames", advice=advice)
+        raise InputError(
+            path, "a video in which the camera moves", f"the same picture in {len(judged)} frames", advice=advice
+        )
     wanted, photos = {one.index for one in chosen}, []
     for index, pixels in _frames(path, 1):
         if index in wanted:

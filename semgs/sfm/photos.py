@@ -152,7 +152,9 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
     ]
     if len(photos) < 2:
         raise InputError(path, "two or more photos", f"{len(photos) or 'none'}", advice=" ".join(notes) or None)
-    soft = [photo.name for photo, sharp in zip(photos, sharpness, strict=True) if sharp < BLURRED * np.median(sharpness)]
+    soft = [
+        photo.name for photo, sharp in zip(photos, sharpness, strict=True) if sharp < BLURRED * np.median(sharpness)
+    ]
     notes += [*counted(soft, count, "photos look blurred"), *_size_notes(photo.size for photo in photos)]
     return PhotoSet(path, folder, tuple(photos), notes=tuple(notes))
 

@@ -37,13 +37,19 @@ class Reason:
 
 NO_DETAIL = Reason("too little detail in them", "use sharp, well-lit photos that show furniture, not only walls")
 REPEATED = Reason(
-    "a texture that repeats, so it is unclear what matches", "take photos that also show something that is there only once"
+    "a texture that repeats, so it is unclear what matches",
+    "take photos that also show something that is there only once",
 )
 NO_OVERLAP = Reason("too little overlap", "take photos that share at least half of what they show with the next one")
-TURNING = Reason("a camera that only turned", "step sideways between photos, half a metre or so, and keep the same things in view")
-FLAT = Reason("a single plane in view, or a camera that only turned", "step sideways, and show things at several depths")
+TURNING = Reason(
+    "a camera that only turned", "step sideways between photos, half a metre or so, and keep the same things in view"
+)
+FLAT = Reason(
+    "a single plane in view, or a camera that only turned", "step sideways, and show things at several depths"
+)
 UNSTEADY = Reason(
-    "matches that do not fit one scene", "use photos of a scene at rest, taken with one camera, and add some from between these"
+    "matches that do not fit one scene",
+    "use photos of a scene at rest, taken with one camera, and add some from between these",
 )
 
 

@@ -45,9 +45,13 @@ def in_metres(solution: Solution, known: KnownDistance) -> Solution:
         raise ValueError(f"--scale-from: {first.name} and {second.name} were taken from one place; name two others")
     scale = known.metres / distance
     solution.model.transform(pycolmap().Sim3d(np.column_stack((scale * np.eye(3), np.zeros(3)))))
-    photos = tuple(replace(photo, world_from_camera=scaled(photo.world_from_camera, scale)) for photo in solution.photos)
+    photos = tuple(
+        replace(photo, world_from_camera=scaled(photo.world_from_camera, scale)) for photo in solution.photos
+    )
     note = f"The scale is from the {known.metres:g} m between the cameras of {first.name} and {second.name}."
-    return replace(solution, photos=photos, points=scale * solution.points, unit="metric", notes=(*solution.notes, note))
+    return replace(
+        solution, photos=photos, points=scale * solution.points, unit="metric", notes=(*solution.notes, note)
+    )
 
 
 def scaled(world_from_camera: np.ndarray, scale: float) -> np.ndarray:

@@ -40,6 +40,9 @@ PIXELS_OFF = 4.0
 DISTORTED = 8
 """With at least this many photos, radial distortion is solved for; with fewer it would fit noise."""
 
+LEAST_POINTS = 30
+"""Fewer points do not hold cameras in place."""
+
 LEAST_ANGLE_DEG = 1.0
 """Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
 
@@ -115,7 +118,9 @@ def solve(photos: PhotoSet, listed: Sequence[Photo], focal_given: bool = False) 
         model = _mapped(database, photos.folder, work, held, len(listed))
         if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:
             registered = 0 if model is None else model.num_reg_images()
-            raise InputError(photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(listed)))
+            raise InputError(
+                photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(listed))
+            )
     return _solution(model, photos, listed, held, focal_given)
 
 
@@ -182,7 +187,11 @@ def _mapped(database: Path, folder: Path, work: Path, held: bool, count: int) ->
         at_once.min_model_size, at_once.random_seed = least, SEED
         at_once.mapper.bundle_adjustment.refine_focal_length = not held
         models += library.global_mapping(database, folder, work, at_once).values()
-    good = [model for model in models if model.num_reg_images() >= least and _plausible(model)]
+    good = [
+        model
+        for model in models
+        if model.num_reg_images() >= least and model.num_points3D() >= LEAST_POINTS and _plausible(model)
+    ]
     return max(good, key=lambda model: (model.num_reg_images(), -model.compute_mean_reprojection_error()), default=None)
 
 

@@ -60,7 +60,9 @@ def _entry(photo: PosedPhoto) -> dict[str, Any]:
 def _ply(points: np.ndarray, colours: np.ndarray) -> str:
     """Points with colours as a PLY in text."""
     head = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
-    head += [f"property float {axis}" for axis in "xyz"] + [f"property uchar {name}" for name in ("red", "green", "blue")]
+    head += [f"property float {axis}" for axis in "xyz"] + [
+        f"property uchar {name}" for name in ("red", "green", "blue")
+    ]
     rows = [
         "{:.9g} {:.9g} {:.9g} {} {} {}".format(*point, *colour)
         for point, colour in zip(points.tolist(), colours.tolist(), strict=True)
