@@ -128,7 +128,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
             continue
         height, width = pixels.shape[:2]
         grey = small_grey(pixels)
-        key = hashlib.sha256(pixels).digest()
+        key = hashlib.sha256(pixels.tobytes()).digest()
         if optics.panorama or max(height, width) > WIDEST * min(height, width):
             panoramas.append(file.name)
         elif grey.std() < BLANK:

@@ -37,6 +37,9 @@ PLAUSIBLE = (0.4, 3.0)
 PIXELS_OFF = 4.0
 """A match may be this far from its epipolar line, on an image with a longer side of `LARGEST_SIDE` [px]; at least half of it on small ones."""
 
+GUIDED = 800
+"""Images up to this longer side [px] are matched again along epipolar lines: they have few features, and large ones would take four times as long."""
+
 DISTORTED = 8
 """With at least this many photos, radial distortion is solved for; with fewer it would fit noise."""
 
@@ -46,7 +49,7 @@ LEAST_POINTS = 30
 LEAST_ANGLE_DEG = 1.0
 """Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
 
-SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 1.6, 0.12
+SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.8, 0.15
 """On one core, for photos of `LARGEST_SIDE`; less for smaller ones."""
 
 
@@ -160,7 +163,7 @@ def _match(database: Path, ordered: bool, longer: int) -> None:
     """Match pairs of photos, and keep the matches that fit one motion of the camera."""
     library = pycolmap()
     matching, verifying = library.FeatureMatchingOptions(), library.TwoViewGeometryOptions()
-    matching.use_gpu, matching.guided_matching = False, True
+    matching.use_gpu, matching.guided_matching = False, longer <= GUIDED
     verifying.ransac.max_error = max(PIXELS_OFF / 2, PIXELS_OFF * longer / LARGEST_SIDE)
     verifying.ransac.random_seed = SEED
     match = library.match_sequential if ordered else library.match_exhaustive
