@@ -97,7 +97,7 @@ def pictures_in(path: Path) -> list[Path]:
             if file.suffix.lower() in (*PICTURES, *UNREAD) and not file.name.startswith(".") and file.is_file()
         ]
         if found:
-            return sorted(found, key=lambda file: [(len(part), part) for part in re.split(r"(\d+)", file.name)])
+            return sorted(found, key=lambda file: _natural(file.name))
     return []
 
 
@@ -188,6 +188,12 @@ def small_grey(pixels: np.ndarray) -> np.ndarray:
 def sharpness_of(grey: np.ndarray) -> float:
     """The variance of the Laplacian of an image in grey."""
     return float(cv2.Laplacian(grey, cv2.CV_64F).var())
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """A key to sort names with numbers in them: text and numbers alternate, and numbers count by value."""
+    parts = re.split(r"(\d+)", name.lower())
+    return [(int(part), "") if index % 2 else (0, part) for index, part in enumerate(parts)]
 
 
 def _jpeg_name(file: Path, files: Sequence[Path]) -> str:

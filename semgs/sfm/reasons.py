@@ -22,6 +22,10 @@ CLOSE, ALIKE = 0.5, 0.9
 """Descriptors nearer than `CLOSE` (of unit length) show the same thing. If the second nearest is nearly as close, it is there more than once."""
 
 
+COMMON = 0.3
+"""At least this share of the features has to appear in both photos."""
+
+
 @dataclass(frozen=True)
 class Reason:
     """Why there are no cameras.
@@ -84,14 +88,14 @@ def why_not(database: Path, hardly_moved: bool) -> Reason:
 
 def repeats(descriptors: Sequence[np.ndarray]) -> bool:
     """Whether most features that appear in two photos appear there several times."""
-    close = alike = 0
+    close = alike = compared = 0
     for first, second in combinations(descriptors, 2):
         if len(first) and len(second) > 1:
             nearest = np.sort(np.sqrt(np.maximum(2 - 2 * first[:: -(-len(first) // SAMPLE)] @ second.T, 0)), axis=1)
             same = nearest[:, 0] < CLOSE
-            close += same.sum()
+            close, compared = close + same.sum(), compared + len(same)
             alike += (same & (nearest[:, 0] > ALIKE * nearest[:, 1])).sum()
-    return bool(close and alike > close / 2)
+    return bool(close > COMMON * compared and alike > close / 2)
 
 
 def _unit(descriptors: object) -> np.ndarray:

@@ -96,11 +96,11 @@ def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Pat
     found = copied(folder, tmp_path)
     assert [photo.name for photo in found.photos] == ["IMG_2.jpg", "IMG_10.jpg"]
     assert found.notes == (
-        "2 of 8 photos have a format that is not read (.cr2, .webp), the first is a.webp.",
-        "1 of 8 photos are damaged, the first is damaged.jpg.",
-        "2 of 8 photos are panoramas and are left out, the first is wide.jpg.",
-        "1 of 8 photos are black or blank and are left out, the first is black.jpg.",
-        "1 of 8 photos are copies of another and are left out, the first is IMG_2.jpg.",
+        "2 of 9 photos have a format that is not read (.cr2, .webp), the first is a.webp.",
+        "1 of 9 photos are damaged, the first is damaged.jpg.",
+        "2 of 9 photos are panoramas and are left out, the first is stitched.jpg.",
+        "1 of 9 photos are black or blank and are left out, the first is black.jpg.",
+        "1 of 9 photos are copies of another and are left out, the first is IMG_2.jpg.",
     )
 
 
