@@ -18,7 +18,7 @@ FEW_FEATURES = 60
 SAMPLE = 400
 """Descriptors of a photo that are compared with those of another."""
 
-CLOSE, ALIKE = 0.5, 0.9
+CLOSE, ALIKE = 0.3, 0.9
 """Descriptors nearer than `CLOSE` (of unit length) show the same thing. If the second nearest is nearly as close, it is there more than once."""
 
 

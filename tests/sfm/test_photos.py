@@ -94,7 +94,7 @@ def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Pat
     for name in ("a.webp", "b.CR2"):
         (folder / name).touch()
     found = copied(folder, tmp_path)
-    assert [photo.name for photo in found.photos] == ["IMG_2.jpg", "IMG_10.jpg"]
+    assert [photo.name for photo in found.photos] == ["copy.jpg", "IMG_10.jpg"]
     assert found.notes == (
         "2 of 9 photos have a format that is not read (.cr2, .webp), the first is a.webp.",
         "1 of 9 photos are damaged, the first is damaged.jpg.",
