@@ -68,7 +68,8 @@ def with_cameras(scene: Scene, found: dict[str, PosedPhoto]) -> Scene:
     ours = known[0] @ np.linalg.inv(ours[0]) @ ours
     lenses = [found[Path(frame.name).name].lens for frame in frames]
     posed = [
-        replace(frame, lens=lens, world_from_camera=pose) for frame, lens, pose in zip(frames, lenses, ours, strict=True)
+        replace(frame, lens=lens, world_from_camera=pose)
+        for frame, lens, pose in zip(frames, lenses, ours, strict=True)
     ]
     return replace(scene, frames=tuple(posed))
 
@@ -97,7 +98,8 @@ def main() -> None:
         turns, bearings = [], []
         for i, j in combinations(range(len(names)), 2):
             first, second = (
-                np.linalg.inv(frames[i].world_from_camera) @ frames[j].world_from_camera for frames in (known, posed.frames)
+                np.linalg.inv(frames[i].world_from_camera) @ frames[j].world_from_camera
+                for frames in (known, posed.frames)
             )
             turns.append(turn_deg(first[:3, :3], second[:3, :3]))
             bearings.append(angle_deg(first[:3, 3], second[:3, 3]))

@@ -25,7 +25,9 @@ def texture(seed: int) -> np.ndarray:
     """A picture of random grey squares of several sizes, 512 x 512, RGB."""
     rng = np.random.default_rng(seed)
     layers = [rng.integers(0, 255, (side, side, 3)).astype(np.uint8) for side in (16, 48, 128)]
-    return np.mean([cv2.resize(one, (512, 512), interpolation=cv2.INTER_NEAREST) for one in layers], axis=0).astype(np.uint8)
+    return np.mean([cv2.resize(one, (512, 512), interpolation=cv2.INTER_NEAREST) for one in layers], axis=0).astype(
+        np.uint8
+    )
 
 
 def picture(pose: np.ndarray, planes: list[tuple[float, float, float]]) -> np.ndarray:

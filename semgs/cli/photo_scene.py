@@ -17,6 +17,7 @@ from semgs.files.atomic import partial_name
 from semgs.files.errors import readable
 from semgs.sfm.photos import has_only_photos
 from semgs.sfm.scene_folder import write_scene
+from semgs.sfm.writing import IMAGES
 
 CAMERAS = "cameras"
 """The folder in the output with the photos and their cameras."""
@@ -38,11 +39,17 @@ class PhotoScene:
     out: Path
     notes: tuple[str, ...]
 
+    @property
+    def scene_path(self) -> Path:
+        """Where the images and cameras will stay."""
+        return self.out / CAMERAS
+
     def scene(self, as_peers: Collection[str], asked: Asked) -> Scene:
         """The photos as a scene with the name of their folder, at the path where it will stay."""
         found = open_asked(self.folder, as_peers, asked)
-        name = self.photos.absolute().stem if self.photos.is_file() else self.photos.absolute().name
-        return replace(found, path=self.out / CAMERAS, name=name, notes=(*self.notes, *found.notes))
+        photos = self.photos.absolute()
+        name = photos.stem if photos.is_file() else photos.parent.name if photos.name == IMAGES else photos.name
+        return replace(found, path=self.scene_path, name=name, notes=(*self.notes, *found.notes))
 
     def move_to(self, out: Path) -> None:
         """Move images and cameras into the output folder, once nothing reads them any more."""

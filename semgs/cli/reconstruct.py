@@ -163,6 +163,8 @@ class Reconstruct:
             if photos is not None:
                 photos.move_to(folder)
         print(summary(result, stages.seconds, self.out, self.html))
+        if photos is not None:
+            print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""

@@ -131,8 +131,14 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
     ("files", "remedy"),
     [
         ([], "the folder is empty"),
-        (["photo.jpg", "clip.mov"], "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"),
-        (["photos/IMG_1.HEIC"], "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"),
+        (
+            ["photo.jpg", "clip.mov"],
+            "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene",
+        ),
+        (
+            ["photos/IMG_1.HEIC"],
+            "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene",
+        ),
         (["clip.MP4"], "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"),
     ],
 )

@@ -131,7 +131,9 @@ def test_one_photo_and_thousands_are_refused(folder: Path, tmp_path: Path):
         copied(folder, tmp_path)
     for index in range(3000):
         (folder / f"{index}.jpg").touch()
-    with pytest.raises(InputError, match=f"expected at most {MOST_PHOTOS} photos, found 3,001; choose some that overlap"):
+    with pytest.raises(
+        InputError, match=f"expected at most {MOST_PHOTOS} photos, found 3,001; choose some that overlap"
+    ):
         copy_photos(folder, tmp_path / "copies")
 
 

@@ -175,11 +175,15 @@ def test_a_texture_that_repeats_is_refused(tmp_path: Path):
     wall = np.tile(cv2.resize(tile, (40, 40), interpolation=cv2.INTER_CUBIC), (9, 11, 1))
     (tmp_path / "photos").mkdir()
     for index, (row, column) in enumerate(((0, 0), (7, 13))):
-        write_png(tmp_path / "photos" / f"{index}.png", np.ascontiguousarray(wall[row : row + 240, column : column + 320]))
+        write_png(
+            tmp_path / "photos" / f"{index}.png", np.ascontiguousarray(wall[row : row + 240, column : column + 320])
+        )
     assert "a texture that repeats" in refused(tmp_path / "photos", tmp_path)
 
 
-@pytest.mark.parametrize(("machine", "said"), [("x86_64", r"pip install '\.\[sfm\]'"), ("aarch64", r"transforms\.json")])
+@pytest.mark.parametrize(
+    ("machine", "said"), [("x86_64", r"pip install '\.\[sfm\]'"), ("aarch64", r"transforms\.json")]
+)
 def test_without_pycolmap_the_error_says_what_to_do(monkeypatch, three: Taken, tmp_path: Path, machine: str, said: str):
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     monkeypatch.setattr("platform.machine", lambda: machine)
