@@ -1,8 +1,8 @@
 """Measure how well `semgs poses` estimates cameras that are known, and what a reconstruction loses by them.
 
-    python scripts/pose_error.py SCENE [SCENE ...]
+    python scripts/pose_error.py [--focal] SCENE [SCENE ...]
 
-Drops the poses of each scene, estimates them from its photos alone, without the focal length, and prints for each scene
+Drops the poses of each scene, estimates them from its photos alone, without the focal length or, with --focal, with the known one, and prints for each scene
 
 - the share of frames that were registered,
 - the median error of the relative rotation and of the direction of translation over pairs of registered frames [degrees], and the ratio of focal lengths,
@@ -16,7 +16,6 @@ import sys
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
@@ -44,12 +43,15 @@ def turn_deg(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(first.T @ second) - 1) / 2, -1, 1))))
 
 
-def estimated(scene: Scene) -> dict[str, PosedPhoto]:
-    """The estimated cameras of a scene's photos by file name; empty if they are refused."""
+def estimated(scene: Scene, with_focal: bool) -> dict[str, PosedPhoto]:
+    """The estimated cameras of a scene's photos by file name, perhaps with the known focal length; empty if they are refused."""
     pictures = [Path(str(frame.picture)) for frame in scene.frames]
-    photos = tuple(Photo(one.name, frame.lens.size) for one, frame in zip(pictures, scene.frames, strict=True))
+    photos = tuple(
+        Photo(one.name, frame.lens.size, frame.lens.focal[0] if with_focal else None)
+        for one, frame in zip(pictures, scene.frames, strict=True)
+    )
     try:
-        found = solve(PhotoSet(scene.path, pictures[0].parent, photos), photos)
+        found = solve(PhotoSet(scene.path, pictures[0].parent, photos), photos, with_focal)
     except InputError as error:
         print(f"{scene.name}: {error.first_line}")
         return {}
@@ -87,9 +89,10 @@ def main() -> None:
     """Print a line for each scene."""
     model = load("small").eval()
     print("scene | registered | rotation | direction | focal | PSNR known, estimated | mIoU known, estimated")
-    for path in sys.argv[1:]:
+    with_focal = "--focal" in sys.argv
+    for path in (one for one in sys.argv[1:] if one != "--focal"):
         scene = open_scene(path)
-        found = estimated(scene)
+        found = estimated(scene, with_focal)
         if not found:
             continue
         posed = with_cameras(scene, found)

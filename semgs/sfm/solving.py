@@ -253,4 +253,8 @@ def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[Photo], held: bool
         return f"The focal length is {text}, from EXIF."
     if held:
         return f"The focal length is a guess: {text}. Two photos do not show it; give it with --focal, or add a third photo."
+    if not known and len(posed) < DISTORTED:
+        return (
+            f"The focal length is {text}, solved. So few photos can get it wrong: if you know it, give it with --focal."
+        )
     return f"The focal length is {text}, solved{' from the one in EXIF' if known else ''}."

@@ -121,7 +121,7 @@ def test_a_given_focal_length_needs_one_size(folder: Path, tmp_path: Path):
     assert [photo.focal_px for photo in with_focal(found, 70.0)] == [70.0] * 3
     save(folder / "IMG_4.jpg", pixels(3, WIDTH, HEIGHT + 1))
     shutil.rmtree(tmp_path / "copies")
-    with pytest.raises(ValueError, match="--focal is for photos of one size; .* has 60x80, 61x80"):
+    with pytest.raises(ValueError, match=r"--focal is for photos of one size; .* has 60x80, 61x80"):
         with_focal(copied(folder, tmp_path), 70.0)
 
 
