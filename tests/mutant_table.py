@@ -51,6 +51,7 @@ LOSSES = "semgs/objectives/losses.py"
 DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
+OF_SFM = "tests/sfm/test_"
 OF_DOCTOR = "tests/doctor/test_mistakes.py::"
 OF_REFINE = "tests/sfm/test_refine.py::"
 
@@ -1568,5 +1569,40 @@ MUTANTS = (
         "any improvement is taken", "semgs/sfm/refine.py",
         "accepted = after <= FALLS_TO * before", "accepted = True",
         (f"{OF_REFINE}test_good_cameras_stay_and_slightly_wrong_ones_are_corrected",),
+    ),
+    Mutant(
+        "estimated poses are world to camera", "semgs/sfm/solving.py",
+        "image.cam_from_world().inverse().matrix()", "image.cam_from_world().matrix()",
+        (f"{OF_SFM}solving.py::test_colmaps_pixels_and_axes_are_ours_and_its_poses_are_inverted",),
+    ),
+    Mutant(
+        "COLMAP's principal point is taken for OpenCV's", "semgs/sfm/solving.py",
+        "(focal, focal), (cx, cy)", "(focal, focal), (cx + 0.5, cy + 0.5)",
+        (f"{OF_SFM}solving.py::test_colmaps_pixels_and_axes_are_ours_and_its_poses_are_inverted",),
+    ),
+    Mutant(
+        "estimated cameras are written with OpenCV's axes", "semgs/sfm/writing.py",
+        "(photo.world_from_camera @ OPENGL_FROM_OPENCV)", "photo.world_from_camera",
+        (f"{OF_SFM}solving.py::test_three_photos_get_their_relative_poses_and_metres",),
+    ),
+    Mutant(
+        "a scale multiplies rotations too", "semgs/sfm/scale.py",
+        "pose[:3, 3] *= scale", "pose[:3] *= scale",
+        (f"{OF_SFM}solving.py::test_scaling_moves_cameras_and_keeps_their_rotation",),
+    ),
+    Mutant(
+        "a scale is inverted", "semgs/sfm/scale.py",
+        "known.metres / distance", "distance / known.metres",
+        (f"{OF_SFM}solving.py::test_three_photos_get_their_relative_poses_and_metres",),
+    ),
+    Mutant(
+        "the equivalent focal length compares widths", "semgs/files/pictures.py",
+        "equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM", "equivalent * max(image.size) / 36",
+        (f"{OF_SFM}photos.py::test_a_focal_length_of_26_mm_compares_diagonals",),
+    ),
+    Mutant(
+        "sparse points behind a frame are in view", "semgs/data/layouts/parts/sparse_points.py",
+        "(depth > 0) & (column >= 0)", "(column >= 0)",
+        ("tests/data/layouts/parts/test_sparse_points.py::test_points_in_view_are_those_in_front_and_inside",),
     ),
 )  # fmt: skip

@@ -53,6 +53,9 @@ COMMANDS = {
         "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
     "doctor": Command("semgs.cli.doctor", "Doctor", "Check a scene's cameras, and name the mistake if they are wrong."),
+    "poses": Command(
+        "semgs.cli.poses", "Poses", "Estimate the cameras of photos or a clip, and write them as a scene."
+    ),
     "query": Command("semgs.cli.query", "Query", "Find what looks like an embedding in a reconstructed scene."),
     "export": Command("semgs.cli.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."),
     "render": Command("semgs.cli.render", "Render", "Render images or a video along a camera path."),

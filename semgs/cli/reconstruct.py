@@ -11,6 +11,7 @@ import tyro
 from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.feature_options import FeatureOptions
+from semgs.cli.posing_options import PosingOptions
 from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.segmenter_options import SegmenterOptions
@@ -21,6 +22,7 @@ from semgs.reconstruction.stages import Stages
 from semgs.viewer.server import check_viewer_library
 
 if TYPE_CHECKING:
+    from semgs.cli.photo_scene import PhotoScene
     from semgs.data.choice import Choice
     from semgs.data.scene import Scene
     from semgs.model.semgs import SemGS
@@ -37,11 +39,12 @@ MOST_VIEWS = 4
 
 @dataclass(frozen=True)
 class Reconstruct:
-    """Turn posed photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
+    """Turn photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
 
     SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a Polycam or Record3D capture, a ROS bag, a
     scene of ScanNet, ScanNet++, Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or an archive from semgs prepare. The
-    layout is detected automatically. Name frames by file name, or by position among the usable frames in file order, from 0.
+    layout is detected automatically. If it is a folder of photos without poses, or a video, the cameras are estimated first (extra sfm) and
+    kept in cameras/, which is a scene too. Name frames by file name, or by position among the usable frames in file order, from 0.
 
     The output folder contains
     - report.html: start here: photos, renders, class maps, depth, scores, and which frames were used and why
@@ -66,6 +69,8 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --features clip
     - semgs reconstruct recording --out out/robot --depth sensor
     - semgs reconstruct scans/office --out out/office --refine-poses
+    - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
+    - semgs reconstruct clip.mp4 --out out/kitchen
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -105,6 +110,7 @@ class Reconstruct:
     """Replace a DIR from an earlier run, once the new result is complete."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     featuring: Annotated[FeatureOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=FeatureOptions)
+    posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
@@ -117,10 +123,18 @@ class Reconstruct:
         self._check()
         with show_stage("Starting"):
             # Importing torch takes seconds; typing errors are reported before.
-            from semgs.data.scenes import open_asked
+            from semgs.cli.photo_scene import photo_scene
 
         device = chosen_device(self.device)
-        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
+        with photo_scene(self.scene, self.out, self.posing) as photos:
+            self._reconstruct(device, photos)
+
+    def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
+        """Reconstruct the scene, or that of photos whose cameras were estimated."""
+        from semgs.data.scenes import open_asked
+
+        asked = self.reading.as_peers, self.reading.asked
+        scene = open_asked(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
         stages = Stages(show_stage, say_compiling)
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
@@ -158,7 +172,11 @@ class Reconstruct:
                     notes=[*refined, *warnings, *self._notes()],
                 )
             result = write_results(folder, result, origin, stages, self.html)
+            if photos is not None:
+                photos.move_to(folder)
         print(summary(result, stages.seconds, self.out, self.html))
+        if photos is not None:
+            print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""

@@ -164,6 +164,15 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
     return tuple(one for one in found if one in chosen)
 
 
+def is_scene(path: Path) -> bool:
+    """Whether a path has a known layout, or a folder in it has one.
+
+    Raises:
+        InputError: it has the ending of an archive, but is none.
+    """
+    return _recognised(path) or (path.is_dir() and any(map(_recognised, _children(path))))
+
+
 def _found(path: Path) -> tuple[Path, ...]:
     """The paths of all scenes."""
     existing_folder(path)
@@ -204,7 +213,7 @@ def _recognised(path: Path) -> bool:
     return any(layout.recognises(path) for layout in LAYOUTS)
 
 
-_NO_VIDEOS = "a video has no poses; extract frames and run COLMAP on them first"
+_NO_VIDEOS = "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"
 
 
 def _unknown(path: Path, expected: str) -> InputError:
@@ -223,7 +232,7 @@ def _hint(path: Path) -> str | None:
     files = list(path.iterdir())
     kinds = {one.suffix.lower() for place in (path, *files) if place.is_dir() for one in place.iterdir()}
     if kinds.intersection(PICTURES):
-        return "images alone have no poses; run COLMAP on them first"
+        return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
     if kinds.intersection(VIDEOS):
         return _NO_VIDEOS
     return None if files else "the folder is empty"

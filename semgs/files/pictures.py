@@ -35,18 +35,27 @@ _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 """A PGM header: width, height and largest count, separated by spaces and comments, then one space before the counts."""
 _ORIENTATION = 0x0112
+_EXIF, _FOCAL_MM, _FOCAL_35_MM, _PLANE_X, _PLANE_UNIT, _CUSTOM = 0x8769, 0x920A, 0xA405, 0xA20E, 0xA210, 0xA401
+_DIAGONAL_35_MM = math.hypot(36, 24)
+_PANORAMA = 6
+"""What iPhones write as CustomRendered of a panorama."""
+_MM = {2: 25.4, 3: 10.0}
+"""Millimetres of FocalPlaneResolutionUnit: inches, centimetres."""
 _SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
 _DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
 """What Pillow raises for damaged files, depending on the format and the damage."""
 
 
 _TURNS = {
+    2: lambda pixels: pixels[:, ::-1],
+    3: lambda pixels: np.rot90(pixels, 2),
+    4: lambda pixels: pixels[::-1],
     5: lambda pixels: pixels.swapaxes(0, 1),
     6: lambda pixels: np.rot90(pixels, -1),
     7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
     8: lambda pixels: np.rot90(pixels, 1),
 }
-"""From stored to upright pixels, for the EXIF orientations that swap height and width."""
+"""From stored to upright pixels, for each EXIF orientation but 1; those from 5 swap height and width."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +71,54 @@ class PictureHeader:
     size: tuple[int, int]
     orientation: int
     transparent: bool
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What EXIF and XMP data say about how an image was taken.
+
+    Attributes:
+        focal_px: focal length in pixels of the stored image; None if unknown.
+        panorama: whether it was stitched from several.
+    """
+
+    focal_px: float | None
+    panorama: bool
+
+
+def read_optics(path: str | Stored) -> Optics:
+    """How an image was taken.
+
+    The focal length comes from FocalLengthIn35mmFilm, which compares diagonals: 26 mm on an image of 4000x3000 are 26 * 5000 / 43.27 pixels. If it
+    is missing, it comes from FocalLength and FocalPlaneXResolution.
+
+    Raises:
+        InputError: the file is missing, or is not a JPEG, PNG or HEIC.
+        ImportError: it is a HEIC, and pillow-heif is not installed.
+    """
+    with _opened(path) as image:
+        exif = _readable_exif(path, image).get_ifd(_EXIF)
+        equivalent, focal, per_unit = (_positive(exif.get(tag)) for tag in (_FOCAL_35_MM, _FOCAL_MM, _PLANE_X))
+        xmp = image.info.get("xmp", b"")
+        stitched = exif.get(_CUSTOM) == _PANORAMA or b"GPano:" in (xmp if isinstance(xmp, bytes) else str(xmp).encode())
+        if equivalent:
+            return Optics(equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM, stitched)
+        unit = _MM.get(exif.get(_PLANE_UNIT, 2))
+        return Optics(focal * per_unit / unit if focal and per_unit and unit else None, stitched)
+
+
+def read_upright(path: str | Stored) -> np.ndarray:
+    """An image as uint8 [h w 3], RGB, turned as its EXIF orientation says.
+
+    Raises:
+        InputError: it is missing, truncated or CMYK, or has another format.
+        ImportError: it is a HEIC, and pillow-heif is not installed.
+    """
+    data = read_bytes(path, "an image")
+    with _opened(path, data) as image:
+        _decode(path, image)
+        turn = _TURNS.get(_header(path, image).orientation, lambda pixels: pixels)
+        return np.ascontiguousarray(turn(_rgb(data, path, image)))
 
 
 def read_header(path: str | Stored) -> PictureHeader:
@@ -139,17 +196,20 @@ def decode_rgb(data: bytes, path: str | Stored, size: tuple[int, int] | None = N
         _decode(path, image)
         header = _header(path, image)  # a PNG may have its EXIF data behind the pixels
         turn = is_turned(path, header, size)
-        if data[:4] == b"\x89PNG" and data[24] == 16:
-            # Pillow accepts a file without its last bytes; OpenCV does not, and prints warnings.
-            complete = _PNG_END in data
-            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if complete else None
-            if decoded is None:
-                raise InputError(path, "a complete image", "a truncated one")
-            pixels = _eight_bits(np.asarray(decoded))
-        else:
-            pixels = _channels(path, image)
-    rgb = _on_white(pixels)
+        rgb = _rgb(data, path, image)
     return np.ascontiguousarray(_TURNS[header.orientation](rgb)) if turn else rgb
+
+
+def _rgb(data: bytes, path: str | Stored, image: Image.Image) -> np.ndarray:
+    """The stored pixels of a decoded image, uint8 [h w 3]."""
+    if data[:4] != b"\x89PNG" or data[24] != 16:
+        return _on_white(_channels(path, image))
+    # Pillow accepts a file without its last bytes; OpenCV does not, and prints warnings.
+    complete = _PNG_END in data
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if complete else None
+    if decoded is None:
+        raise InputError(path, "a complete image", "a truncated one")
+    return _on_white(_eight_bits(np.asarray(decoded)))
 
 
 def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.ndarray:
@@ -300,13 +360,27 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
 
 def _header(path: str | Stored, image: Image.Image) -> PictureHeader:
     """The header of an opened image."""
-    try:
-        orientation = Image.Image.getexif(image).get(_ORIENTATION, 1)  # PngImageFile's own would decode all pixels
-    except _DAMAGE as error:
-        raise InputError(path, "readable EXIF data or none", str(error)) from error
+    orientation = _readable_exif(path, image).get(_ORIENTATION, 1)
     transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
     known = isinstance(orientation, int) and 1 <= orientation <= 8
     return PictureHeader((image.height, image.width), orientation if known else 1, transparent)
+
+
+def _readable_exif(path: str | Stored, image: Image.Image) -> Image.Exif:
+    """The EXIF data of an opened image."""
+    try:
+        return Image.Image.getexif(image)  # PngImageFile's own would decode all pixels
+    except _DAMAGE as error:
+        raise InputError(path, "readable EXIF data or none", str(error)) from error
+
+
+def _positive(value: object) -> float | None:
+    """A positive, finite number of EXIF data, else None."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) and number > 0 else None
 
 
 def _decode(path: str | Stored, image: Image.Image) -> None:

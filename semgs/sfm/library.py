@@ -16,6 +16,9 @@ def pycolmap() -> ModuleType:
         import pycolmap
     except ImportError as error:
         raise ImportError(_remedy(), name="pycolmap") from error
+    pycolmap.logging.minloglevel = (
+        pycolmap.logging.Level.FATAL.value
+    )  # what it says about progress and failures is not for users
     return pycolmap
 
 

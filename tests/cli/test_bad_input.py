@@ -64,9 +64,33 @@ def test_a_folder_of_no_known_layout(refused: Refused, tmp_path: Path) -> None:
     assert layouts[0].startswith("  transforms.json")
 
 
-def test_a_scene_without_its_transforms_file(refused: Refused, scene: Path) -> None:
+def test_a_scene_without_its_transforms_file(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its images are taken as photos without poses, and these say too little."""
     (scene / "transforms.json").unlink()
-    assert "images alone have no poses" in refused(scene, lines=2 + len(LAYOUTS))
+    before = tree(tmp_path)
+    assert main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"]) == 2
+    told = capsys.readouterr()
+    assert told.out == "Estimating the cameras of 4 photos: about 1 s\n"
+    assert "too little detail in them (4 photos)" in told.err
+    assert told.err.count("\n") == 1
+    assert tree(tmp_path) == before
+
+
+def test_options_for_photos_are_refused_for_scenes(refused: Refused, scene: Path) -> None:
+    assert "--focal, --scale-from and --clip-frames are for photos without poses" in refused(scene, "--focal", "60")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["a.png", "b.png"], "expected two photos and a distance in metres, found 'a.png b.png'"),
+        (["a.png b.png far"], "expected a distance in metres after two photos, found 'far'"),
+        (["a.png", "b.png", "0"], "the distance is 0 m; expected more than 0"),
+    ],
+)
+def test_a_scale_that_is_no_distance(refused: Refused, scene: Path, words: list[str], said: str) -> None:
+    (scene / "transforms.json").unlink()
+    assert said in refused(scene, "--scale-from", *words)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"frames": 3}', '{"frames": []}', "\x00\xff"])

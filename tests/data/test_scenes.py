@@ -131,9 +131,15 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
     ("files", "remedy"),
     [
         ([], "the folder is empty"),
-        (["photo.jpg", "clip.mov"], "images alone have no poses; run COLMAP on them first"),
-        (["photos/IMG_1.HEIC"], "images alone have no poses; run COLMAP on them first"),
-        (["clip.MP4"], "a video has no poses; extract frames and run COLMAP on them first"),
+        (
+            ["photo.jpg", "clip.mov"],
+            "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene",
+        ),
+        (
+            ["photos/IMG_1.HEIC"],
+            "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene",
+        ),
+        (["clip.MP4"], "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"),
     ],
 )
 def test_an_unknown_layout_gets_the_likeliest_remedy_then_a_line_for_each_layout(tmp_path, files, remedy):

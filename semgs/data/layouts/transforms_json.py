@@ -1,7 +1,7 @@
 """`transforms.json` of nerfstudio and instant-ngp, in a folder or a zip archive.
 
 Poses are camera to world with OpenGL axes (x right, y up, z backward). They become OpenCV's by negating the second and third column.
-Intrinsics are in pixels with the centre of the first pixel at (0.5, 0.5), shared or per frame.
+Intrinsics are in pixels with the centre of the first pixel at (0.5, 0.5), shared or per frame. Sparse points (`ply_file_path`) are in the world of the poses.
 https://docs.nerf.studio/quickstart/data_conventions.html, https://github.com/NVlabs/instant-ngp (docs/nerf_dataset_tips.md).
 """
 
@@ -20,6 +20,7 @@ from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, parsed
 from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.layouts.parts.sentences import lacking, on_white
+from semgs.data.layouts.parts.sparse_points import points_in_view, read_points
 from semgs.data.lens import Lens
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
@@ -119,6 +120,11 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
                 frames[index] = replace(frames[index], labels=source)
     except InputError as error:
         unread = error
+    sparse = shared.text("ply_file_path")
+    stored_points = beside(sparse.replace("\\", "/")) if sparse else None
+    points = read_points(stored_points) if stored_points is not None else None
+    if points is not None:
+        frames = [replace(frame, points=points_in_view(frame, points)) for frame in frames]
     return Scene(
         path=path,
         name=name_of_scene,
@@ -129,6 +135,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         unread_labels=unread,
         absent=tuple(absent),
         notes=tuple(notes.sentences(absent, listed)),
+        points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
     )

@@ -1,0 +1,133 @@
+"""Frames of a clip: sharp ones, with motion between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from semgs.files.atomic import write_bytes
+from semgs.files.errors import InputError
+from semgs.files.pictures import jpeg_bytes
+from semgs.sfm.photos import BLANK, QUALITY, Photo, PhotoSet, sharpness_of, small_grey
+
+MOST_JUDGED = 900
+"""Of longer clips, every n-th frame is judged."""
+
+LEAST_MOTION = 0.02
+"""Frames whose picture moved less than this since the last chosen one are left out [share of the longer side]."""
+
+CORNERS, TRACKED = 200, 0.3
+"""Corners that are followed from one frame to the next. If fewer than this share can be followed, the picture has moved enough."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A frame of a clip.
+
+    Attributes:
+        index: its position in the clip.
+        grey: the small picture.
+        sharpness: variance of the Laplacian; 0 for black and blank frames.
+    """
+
+    index: int
+    grey: np.ndarray
+    sharpness: float
+
+
+def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
+    """Write the frames to use of a clip as JPEGs, turned as its rotation flag says.
+
+    Args:
+        path: the clip.
+        folder: an existing, empty one.
+        most: the largest number of frames.
+
+    Raises:
+        InputError: it cannot be decoded, or has fewer than two sharp frames with motion between them.
+        OSError: a frame cannot be written.
+    """
+    judged = list(_judged(path))
+    if not judged:
+        raise InputError(path, "a video that OpenCV can decode", "no frames", advice="convert it to H.264 in MP4")
+    usable = [one for one in judged if one.sharpness > 0]
+    if not usable:
+        raise InputError(path, "a video with pictures", f"{len(judged)} black or blank frames")
+    chosen = moving(sharpest(usable, most))
+    if len(chosen) < 2:
+        advice = "walk sideways past the scene while filming; turning on the spot does not help"
+        raise InputError(
+            path, "a video in which the camera moves", f"the same picture in {len(judged)} frames", advice=advice
+        )
+    wanted, photos = {one.index for one in chosen}, []
+    for index, pixels in _frames(path, 1):
+        if index in wanted:
+            name = f"frame_{index:05d}.jpg"
+            write_bytes(folder / name, jpeg_bytes(pixels, QUALITY))
+            photos.append(Photo(name, (pixels.shape[0], pixels.shape[1])))
+        if index >= max(wanted):
+            break
+    note = f"{len(photos)} of {len(judged)} frames of the clip were chosen: sharp ones, with motion between them."
+    return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note,))
+
+
+def sharpest(frames: list[Judged], most: int) -> list[Judged]:
+    """The sharpest frame of each of at most `most` equal stretches of a clip."""
+    parts = np.array_split(np.arange(len(frames)), min(most, len(frames)))
+    return [max((frames[index] for index in part), key=lambda one: one.sharpness) for part in parts]
+
+
+def moving(frames: list[Judged]) -> list[Judged]:
+    """The frames without those that show nearly the same picture as the last one that was kept."""
+    kept = frames[:1]
+    for one in frames[1:]:
+        if motion(kept[-1].grey, one.grey) >= LEAST_MOTION:
+            kept.append(one)
+    return kept
+
+
+def motion(first: np.ndarray, second: np.ndarray) -> float:
+    """How far the picture moved between two frames in grey: the median over corners [share of the longer side]; infinite if it is lost."""
+    corners = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
+    if corners is None:
+        return 0.0
+    there, found, _ = cv2.calcOpticalFlowPyrLK(first, second, corners, None)  # type: ignore[call-overload]
+    found = found.ravel() == 1
+    if found.mean() < TRACKED:
+        return np.inf
+    return float(np.median(np.linalg.norm((there - corners)[found, 0], axis=1)) / max(first.shape))
+
+
+def _judged(path: Path) -> Iterator[Judged]:
+    """The frames of a clip to choose from."""
+    video = _opened(path)
+    step = max(1, int(video.get(cv2.CAP_PROP_FRAME_COUNT)) // MOST_JUDGED)
+    video.release()
+    for index, pixels in _frames(path, step):
+        grey = small_grey(pixels)
+        yield Judged(index, grey, sharpness_of(grey) if grey.std() >= BLANK else 0.0)
+
+
+def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Every `step`-th frame of a clip with its position, RGB, upright."""
+    video, index = _opened(path), 0
+    try:
+        while video.grab():
+            if index % step == 0:
+                good, pixels = video.retrieve()
+                if good:
+                    yield index, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+            index += 1
+    finally:
+        video.release()
+
+
+def _opened(path: Path) -> cv2.VideoCapture:
+    """A clip, opened; its rotation flag is applied to the frames."""
+    video = cv2.VideoCapture(str(path))
+    video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
+    return video

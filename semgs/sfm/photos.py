@@ -1,0 +1,215 @@
+"""Photos without cameras: what a folder contains, which of it can be used, and an upright copy of each.
+
+What cannot be used is left out and counted: formats that are not read, damaged files, panoramas, duplicates, and black or blank pictures.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from semgs.data.scenes import PICTURES, VIDEOS, is_scene
+from semgs.files.atomic import write_bytes
+from semgs.files.contents import read_bytes
+from semgs.files.errors import InputError
+from semgs.files.pictures import jpeg_bytes, read_header, read_optics, read_upright
+
+UNREAD = (
+    ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".jxl", ".jp2", ".exr", ".hdr",
+    ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".insp",
+)  # fmt: skip
+"""Endings of pictures that are not read."""
+
+MOST_PHOTOS = 150
+"""More are refused: the time grows with the square of the number, and a reconstruction uses two to four."""
+
+LONGEST_SIDE = 480
+"""Sharpness and brightness are judged at this size [px]."""
+
+BLANK = 3.0
+"""Pictures with a smaller standard deviation of grey are black or blank."""
+
+BLURRED = 0.1
+"""Pictures with less than this share of the median sharpness are blurred."""
+
+WIDEST = 2.0
+"""Pictures with a larger ratio of their sides are panoramas."""
+
+QUALITY = 95
+"""JPEG quality of copies that have to be encoded again."""
+
+
+@dataclass(frozen=True)
+class Photo:
+    """An upright photo.
+
+    Attributes:
+        name: of the copy.
+        size: (height, width) [px].
+        focal_px: focal length in its own pixels, from EXIF or from the user; None if unknown.
+    """
+
+    name: str
+    size: tuple[int, int]
+    focal_px: float | None = None
+
+
+@dataclass(frozen=True)
+class PhotoSet:
+    """Photos of a scene in a folder.
+
+    Attributes:
+        path: what the user named.
+        folder: with the upright copies.
+        photos: in the order of their names, or of time.
+        ordered: whether neighbours overlap, as in a clip.
+        notes: what was left out, one sentence each.
+    """
+
+    path: Path
+    folder: Path
+    photos: tuple[Photo, ...]
+    ordered: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def has_only_photos(path: Path) -> bool:
+    """Whether a path is a video, or a folder with pictures but without a scene."""
+    if path.is_file():
+        return path.suffix.lower() in VIDEOS
+    return bool(pictures_in(path)) and not is_scene(path)
+
+
+def pictures_in(path: Path) -> list[Path]:
+    """The files of a folder, or else of `images` in it, whose endings are those of pictures. IMG_2 comes before IMG_10."""
+    for folder in (path, path / "images"):
+        files = folder.iterdir() if folder.is_dir() else ()
+        found = [
+            file
+            for file in files
+            if file.suffix.lower() in (*PICTURES, *UNREAD) and not file.name.startswith(".") and file.is_file()
+        ]
+        if found:
+            return sorted(found, key=lambda file: _natural(file.name))
+    return []
+
+
+def copy_photos(path: Path, folder: Path) -> PhotoSet:
+    """Copy the usable photos of a folder, upright: as they are if they are upright JPEGs or PNGs, else as JPEG.
+
+    Args:
+        path: the folder with the photos.
+        folder: an existing, empty one.
+
+    Raises:
+        InputError: fewer than two photos can be used, or there are more than `MOST_PHOTOS`.
+        ImportError: there is a HEIC, and pillow-heif is not installed.
+        OSError: a copy cannot be written.
+    """
+    files = pictures_in(path)
+    if len(files) > MOST_PHOTOS:
+        advice = "choose some that overlap, from 2 to 30, or give the clip they are from"
+        raise InputError(path, f"at most {MOST_PHOTOS} photos", f"{len(files):,}", advice=advice)
+    unread = [file for file in files if file.suffix.lower() in UNREAD]
+    damaged, panoramas, blank, again = list[str](), list[str](), list[str](), list[str]()
+    photos, sharpness, seen = list[Photo](), list[float](), set[bytes]()
+    for file in (one for one in files if one.suffix.lower() in PICTURES):
+        try:
+            header, optics, pixels = read_header(file), read_optics(file), read_upright(file)
+        except InputError:
+            damaged.append(file.name)
+            continue
+        height, width = pixels.shape[:2]
+        grey = small_grey(pixels)
+        key = hashlib.sha256(pixels.tobytes()).digest()
+        if optics.panorama or max(height, width) > WIDEST * min(height, width):
+            panoramas.append(file.name)
+        elif grey.std() < BLANK:
+            blank.append(file.name)
+        elif key in seen:
+            again.append(file.name)
+        else:
+            as_it_is = header.orientation == 1 and file.suffix.lower() != ".heic"
+            name = file.name if as_it_is else _jpeg_name(file, files)
+            write_bytes(folder / name, read_bytes(file) if as_it_is else jpeg_bytes(pixels, QUALITY))
+            photos.append(Photo(name, (height, width), optics.focal_px))
+            sharpness.append(sharpness_of(grey))
+        seen.add(key)
+    count, kinds = len(files), ", ".join(sorted({file.suffix.lower() for file in unread}))
+    notes = [
+        *counted([file.name for file in unread], count, f"photos have a format that is not read ({kinds})"),
+        *counted(damaged, count, "photos are damaged"),
+        *counted(panoramas, count, "photos are panoramas and are left out"),
+        *counted(blank, count, "photos are black or blank and are left out"),
+        *counted(again, count, "photos are copies of another and are left out"),
+    ]
+    if len(photos) < 2:
+        raise InputError(path, "two or more photos", f"{len(photos) or 'none'}", advice=" ".join(notes) or None)
+    soft = [
+        photo.name for photo, sharp in zip(photos, sharpness, strict=True) if sharp < BLURRED * np.median(sharpness)
+    ]
+    notes += [*counted(soft, count, "photos look blurred"), *_size_notes(photo.size for photo in photos)]
+    return PhotoSet(path, folder, tuple(photos), notes=tuple(notes))
+
+
+def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[Photo]:
+    """The photos with a focal length that the user gave.
+
+    Raises:
+        ValueError: they differ in size, so it is unclear for which photo it is.
+    """
+    sizes = sorted({tuple(sorted(photo.size)) for photo in photos.photos})
+    if len(sizes) > 1:
+        raise ValueError(
+            f"--focal is for photos of one size; {photos.path} has {', '.join('x'.join(map(str, one)) for one in sizes)}"
+        )
+    return tuple(Photo(photo.name, photo.size, focal_px) for photo in photos.photos)
+
+
+def counted(names: Sequence[str], count: int, what: str) -> list[str]:
+    """A note: how many of `count` photos something is true of, and the first of them. Empty if there are none."""
+    return [f"{len(names)} of {count} {what}, the first is {names[0]}."] if names else []
+
+
+def small_grey(pixels: np.ndarray) -> np.ndarray:
+    """Pixels [h w 3] in grey at `LONGEST_SIDE`, uint8."""
+    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+    scale = min(1.0, LONGEST_SIDE / max(grey.shape))
+    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+
+
+def sharpness_of(grey: np.ndarray) -> float:
+    """The variance of the Laplacian of an image in grey."""
+    return float(cv2.Laplacian(grey, cv2.CV_64F).var())
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """A key to sort names with numbers in them: text and numbers alternate, and numbers count by value."""
+    parts = re.split(r"(\d+)", name.lower())
+    return [(int(part), "") if index % 2 else (0, part) for index, part in enumerate(parts)]
+
+
+def _jpeg_name(file: Path, files: Sequence[Path]) -> str:
+    """The name of the JPEG made of a photo. If another photo has it, the old ending becomes part of the name."""
+    name = f"{file.stem}.jpg"
+    taken = {other.name.lower() for other in files if other != file} | {
+        f"{other.stem}.jpg".lower() for other in files if other != file
+    }
+    return f"{file.stem}_{file.suffix[1:]}.jpg" if name.lower() in taken else name
+
+
+def _size_notes(sizes: Iterable[tuple[int, int]]) -> list[str]:
+    """A note if photos have several sizes, apart from being upright or on their side."""
+    counts = Counter((max(size), min(size)) for size in sizes)
+    if len(counts) == 1:
+        return []
+    listed = ", ".join(f"{number} of {longer}x{shorter}" for (longer, shorter), number in counts.most_common(3))
+    more = f" and {len(counts) - 3} more" if len(counts) > 3 else ""
+    return [f"The photos have {len(counts)} sizes, and each size gets a focal length of its own: {listed}{more}."]

@@ -1,0 +1,74 @@
+"""The scale of estimated cameras, from a distance that the user measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+
+import numpy as np
+
+from semgs.sfm.library import pycolmap
+from semgs.sfm.solving import PosedPhoto, Solution
+
+
+@dataclass(frozen=True)
+class KnownDistance:
+    """The distance between the cameras of two photos.
+
+    Attributes:
+        first, second: the photos, by name, stem, or position among the registered ones from 0.
+        metres: between their cameras [m].
+
+    Raises:
+        ValueError: the distance is not positive.
+    """
+
+    first: str
+    second: str
+    metres: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.metres < np.inf:
+            raise ValueError(f"the distance is {self.metres:g} m; expected more than 0")
+
+
+def in_metres(solution: Solution, known: KnownDistance) -> Solution:
+    """The same cameras and points in metres.
+
+    Raises:
+        ValueError: a photo is not among the registered ones, or the two cameras are in one place.
+    """
+    first, second = (_photo(solution.photos, name) for name in (known.first, known.second))
+    distance = float(np.linalg.norm(first.world_from_camera[:3, 3] - second.world_from_camera[:3, 3]))
+    if not distance > 0:
+        raise ValueError(f"--scale-from: {first.name} and {second.name} were taken from one place; name two others")
+    scale = known.metres / distance
+    solution.model.transform(pycolmap().Sim3d(np.column_stack((scale * np.eye(3), np.zeros(3)))))
+    photos = tuple(
+        replace(photo, world_from_camera=scaled(photo.world_from_camera, scale)) for photo in solution.photos
+    )
+    note = f"The scale is from the {known.metres:g} m between the cameras of {first.name} and {second.name}."
+    return replace(
+        solution, photos=photos, points=scale * solution.points, unit="metric", notes=(*solution.notes, note)
+    )
+
+
+def scaled(world_from_camera: np.ndarray, scale: float) -> np.ndarray:
+    """A pose [4 4] in a world whose unit of length is 1 / `scale` of the old one."""
+    pose = world_from_camera.copy()
+    pose[:3, 3] *= scale
+    return pose
+
+
+def _photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
+    """The photo that a user named."""
+    for key in (lambda one: one.name, lambda one: PurePath(one.name).stem):
+        found = [photo for photo in photos if key(photo) == PurePath(name).name]
+        if len(found) == 1:
+            return found[0]
+    if name.isdecimal() and int(name) < len(photos):
+        return photos[int(name)]
+    raise ValueError(
+        f"--scale-from: no camera was estimated for {name!r}; there are {photos[0].name} to {photos[-1].name}, or 0 to {len(photos) - 1}"
+    )

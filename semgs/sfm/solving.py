@@ -1,0 +1,260 @@
+"""Cameras of photos by COLMAP's structure from motion, as pycolmap runs it on CPUs.
+
+Features are SIFT. All pairs of photos are matched, of a clip those that are near in time. Then photos are added one by one (incremental mapping); if that
+leaves some out, all are solved at once (global mapping), and the result with more photos counts. Of two photos, incremental mapping is two-view geometry with
+bundle adjustment, and the focal length is held: two photos do not tell it reliably.
+https://colmap.github.io
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from semgs.data.lens import Lens
+from semgs.files.errors import InputError
+from semgs.files.paths import check_utf8
+from semgs.sfm.library import pycolmap
+from semgs.sfm.photos import Photo, PhotoSet
+from semgs.sfm.reasons import why_not
+
+SEED = 0
+LARGEST_SIDE, FEATURES = 1600, 4096
+CONTRAST = 0.002
+"""A third of COLMAP's peak threshold: rooms have few corners."""
+
+GUESS = 0.8
+"""Focal length of photos that do not say it, over the longer side: 64 degrees across, a phone's main camera."""
+
+PLAUSIBLE = (0.4, 3.0)
+"""Solved focal lengths over the longer side: 103 to 19 degrees across."""
+
+PIXELS_OFF = 4.0
+"""A match may be this far from its epipolar line, on an image with a longer side of `LARGEST_SIDE` [px]; at least half of it on small ones."""
+
+GUIDED = 800
+"""Images up to this longer side [px] are matched again along epipolar lines: they have few features, and large ones would take four times as long."""
+
+DISTORTED = 8
+"""With at least this many photos, radial distortion is solved for; with fewer it would fit noise."""
+
+LEAST_POINTS = 30
+"""Fewer points do not hold cameras in place."""
+
+LEAST_ANGLE_DEG = 1.0
+"""Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
+
+SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.8, 0.15
+"""On one core, for photos of `LARGEST_SIDE`; less for smaller ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPhoto:
+    """A photo with its estimated camera.
+
+    Attributes:
+        name: as of `Photo`.
+        lens: focal length, principal point in the middle, radial distortion.
+        world_from_camera: pose [4 4], OpenCV axes.
+    """
+
+    name: str
+    lens: Lens
+    world_from_camera: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Estimated cameras of a set of photos.
+
+    Attributes:
+        photos: those that could be registered, in the order of the set.
+        points: sparse points [n 3] in the world.
+        colours: of the points, uint8 [n 3].
+        model: the same as a `pycolmap.Reconstruction`, to write it in COLMAP's format.
+        unit: "metric" or "unknown".
+        notes: what the user should know, one sentence each.
+    """
+
+    photos: tuple[PosedPhoto, ...]
+    points: np.ndarray
+    colours: np.ndarray
+    model: Any
+    unit: str = "unknown"
+    notes: tuple[str, ...] = ()
+
+
+def expected_seconds(photos: Sequence[Photo], ordered: bool, cores: int) -> float:
+    """About how long `solve` takes."""
+    count = len(photos)
+    pairs = sum(1 for i in range(count) for j in range(i + 1, count) if not ordered or j - i <= 10)
+    detail = min(1.0, (max(max(photo.size) for photo in photos) / LARGEST_SIDE) ** 2)
+    return 1 + detail * (SECONDS_PER_PHOTO * count + SECONDS_PER_PAIR * pairs) / cores
+
+
+def solve(photos: PhotoSet, listed: Sequence[Photo], focal_given: bool = False) -> Solution:
+    """Estimate the cameras of photos.
+
+    Args:
+        photos: the set.
+        listed: its photos, with their focal lengths.
+        focal_given: whether these are from the user, and are held.
+
+    Raises:
+        InputError: fewer than two photos, or of three or more fewer than three, could be registered; the error says why.
+        ImportError: pycolmap is not installed.
+    """
+    library = pycolmap()
+    check_utf8(photos.folder, "pycolmap")
+    held = focal_given or len(listed) == 2
+    with TemporaryDirectory(prefix="semgs-") as temporary:
+        work = Path(temporary)
+        database = work / "features.db"
+        library.set_random_seed(SEED)
+        _extract(database, photos.folder, listed)
+        _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in listed)))
+        model = _mapped(database, photos.folder, work, held, len(listed))
+        if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:
+            registered = 0 if model is None else model.num_reg_images()
+            raise InputError(
+                photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(listed))
+            )
+    return _solution(model, photos, listed, held, focal_given)
+
+
+def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
+    """The registered photos of a pycolmap model. Its pixels and camera axes are ours; its poses are world to camera."""
+    found = {}
+    for image in model.images.values():
+        if image.has_pose:
+            camera, world_from_camera = model.cameras[image.camera_id], np.eye(4)
+            world_from_camera[:3] = image.cam_from_world().inverse().matrix()
+            focal, cx, cy, *radial = camera.params.tolist()
+            size = camera.height, camera.width
+            lens = Lens(size, (focal, focal), (cx, cy), (*radial, 0.0, 0.0, 0.0, 0.0, 0.0)[:5])
+            found[image.name] = PosedPhoto(image.name, lens, world_from_camera)
+    return tuple(found[name] for name in names if name in found)
+
+
+def _extract(database: Path, folder: Path, listed: Sequence[Photo]) -> None:
+    """Find the features of all photos. Photos of one size and focal length share a camera."""
+    library = pycolmap()
+    options = library.FeatureExtractionOptions()
+    options.max_image_size, options.use_gpu = LARGEST_SIDE, False
+    options.sift.max_num_features, options.sift.peak_threshold = FEATURES, CONTRAST
+    for photo in dict.fromkeys((one.size, one.focal_px) for one in listed):
+        (height, width), focal_px = photo
+        reader = library.ImageReaderOptions()
+        reader.default_focal_length_factor = GUESS
+        reader.camera_model = "SIMPLE_RADIAL" if len(listed) >= DISTORTED else "SIMPLE_PINHOLE"
+        if focal_px is not None:
+            reader.camera_params = f"{focal_px},{width / 2},{height / 2}" + (",0" if len(listed) >= DISTORTED else "")
+        names = [one.name for one in listed if (one.size, one.focal_px) == photo]
+        mode = library.CameraMode.SINGLE
+        library.extract_features(database, folder, names, mode, reader, options, library.Device.cpu)
+
+
+def _match(database: Path, ordered: bool, longer: int) -> None:
+    """Match pairs of photos, and keep the matches that fit one motion of the camera."""
+    library = pycolmap()
+    matching, verifying = library.FeatureMatchingOptions(), library.TwoViewGeometryOptions()
+    matching.use_gpu, matching.guided_matching = False, longer <= GUIDED
+    verifying.ransac.max_error = max(PIXELS_OFF / 2, PIXELS_OFF * longer / LARGEST_SIDE)
+    verifying.ransac.random_seed = SEED
+    match = library.match_sequential if ordered else library.match_exhaustive
+    match(database, matching, verification_options=verifying, device=library.Device.cpu)
+
+
+def _mapped(database: Path, folder: Path, work: Path, held: bool, count: int) -> Any | None:
+    """The model with the most photos; None if no camera could be estimated."""
+    library = pycolmap()
+    least = min(count, 3)
+    options = library.IncrementalPipelineOptions()
+    options.min_model_size, options.random_seed = least, SEED
+    options.max_runtime_seconds = 60 + 10 * count
+    for part in (options, options.mapper, options.triangulation):
+        part.min_focal_length_ratio, part.max_focal_length_ratio = PLAUSIBLE
+    mapper, triangulation = options.mapper, options.triangulation
+    mapper.init_min_num_inliers, mapper.init_min_tri_angle, mapper.abs_pose_min_num_inliers = 50, 4.0, 15
+    triangulation.ignore_two_view_tracks = False
+    if held:
+        options.ba_refine_focal_length = mapper.abs_pose_refine_focal_length = False
+    models = list(library.incremental_mapping(database, folder, work, options).values())
+    if count > 2 and max((model.num_reg_images() for model in models), default=0) < count:
+        at_once = library.GlobalPipelineOptions()
+        at_once.min_model_size, at_once.random_seed = least, SEED
+        at_once.mapper.bundle_adjustment.refine_focal_length = not held
+        models += library.global_mapping(database, folder, work, at_once).values()
+    good = [
+        model
+        for model in models
+        if model.num_reg_images() >= least and model.num_points3D() >= LEAST_POINTS and _plausible(model)
+    ]
+    return max(good, key=lambda model: (model.num_reg_images(), -model.compute_mean_reprojection_error()), default=None)
+
+
+def _plausible(model: Any) -> bool:
+    """Whether all focal lengths are those of usual lenses."""
+    low, high = PLAUSIBLE
+    cameras = [model.cameras[image.camera_id] for image in model.images.values() if image.has_pose]
+    return all(low <= camera.params[0] / max(camera.width, camera.height) <= high for camera in cameras)
+
+
+def _median_angle_deg(model: Any) -> float:
+    """The median over the points of the widest angle at which the rays of two photos meet [degrees]."""
+    centres = {number: image.projection_center() for number, image in model.images.items() if image.has_pose}
+    angles = []
+    for point in model.points3D.values():
+        rays = np.array([centres[element.image_id] - point.xyz for element in point.track.elements])
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        angles.append(np.degrees(np.arccos(np.clip(rays @ rays.T, -1, 1).min())))
+    return float(np.median(angles)) if angles else 0.0
+
+
+def _refusal(database: Path, registered: int, count: int) -> tuple[str, None, str]:
+    """What was found instead of cameras, and what helps: the last arguments of an InputError."""
+    reason = why_not(database, registered > 0)
+    return f"{reason.found} ({count} photos)", None, reason.hint
+
+
+def _solution(model: Any, photos: PhotoSet, listed: Sequence[Photo], held: bool, focal_given: bool) -> Solution:
+    """A model as ours, with notes."""
+    posed = posed_photos(model, [photo.name for photo in listed])
+    missing = [photo.name for photo in listed if photo.name not in {one.name for one in posed}]
+    points = list(model.points3D.values())
+    notes = [*photos.notes, f"The cameras of {len(posed)} of {len(listed)} photos were estimated from the photos."]
+    if missing:
+        shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
+        notes.append(f"These do not overlap enough with the others and are left out: {shown}.")
+    notes.append(_focal_note(posed, listed, held, focal_given))
+    return Solution(
+        posed,
+        np.array([point.xyz for point in points]).reshape(-1, 3),
+        np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3),
+        model,
+        notes=tuple(notes),
+    )
+
+
+def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[Photo], held: bool, focal_given: bool) -> str:
+    """Where the focal length is from."""
+    lens = posed[0].lens
+    degrees = 2 * np.degrees(np.arctan(lens.size[1] / 2 / lens.focal[0]))
+    text = f"{lens.focal[0]:.0f} px for {lens.size[1]}x{lens.size[0]}, {degrees:.0f} degrees across"
+    if focal_given:
+        return f"The focal length is {text}, as given."
+    known = all(photo.focal_px is not None for photo in listed)
+    if held and known:
+        return f"The focal length is {text}, from EXIF."
+    if held:
+        return f"The focal length is a guess: {text}. Two photos do not show it; give it with --focal, or add a third photo."
+    if not known and len(posed) < DISTORTED:
+        return (
+            f"The focal length is {text}, solved. So few photos can get it wrong: if you know it, give it with --focal."
+        )
+    return f"The focal length is {text}, solved{' from the one in EXIF' if known else ''}."

@@ -1,0 +1,211 @@
+"""Which photos of a folder are used, and upright copies of them; frames of clips."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.files.pictures import read_optics, read_rgb, read_upright
+from semgs.sfm.clips import LEAST_MOTION, copy_frames, motion, moving
+from semgs.sfm.photos import MOST_PHOTOS, PhotoSet, copy_photos, has_only_photos, pictures_in, with_focal
+
+HEIGHT, WIDTH = 60, 80
+
+
+def pixels(seed: int, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
+    """A smooth random picture, RGB."""
+    coarse = np.random.default_rng(seed).integers(0, 255, (8, 9, 3)).astype(np.uint8)
+    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+def save(path: Path, array: np.ndarray, **exif: object) -> None:
+    """Write a picture with EXIF data: `orientation`, or tags of the Exif part by number."""
+    data = Image.Exif()
+    if "orientation" in exif:
+        data[0x0112] = exif.pop("orientation")
+    for tag, value in exif.items():
+        data.get_ifd(0x8769)[int(tag[1:], 16)] = value
+    Image.fromarray(array).save(path, exif=data, quality=95)
+
+
+def copied(folder: Path, tmp_path: Path) -> PhotoSet:
+    (tmp_path / "copies").mkdir()
+    return copy_photos(folder, tmp_path / "copies")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two good photos, IMG_2 and IMG_10."""
+    (tmp_path / "photos").mkdir()
+    save(tmp_path / "photos" / "IMG_10.jpg", pixels(1))
+    save(tmp_path / "photos" / "IMG_2.jpg", pixels(2))
+    return tmp_path / "photos"
+
+
+def test_a_focal_length_of_26_mm_compares_diagonals(tmp_path: Path):
+    save(tmp_path / "a.jpg", pixels(0, 300, 400), xA405=26)
+    # The diagonal is 500 px, and 43.2666 mm on film: 26 * 500 / 43.2666.
+    assert read_optics(tmp_path / "a.jpg").focal_px == pytest.approx(300.46, abs=0.01)
+
+
+def test_a_focal_length_from_the_density_of_the_sensor(tmp_path: Path):
+    save(tmp_path / "a.jpg", pixels(0), x920A=24.0, xA20E=1000.0, xA210=3)  # 1000 px a cm
+    assert read_optics(tmp_path / "a.jpg").focal_px == pytest.approx(2400)
+    save(tmp_path / "b.jpg", pixels(0), x920A=24.0)
+    assert read_optics(tmp_path / "b.jpg").focal_px is None
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_photos_are_turned_as_exif_says(tmp_path: Path, orientation: int):
+    stored = pixels(0)
+    stored[:20, :20] = (255, 0, 0)  # red at the top left of the stored pixels
+    save(tmp_path / "a.png", stored, orientation=orientation)
+    upright = read_upright(tmp_path / "a.png")
+    assert upright.shape[:2] == ((HEIGHT, WIDTH) if orientation < 5 else (WIDTH, HEIGHT))
+    # EXIF 2.3: where the first row and column of the stored pixels are in the upright picture.
+    top, left = orientation in (1, 2, 5, 6), orientation in (1, 4, 5, 8)
+    corner = upright[5 if top else -5, 5 if left else -5]
+    assert corner.tolist() == [255, 0, 0]
+
+
+def test_copies_are_upright_and_read_without_their_exif(folder: Path, tmp_path: Path):
+    save(folder / "IMG_3.jpg", pixels(3), orientation=6, xA405=26)
+    found = copied(folder, tmp_path)
+    assert [photo.name for photo in found.photos] == ["IMG_2.jpg", "IMG_3.jpg", "IMG_10.jpg"]
+    assert found.photos[1].size == (WIDTH, HEIGHT)
+    assert found.photos[1].focal_px == pytest.approx(26 * 100 / 43.2666, abs=0.01)
+    assert read_rgb(tmp_path / "copies" / "IMG_3.jpg").shape == (WIDTH, HEIGHT, 3)
+    assert (tmp_path / "copies" / "IMG_2.jpg").read_bytes() == (folder / "IMG_2.jpg").read_bytes()
+
+
+def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Path):
+    shutil.copy(folder / "IMG_2.jpg", folder / "copy.jpg")
+    save(folder / "black.jpg", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+    save(folder / "wide.jpg", pixels(4, 30, 80))
+    save(folder / "stitched.jpg", pixels(5), xA401=6)
+    (folder / "damaged.jpg").write_bytes(b"\xff\xd8\xff")
+    for name in ("a.webp", "b.CR2"):
+        (folder / name).touch()
+    found = copied(folder, tmp_path)
+    assert [photo.name for photo in found.photos] == ["copy.jpg", "IMG_10.jpg"]
+    assert found.notes == (
+        "2 of 9 photos have a format that is not read (.cr2, .webp), the first is a.webp.",
+        "1 of 9 photos are damaged, the first is damaged.jpg.",
+        "2 of 9 photos are panoramas and are left out, the first is stitched.jpg.",
+        "1 of 9 photos are black or blank and are left out, the first is black.jpg.",
+        "1 of 9 photos are copies of another and are left out, the first is IMG_2.jpg.",
+    )
+
+
+def test_blurred_photos_and_several_sizes_get_a_note(folder: Path, tmp_path: Path):
+    noisy = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    for index in range(3):
+        save(folder / f"sharp{index}.jpg", np.roll(noisy, index, axis=1))
+    save(folder / "large.jpg", cv2.resize(noisy, (100, 90)))
+    blurred, sizes = copied(folder, tmp_path).notes
+    assert blurred.startswith("2 of 6 photos look blurred")
+    assert "2 sizes" in sizes
+    assert "5 of 80x60, 1 of 100x90" in sizes
+
+
+def test_a_given_focal_length_needs_one_size(folder: Path, tmp_path: Path):
+    save(folder / "IMG_3.jpg", pixels(3, WIDTH, HEIGHT))
+    found = copied(folder, tmp_path)
+    assert [photo.focal_px for photo in with_focal(found, 70.0)] == [70.0] * 3
+    save(folder / "IMG_4.jpg", pixels(3, WIDTH, HEIGHT + 1))
+    shutil.rmtree(tmp_path / "copies")
+    with pytest.raises(ValueError, match=r"--focal is for photos of one size; .* has 60x80, 61x80"):
+        with_focal(copied(folder, tmp_path), 70.0)
+
+
+def test_one_photo_and_thousands_are_refused(folder: Path, tmp_path: Path):
+    (folder / "IMG_10.jpg").unlink()
+    with pytest.raises(InputError, match="expected two or more photos, found 1"):
+        copied(folder, tmp_path)
+    for index in range(3000):
+        (folder / f"{index}.jpg").touch()
+    with pytest.raises(
+        InputError, match=f"expected at most {MOST_PHOTOS} photos, found 3,001; choose some that overlap"
+    ):
+        copy_photos(folder, tmp_path / "copies")
+
+
+def test_only_folders_without_a_scene_and_videos_are_photos(folder: Path, tmp_path: Path):
+    assert has_only_photos(folder)
+    (tmp_path / "inside").mkdir()
+    folder.rename(tmp_path / "inside" / "images")
+    assert has_only_photos(tmp_path / "inside")
+    assert [path.name for path in pictures_in(tmp_path / "inside")] == ["IMG_2.jpg", "IMG_10.jpg"]
+    (tmp_path / "inside" / "transforms.json").touch()
+    assert not has_only_photos(tmp_path / "inside")
+    (tmp_path / "clip.MP4").touch()
+    assert has_only_photos(tmp_path / "clip.MP4")
+    with pytest.raises(InputError, match=r"semgs poses CLIP OUT estimates them"):
+        open_scene(tmp_path / "clip.MP4")
+
+
+def clip(path: Path, frames: list[np.ndarray]) -> Path:
+    height, width = frames[0].shape[:2]
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, (width, height))
+    for frame in frames:
+        video.write(frame[..., ::-1])
+    video.release()
+    return path
+
+
+def textured(shift: int) -> np.ndarray:
+    wide = cv2.resize(np.random.default_rng(7).integers(0, 255, (24, 60, 3)).astype(np.uint8), (400, 160))
+    return np.ascontiguousarray(wide[:, shift : shift + 200])
+
+
+def test_motion_is_the_shift_over_the_longer_side():
+    first, second = (cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 6))
+    assert motion(first, second) == pytest.approx(6 / 200, abs=0.003)
+    assert motion(first, first) == pytest.approx(0, abs=1e-3)
+
+
+def test_the_sharp_frame_of_each_stretch_is_taken(tmp_path: Path):
+    # Four stretches of four frames: the third of each is sharp.
+    frames = [textured(8 * index) for index in range(16)]
+    frames = [one if index % 4 == 2 else cv2.GaussianBlur(one, (0, 0), 4) for index, one in enumerate(frames)]
+    (tmp_path / "out").mkdir()
+    found = copy_frames(clip(tmp_path / "a.mp4", frames), tmp_path / "out", 4)
+    assert [photo.name for photo in found.photos] == [f"frame_{index:05d}.jpg" for index in (2, 6, 10, 14)]
+    assert found.ordered
+    difference = read_rgb(tmp_path / "out" / "frame_00006.jpg").astype(int) - frames[6]
+    assert np.abs(difference).mean() < 10  # the frame itself, RGB and not BGR
+
+
+def test_frames_that_hardly_moved_are_left_out(tmp_path: Path):
+    from semgs.sfm.clips import Judged
+
+    greys = [cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 2, 3, 6, 8)]
+    kept = moving([Judged(index, grey, 1.0) for index, grey in enumerate(greys)])
+    assert LEAST_MOTION * 200 == 4
+    assert [one.index for one in kept] == [0, 3]
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ([textured(0)] * 6, "expected a video in which the camera moves, found the same picture in 6 frames"),
+        ([np.zeros((160, 200, 3), np.uint8)] * 5, "found 5 black or blank frames"),
+    ],
+)
+def test_a_clip_without_motion_or_light_is_refused(tmp_path: Path, frames: list[np.ndarray], message: str):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match=message):
+        copy_frames(clip(tmp_path / "a.mp4", frames), tmp_path / "out", 4)
+
+
+def test_a_file_that_is_no_video_is_refused(tmp_path: Path):
+    (tmp_path / "a.mp4").write_bytes(b"no video")
+    with pytest.raises(InputError, match="expected a video that OpenCV can decode, found no frames"):
+        copy_frames(tmp_path / "a.mp4", tmp_path, 4)

@@ -1,0 +1,196 @@
+"""Estimated cameras: those of known photos, in our conventions, and refusals with a reason."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pycolmap_photos import FOCAL, PLANES, Taken, poses_of, take
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.files.pictures import write_png
+from semgs.sfm.library import pycolmap
+from semgs.sfm.scale import KnownDistance, in_metres, scaled
+from semgs.sfm.scene_folder import Known, write_scene
+from semgs.sfm.solving import Solution, posed_photos
+from semgs.sfm.writing import write_colmap
+
+DISTANCE = float(np.linalg.norm(poses_of(3)[2, :3, 3]))
+"""Between the cameras of p0 and p2; the user says that it is 2 m."""
+
+NO_LINE = Known(FOCAL), lambda line: None
+
+
+@dataclass(frozen=True)
+class Solved:
+    folder: Path
+    solution: Solution
+
+
+@pytest.fixture(scope="module")
+def in_two_metres(three: Taken, tmp_path_factory: pytest.TempPathFactory) -> Solved:
+    """The scene of the three photos, with 2 m between the first and the last camera."""
+    folder = tmp_path_factory.mktemp("solved") / "scene"
+    return Solved(folder, solved(three, folder, Known(FOCAL, KnownDistance("p0", "p2.png", 2.0))))
+
+
+def solved(taken: Taken, folder: Path, known: Known) -> Solution:
+    folder.mkdir()
+    return write_scene(taken.folder, folder, known, lambda line: None)
+
+
+def test_three_photos_get_their_relative_poses_and_metres(three: Taken, in_two_metres: Solved):
+    found = in_two_metres.solution
+    assert [photo.name for photo in found.photos] == ["p0.png", "p1.png", "p2.png"]
+    first = np.linalg.inv(found.photos[0].world_from_camera)
+    for photo, true in zip(found.photos[1:], three.world_from_camera[1:], strict=True):
+        ours = first @ photo.world_from_camera
+        assert np.degrees(np.arccos((np.trace(ours[:3, :3].T @ true[:3, :3]) - 1) / 2)) < 0.3
+        np.testing.assert_allclose(ours[:3, 3], true[:3, 3] * 2 / DISTANCE, atol=0.03)
+    assert found.unit == "metric"
+    scene = open_scene(in_two_metres.folder)
+    assert scene.unit == "metric"
+    for frame, photo in zip(scene.frames, found.photos, strict=True):
+        np.testing.assert_allclose(frame.world_from_camera, photo.world_from_camera, atol=1e-12)
+        assert frame.lens == photo.lens
+    depths = found.points @ found.photos[0].world_from_camera[:3, 2] - (
+        found.photos[0].world_from_camera[:3, 2] @ found.photos[0].world_from_camera[:3, 3]
+    )
+    depths *= DISTANCE / 2
+    assert 2.2 < np.percentile(depths, 5) < np.percentile(depths, 95) < 5.5
+
+
+def test_the_same_photos_give_the_same_cameras(three: Taken, in_two_metres: Solved, tmp_path: Path):
+    first = in_two_metres.solution
+    second = solved(three, tmp_path / "again", Known(FOCAL, KnownDistance("p0", "p2", 2.0)))
+    for one, other in zip(first.photos, second.photos, strict=True):
+        np.testing.assert_allclose(one.world_from_camera, other.world_from_camera, atol=1e-3)
+
+
+def test_two_photos_without_a_focal_length_get_a_guess_that_is_called_one(three: Taken, tmp_path: Path):
+    two = take(tmp_path / "two", three.world_from_camera[:2])
+    found = solved(two, tmp_path / "scene", Known())
+    assert found.photos[0].lens.focal == (256.0, 256.0)  # 0.8 * 320
+    assert "is a guess: 256 px for 320x240, 64 degrees across" in found.notes[-1]
+    assert found.unit == "unknown"
+    assert open_scene(tmp_path / "scene").unit == "unknown"
+
+
+def one_point_model():
+    """A camera at (1, 2, 3), turned by 90 degrees about y, that sees the world's point (4, 2.5, 3) at depth 3, 20 pixels below the middle."""
+    library = pycolmap()
+    model = library.Reconstruction()
+    camera = library.Camera(camera_id=1, model="SIMPLE_RADIAL", width=100, height=80, params=[120.0, 50.0, 40.0, 0.01])
+    model.add_camera_with_trivial_rig(camera)
+    turned = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # camera from world: the world's x is forward
+    image = library.Image(image_id=1, name="a.png", camera_id=1)
+    pose = library.Rigid3d(library.Rotation3d(turned), -turned @ np.array([1.0, 2, 3]))
+    model.add_image_with_trivial_frame(image, pose)
+    return model
+
+
+def test_colmaps_pixels_and_axes_are_ours_and_its_poses_are_inverted():
+    (photo,) = posed_photos(one_point_model(), ["a.png"])
+    np.testing.assert_allclose(photo.world_from_camera[:3, 3], [1, 2, 3], atol=1e-12)
+    np.testing.assert_allclose(photo.world_from_camera[:3, 2], [1, 0, 0], atol=1e-12)  # forward
+    # The middle of a picture of 100 x 80 is (50, 40) here and in COLMAP; OpenCV would have (49.5, 39.5).
+    assert photo.lens.centre == (50.0, 40.0)
+    assert photo.lens.size == (80, 100)
+    assert photo.lens.distortion == (0.01, 0.0, 0.0, 0.0, 0.0)
+    x = photo.world_from_camera[:3, :3].T @ (np.array([4.0, 2.5, 3]) - [1, 2, 3])
+    np.testing.assert_allclose(x, [0, 0.5, 3], atol=1e-12)  # below the axis, since y is down
+    np.testing.assert_allclose(120 * x[:2] / x[2] + [50, 40], [50, 60], atol=1e-12)
+
+
+def test_scaling_moves_cameras_and_keeps_their_rotation():
+    pose = np.array([[0.0, 0, 1, 2], [0, 1, 0, 4], [-1, 0, 0, 6], [0, 0, 0, 1]])
+    ours = scaled(pose, 0.5)
+    np.testing.assert_array_equal(ours[:3, 3], [1, 2, 3])
+    np.testing.assert_array_equal(ours[:3, :3], pose[:3, :3])
+    np.testing.assert_array_equal(pose[:3, 3], [2, 4, 6])
+
+
+def test_a_colmap_model_has_the_metres_and_the_same_cameras(in_two_metres: Solved, tmp_path: Path):
+    found = in_two_metres.solution
+    shutil.copytree(in_two_metres.folder / "images", tmp_path / "scene" / "images")
+    write_colmap(tmp_path / "scene", found)
+    scene = open_scene(tmp_path / "scene")
+    assert scene.layout == "COLMAP"
+    for frame, photo in zip(scene.frames, found.photos, strict=True):
+        np.testing.assert_allclose(frame.world_from_camera, photo.world_from_camera, atol=1e-9)
+    centres = [frame.world_from_camera[:3, 3] for frame in scene.frames]
+    assert np.linalg.norm(centres[2] - centres[0]) == pytest.approx(2.0)
+
+
+def test_a_distance_names_photos_that_were_registered(in_two_metres: Solved):
+    found = in_two_metres.solution
+    with pytest.raises(ValueError, match=r"no camera was estimated for 'p9'; there are p0\.png to p2\.png, or 0 to 2"):
+        in_metres(found, KnownDistance("p0", "p9", 1.0))
+    with pytest.raises(ValueError, match="taken from one place"):
+        in_metres(found, KnownDistance("p0", "p0", 1.0))
+    with pytest.raises(ValueError, match="expected more than 0"):
+        KnownDistance("p0", "p1", -1.0)
+
+
+def refused(folder: Path, tmp_path: Path) -> str:
+    (tmp_path / "scene").mkdir()
+    with pytest.raises(InputError) as caught:
+        write_scene(folder, tmp_path / "scene", *NO_LINE)
+    return caught.value.first_line
+
+
+def test_photos_of_other_places_do_not_overlap(tmp_path: Path):
+    take(tmp_path / "photos", poses_of(1))
+    rng = np.random.default_rng(5)
+    picture = cv2.resize(rng.integers(0, 255, (40, 53, 3)).astype(np.uint8), (320, 240))
+    write_png(tmp_path / "photos" / "q.png", picture)
+    line = refused(tmp_path / "photos", tmp_path)
+    assert "too little overlap (2 photos); take photos that share at least half" in line
+
+
+def test_a_camera_that_only_turned_is_refused(tmp_path: Path):
+    poses = poses_of(3)
+    poses[:, :3, 3] = 0
+    line = refused(take(tmp_path / "photos", poses).folder, tmp_path)
+    assert "only turned" in line
+    assert "step sideways" in line
+
+
+def test_blank_walls_are_refused(tmp_path: Path):
+    (tmp_path / "photos").mkdir()
+    shade = np.tile(np.linspace(60, 200, 320), (240, 1))
+    for index in range(2):
+        write_png(tmp_path / "photos" / f"{index}.png", np.repeat((shade + index)[..., None], 3, -1).astype(np.uint8))
+    assert "too little detail in them (2 photos)" in refused(tmp_path / "photos", tmp_path)
+
+
+def test_a_texture_that_repeats_is_refused(tmp_path: Path):
+    tile = np.random.default_rng(3).integers(0, 255, (20, 20, 3)).astype(np.uint8)
+    wall = np.tile(cv2.resize(tile, (40, 40), interpolation=cv2.INTER_CUBIC), (9, 11, 1))
+    (tmp_path / "photos").mkdir()
+    for index, (row, column) in enumerate(((0, 0), (7, 13))):
+        write_png(
+            tmp_path / "photos" / f"{index}.png", np.ascontiguousarray(wall[row : row + 240, column : column + 320])
+        )
+    assert "a texture that repeats" in refused(tmp_path / "photos", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("machine", "said"), [("x86_64", r"pip install '\.\[sfm\]'"), ("aarch64", r"transforms\.json")]
+)
+def test_without_pycolmap_the_error_says_what_to_do(monkeypatch, three: Taken, tmp_path: Path, machine: str, said: str):
+    monkeypatch.setitem(sys.modules, "pycolmap", None)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    with pytest.raises(ImportError, match=said):
+        write_scene(three.folder, tmp_path, Known(), lambda line: None)
+
+
+def test_planes_of_the_test_scene_are_at_several_depths():
+    assert len({depth for _, depth, _ in PLANES}) == 4
