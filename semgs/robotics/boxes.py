@@ -1,0 +1,77 @@
+"""Upright boxes: turned about gravity only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from semgs.robotics.libraries import box_library
+
+HEIGHTS = (2.0, 98.0)
+"""Percentiles of the heights of points between which a box lies."""
+
+FLAT = 1e-6
+"""Points whose plan is narrower than this share of its length are on a line."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box that stands upright.
+
+    Attributes:
+        centre: [m].
+        size: length, width and height; length >= width [m].
+        yaw: from the x axis to the length of the box, anticlockwise seen from above, -pi/2 to pi/2 [rad].
+    """
+
+    centre: tuple[float, float, float]
+    size: tuple[float, float, float]
+    yaw: float
+
+    @property
+    def axes(self) -> Float64[np.ndarray, "3 3"]:
+        """The directions of length, width and height, in columns."""
+        cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
+        return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+    @property
+    def corners(self) -> Float64[np.ndarray, "8 3"]:
+        """The corners: bit 0 of the index is the side along the length, bit 1 along the width, bit 2 along the height [m]."""
+        signs = np.array([[-1.0 if not index >> axis & 1 else 1.0 for axis in range(3)] for index in range(8)])
+        return signs * np.array(self.size) / 2 @ self.axes.T + self.centre
+
+    def distance(self, point: Float64[np.ndarray, " 3"]) -> float:
+        """From a point to the nearest point of the box; 0 inside [m]."""
+        inside = np.abs((point - self.centre) @ self.axes) - np.array(self.size) / 2
+        return float(np.linalg.norm(inside.clip(min=0)))
+
+
+def box_of(points: Float64[np.ndarray, "n 3"]) -> Box:
+    """The box of some points: the smallest rectangle around their plan, between the percentiles `HEIGHTS` of their heights.
+
+    Args:
+        points: with z up [m]; at least one.
+
+    Raises:
+        ImportError: trimesh is not installed.
+    """
+    low, high = np.percentile(points[:, 2], HEIGHTS)
+    x, y, length, width, yaw = _rectangle(points[:, :2])
+    yaw = (yaw + np.pi / 2) % np.pi - np.pi / 2
+    return Box((x, y, float(low + high) / 2), (length, width, float(high - low)), float(yaw))
+
+
+def _rectangle(plan: Float64[np.ndarray, "n 2"]) -> tuple[float, float, float, float, float]:
+    """x and y of the middle, length, width and yaw of the smallest rectangle around points."""
+    middle = plan.mean(0)
+    _, extents, directions = np.linalg.svd(plan - middle, full_matrices=False)
+    if len(plan) < 3 or extents[-1] <= FLAT * extents[0]:  # no hull: a point or a line
+        along = (plan - middle) @ directions[0]
+        x, y = middle + directions[0] * (along.min() + along.max()) / 2
+        return float(x), float(y), float(np.ptp(along)), 0.0, float(np.arctan2(directions[0, 1], directions[0, 0]))
+    box_from_plan, (length, width) = box_library().oriented_bounds_2D(plan)
+    turn = box_from_plan[:2, :2]
+    x, y = -turn.T @ box_from_plan[:2, 2]
+    return float(x), float(y), float(length), float(width), float(np.arctan2(turn[0, 1], turn[0, 0]))
