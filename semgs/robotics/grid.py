@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int8, Int64, UInt8
+from scipy.ndimage import binary_closing
 from torch import Tensor
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
@@ -101,6 +102,7 @@ def occupancy(
     step: float = 0.1,
     height: float = 1.5,
     reach: float = 5.0,
+    narrowest: float = 0.2,
     min_opacity: float = 0.1,
 ) -> Occupancy:
     """Find free, occupied and unknown space.
@@ -117,6 +119,7 @@ def occupancy(
         step: what is lower above the floor is no obstacle [m].
         height: of the robot; what is higher is no obstacle [m].
         reach: of the rays; what is further from its camera is not used [m].
+        narrowest: gaps between obstacles that are not wider than this are unknown instead of free, because points on a surface can be as far apart [m].
         min_opacity: Gaussians that are more transparent are not used.
 
     Raises:
@@ -157,7 +160,7 @@ def occupancy(
     seen_floor = np.abs(points[:, 2] - floor) <= step if on_floor is None else on_floor
     shown = np.bincount(hits[seen_floor[inside]], minlength=freed.size).reshape(shape) > 0
     blocked = occupied[:, :, band].any(-1)
-    clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~blocked
+    clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~closed(blocked, narrowest / resolution)
     cells = np.select([blocked, clear], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
     voxels = np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
     named = _named(hits, weights[inside], None if labels is None else labels[inside], occupied)
@@ -218,6 +221,19 @@ def floor_height(
     order = np.argsort(heights[around])
     shares = np.cumsum(weights[around][order])
     return float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
+
+
+def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "x y"]:
+    """The blocked cells and the gaps between them into which no disc of this diameter fits (a morphological closing).
+
+    Args:
+        blocked: the plan.
+        width: diameter of the disc [cells].
+    """
+    reach = int(width / 2)
+    offsets = np.arange(-reach, reach + 1)
+    disc = np.hypot(offsets[:, None], offsets) <= width / 2
+    return binary_closing(np.pad(blocked, reach), disc)[reach or None : -reach or None, reach or None : -reach or None]
 
 
 def _labels(gaussians: Gaussians, classes: ClassTable | None) -> Int64[np.ndarray, " g"] | None:

@@ -148,5 +148,5 @@ def _groups(
     return found.labels_[owners].astype(np.int64)
 
 
-CORE = 5.0
+CORE = 5
 """A point is inside a group if the opacities around it sum to this."""
