@@ -231,9 +231,7 @@ def true_floor(drawn: Drawn, found: Occupancy) -> TrueFloor:
     points = back_project(views.depths.double(), views.cameras).numpy()
     known = (views.depths > 0).numpy() & (points[..., 2] > STEP) & (points[..., 2] < HEIGHT)
     is_wall = known & (views.labels == SCANNET20.index("wall")).numpy()
-    return TrueFloor(
-        occupied, free, free & seen.reshape(free.shape), cells(points[is_wall]), cells(points[known])
-    )
+    return TrueFloor(occupied, free, free & seen.reshape(free.shape), cells(points[is_wall]), cells(points[known]))
 
 
 def plan_overlap(one: Box, other: Box) -> float:
@@ -354,7 +352,9 @@ def _matched(pairs: list[tuple[float, int, int]], least: float) -> list[tuple[fl
 def picture(found: Occupancy, truth: TrueFloor) -> np.ndarray:
     """Found beside true, three pixels a cell: white free, black occupied, grey unknown; in the truth, dark grey is free but unseen."""
     left = np.select([found.cells == FREE, found.cells == OCCUPIED], [254, 0], 160)
-    right = np.select([truth.seen_free, truth.free, truth.occupied & truth.seen_occupied, truth.occupied], [254, 200, 0, 70], 160)
+    right = np.select(
+        [truth.seen_free, truth.free, truth.occupied & truth.seen_occupied, truth.occupied], [254, 200, 0, 70], 160
+    )
     both = np.concatenate((left, np.full((len(left), 4), 120), right), 1)[::-1].astype(np.uint8)
     return both.repeat(3, 0).repeat(3, 1)
 
@@ -388,17 +388,35 @@ def main() -> None:
             if arguments.pictures:
                 arguments.pictures.mkdir(exist_ok=True)
                 write_png(arguments.pictures / f"{index:02d}_{source}.png", picture(found, truth))
-    names = ("free floor", "walls", "occupied called free", "seen occupied called free", "free called occupied", "outside called free")
+    names = (
+        "free floor",
+        "walls",
+        "occupied called free",
+        "seen occupied called free",
+        "free called occupied",
+        "outside called free",
+    )
     print(f"| depth | {' | '.join(names)} | rooms without floor |\n|{' --- |' * (len(names) + 2)}")
     for source, score in scores.items():
-        print(f"| {source} | {' | '.join(f'{score.share(name):.1%}' for name in names)} | {score.counts['no floor']:.0f} |")
-    print("\n| depth | PQ | recall | precision | true | found | size, median cm | centre, median cm |\n|" + " --- |" * 8)
+        print(
+            f"| {source} | {' | '.join(f'{score.share(name):.1%}' for name in names)} | {score.counts['no floor']:.0f} |"
+        )
+    print(
+        "\n| depth | PQ | recall | precision | true | found | size, median cm | centre, median cm |\n|" + " --- |" * 8
+    )
     for source, score in scores.items():
         quality = np.mean([score.panoptic(name) for name in score.classes])
         true, found_count, boxes = score.sum("true"), score.sum("found"), score.sum("box")
         errors = f"{np.median(score.sizes or [np.nan]):.0f} | {np.median(score.distances or [np.nan]):.0f}"
-        print(f"| {source} | {quality:.3f} | {boxes / true:.2f} | {boxes / max(found_count, 1):.2f} | {true:.0f} | {found_count:.0f} | {errors} |")
-    print("\n| class | true | " + " | ".join(f"{source}: PQ, recall, precision" for source in SOURCES) + " |\n|" + " --- |" * 5)
+        print(
+            f"| {source} | {quality:.3f} | {boxes / true:.2f} | {boxes / max(found_count, 1):.2f} | {true:.0f} | {found_count:.0f} | {errors} |"
+        )
+    print(
+        "\n| class | true | "
+        + " | ".join(f"{source}: PQ, recall, precision" for source in SOURCES)
+        + " |\n|"
+        + " --- |" * 5
+    )
     for name in scores["network"].classes:
         cells = [
             f"{score.panoptic(name):.2f}, {score.sum('box', name) / score.sum('true', name):.2f}, "

@@ -16,6 +16,13 @@ FLAT = 1e-6
 """Points whose plan is narrower than this share of its length are on a line."""
 
 
+SIGNS = np.array([[1.0 if index >> axis & 1 else -1.0 for axis in range(3)] for index in range(8)])
+"""The side on which each corner of a box is: bit 0 of its index along the length, bit 1 along the width, bit 2 along the height."""
+
+EDGES = tuple((index, index | 1 << axis) for axis in range(3) for index in range(8) if not index >> axis & 1)
+"""The pairs of corners that are joined by an edge."""
+
+
 @dataclass(frozen=True)
 class Box:
     """A box that stands upright.
@@ -38,9 +45,8 @@ class Box:
 
     @property
     def corners(self) -> Float64[np.ndarray, "8 3"]:
-        """The corners: bit 0 of the index is the side along the length, bit 1 along the width, bit 2 along the height [m]."""
-        signs = np.array([[-1.0 if not index >> axis & 1 else 1.0 for axis in range(3)] for index in range(8)])
-        return signs * np.array(self.size) / 2 @ self.axes.T + self.centre
+        """The corners, in the order of `SIGNS` [m]."""
+        return SIGNS * np.array(self.size) / 2 @ self.axes.T + self.centre
 
     def distance(self, point: Float64[np.ndarray, " 3"]) -> float:
         """From a point to the nearest point of the box; 0 inside [m]."""

@@ -134,7 +134,9 @@ def occupancy(
     points = gaussians.means.detach().cpu().double().numpy() @ level.T
     weights = gaussians.opacities.detach().cpu().double().numpy()
     labels = _labels(gaussians, classes)
-    on_floor = None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
+    on_floor = (
+        None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
+    )
     rays = _rays(gaussians, cameras, level, depths, depth_spread)
     floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
     near = _near(points, cameras, level, reach) & (weights >= min_opacity)
@@ -148,7 +150,9 @@ def occupancy(
     across, along = (np.floor(plan.max(0) / resolution) - low + 2).astype(int).tolist()
     shape = (across, along, layers)
     if np.prod(shape, dtype=float) > MOST_VOXELS:
-        raise ValueError(f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution or a smaller reach")
+        raise ValueError(
+            f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution or a smaller reach"
+        )
     origin = np.array([*(low * resolution), floor - below * resolution])
     freed = passes(*_until(rays, reach, origin, resolution), shape)
     inside, hits = _hits(points, weights, origin, resolution, shape)

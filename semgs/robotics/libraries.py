@@ -31,6 +31,16 @@ def box_library() -> ModuleType:
     return trimesh.bounds
 
 
+def check_object_libraries() -> None:
+    """Check that things can be found.
+
+    Raises:
+        ImportError: scikit-learn or trimesh is not installed.
+    """
+    clustering_library()
+    box_library()
+
+
 def _remedy(library: str) -> str:
     """How to install a library."""
     return f"finding things needs {library}: pip install '.[objects]' in SemGS's folder"

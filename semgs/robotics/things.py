@@ -7,7 +7,7 @@ the groups that are connected over gaps of at most `gap`. What is too small or t
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -22,6 +22,9 @@ from semgs.robotics.libraries import clustering_library
 
 STUFF = ("wall", "floor", "ceiling")
 """Classes that are no things: ScanNet's instances leave out the first two; other tables have the third."""
+
+CORE = 5
+"""A point is inside a group if the opacities around it sum to this."""
 
 FINER = 4
 """Voxels for clustering have a side of the gap divided by this."""
@@ -64,6 +67,19 @@ class Objects:
     instances: Int64[np.ndarray, " g"]
     level_from_world: Float64[np.ndarray, "3 3"]
 
+    def only(self, *, classes: Collection[str] = (), min_confidence: float = 0.0) -> Objects:
+        """Some of the things, with the numbers that they have.
+
+        Args:
+            classes: their names; empty for all.
+            min_confidence: the least confidence.
+        """
+        kept = tuple(
+            one for one in self.things if one.confidence >= min_confidence and (not classes or one.name in classes)
+        )
+        numbers = [thing.instance for thing in kept]
+        return replace(self, things=kept, instances=np.where(np.isin(self.instances, numbers), self.instances, 0))
+
 
 def objects(
     gaussians: Gaussians,
@@ -75,7 +91,7 @@ def objects(
     stuff: Collection[str] = STUFF,
     gap: float = 0.1,
     min_opacity: float = 0.1,
-    min_gaussians: float = 60.0,
+    min_gaussians: float = 150.0,
     min_size: float = 0.1,
 ) -> Objects:
     """Find the things of a scene: connected groups of Gaussians of one class, each with a box that is turned about gravity only.
@@ -129,9 +145,7 @@ def objects(
     for instance, (label, members, box) in enumerate(boxed, 1):
         instances[members] = instance
         confidence = float(np.average(chances[members], weights=weights[members]))
-        things.append(
-            Thing(instance, label, classes.names[label], confidence, box, box.distance(eye), len(members))
-        )
+        things.append(Thing(instance, label, classes.names[label], confidence, box, box.distance(eye), len(members)))
     return Objects(tuple(things), instances, level)
 
 
@@ -146,7 +160,3 @@ def _groups(
     middles = np.stack([np.bincount(owners, weights * side) / sums for side in points.T], -1)
     found = cluster.DBSCAN(eps=gap, min_samples=CORE).fit(middles, sample_weight=sums)
     return found.labels_[owners].astype(np.int64)
-
-
-CORE = 5
-"""A point is inside a group if the opacities around it sum to this."""
