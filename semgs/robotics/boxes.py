@@ -9,8 +9,11 @@ from jaxtyping import Float64
 
 from semgs.robotics.libraries import box_library
 
-HEIGHTS = (2.0, 98.0)
-"""Percentiles of the heights of points between which a box lies."""
+INNER = (2.0, 98.0)
+"""Percentiles between which the sides of a box lie: a few points with wrong depth would make it much larger."""
+
+CLOSE = 1e-9
+"""Points on a percentile are inside, whatever rounding does [m]."""
 
 FLAT = 1e-6
 """Points whose plan is narrower than this share of its length are on a line."""
@@ -55,7 +58,9 @@ class Box:
 
 
 def box_of(points: Float64[np.ndarray, "n 3"]) -> Box:
-    """The box of some points: the smallest rectangle around their plan, between the percentiles `HEIGHTS` of their heights.
+    """The box of some points: the smallest rectangle around their plan, between percentiles of their heights.
+
+    Points outside of the percentiles `INNER` along either side of a first rectangle are left out of the plan.
 
     Args:
         points: with z up [m]; at least one.
@@ -63,21 +68,36 @@ def box_of(points: Float64[np.ndarray, "n 3"]) -> Box:
     Raises:
         ImportError: trimesh is not installed.
     """
-    low, high = np.percentile(points[:, 2], HEIGHTS)
-    x, y, length, width, yaw = _rectangle(points[:, :2])
-    yaw = (yaw + np.pi / 2) % np.pi - np.pi / 2
-    return Box((x, y, float(low + high) / 2), (length, width, float(high - low)), float(yaw))
+    low, high = np.percentile(points[:, 2], INNER)
+    first = _rectangle(points[:, :2])
+    local = points[:, :2] @ np.array([[np.cos(first.yaw), -np.sin(first.yaw)], [np.sin(first.yaw), np.cos(first.yaw)]])
+    least, most = np.percentile(local, INNER, axis=0)
+    inner = ((local >= least - CLOSE) & (local <= most + CLOSE)).all(1)
+    plan = _rectangle(points[inner, :2]) if inner.any() else first
+    yaw = (plan.yaw + np.pi / 2) % np.pi - np.pi / 2
+    return Box((plan.x, plan.y, float(low + high) / 2), (plan.length, plan.width, float(high - low)), float(yaw))
 
 
-def _rectangle(plan: Float64[np.ndarray, "n 2"]) -> tuple[float, float, float, float, float]:
-    """x and y of the middle, length, width and yaw of the smallest rectangle around points."""
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangle in the plan: its middle, sides and yaw [m, rad]."""
+
+    x: float
+    y: float
+    length: float
+    width: float
+    yaw: float
+
+
+def _rectangle(plan: Float64[np.ndarray, "n 2"]) -> Rectangle:
+    """The smallest rectangle around points."""
     middle = plan.mean(0)
     _, extents, directions = np.linalg.svd(plan - middle, full_matrices=False)
     if len(plan) < 3 or extents[-1] <= FLAT * extents[0]:  # no hull: a point or a line
         along = (plan - middle) @ directions[0]
         x, y = middle + directions[0] * (along.min() + along.max()) / 2
-        return float(x), float(y), float(np.ptp(along)), 0.0, float(np.arctan2(directions[0, 1], directions[0, 0]))
+        return Rectangle(float(x), float(y), float(np.ptp(along)), 0.0, float(np.arctan2(*directions[0, ::-1])))
     box_from_plan, (length, width) = box_library().oriented_bounds_2D(plan)
     turn = box_from_plan[:2, :2]
     x, y = -turn.T @ box_from_plan[:2, 2]
-    return float(x), float(y), float(length), float(width), float(np.arctan2(turn[0, 1], turn[0, 0]))
+    return Rectangle(float(x), float(y), float(length), float(width), float(np.arctan2(turn[0, 1], turn[0, 0])))
