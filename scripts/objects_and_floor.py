@@ -36,7 +36,7 @@ from semgs.geometry.cameras import back_project, project
 from semgs.model.encoding import Encoding
 from semgs.reconstruction.sensor import placed
 from semgs.robotics.boxes import Box, box_of
-from semgs.robotics.grid import FREE, OCCUPIED, NoFloorError, Occupancy
+from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, NoFloorError, Occupancy
 from semgs.robotics.things import STUFF, Objects
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.drawing.room import Room, build_room
@@ -234,6 +234,22 @@ def true_floor(drawn: Drawn, found: Occupancy) -> TrueFloor:
     return TrueFloor(occupied, free, free & seen.reshape(free.shape), cells(points[is_wall]), cells(points[known]))
 
 
+def unseen(room: Room) -> Occupancy:
+    """The plan of a room in which no floor was found: all unknown."""
+    across, along, _ = room.plan.size
+    resolution = 0.05
+    shape = (round(along / resolution) + 6, round(across / resolution) + 6)
+    return Occupancy(
+        cells=np.full(shape, UNKNOWN, np.int8),
+        voxels=np.full((1, *shape), UNKNOWN, np.int8),
+        labels=np.full((1, *shape), IGNORE, np.uint8),
+        origin=(-across / 2 - 3 * resolution, -along / 2 - 3 * resolution, 0.0),
+        resolution=resolution,
+        floor=0.0,
+        level_from_world=np.eye(3),
+    )
+
+
 def plan_overlap(one: Box, other: Box) -> float:
     """Area that two boxes share in the plan [m2]: the polygon of one is cut by the sides of the other."""
     polygon = one.corners[[0, 1, 3, 2], :2]
@@ -382,7 +398,7 @@ def main() -> None:
                 found = occupancy_of(scene, up, step=STEP, height=HEIGHT)
             except NoFloorError:
                 score.counts["no floor"] += 1
-                continue
+                found = unseen(drawn.room)
             truth = true_floor(drawn, found)
             score.add_floor(found, truth)
             if arguments.pictures:
