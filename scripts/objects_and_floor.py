@@ -17,6 +17,7 @@ With --pictures, writes the grids as PNG: found and true, side by side.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -54,6 +55,11 @@ STEP, HEIGHT, NEAR = 0.1, 1.5, 4.0
 
 SPACING = 0.02
 """Distance between the points that fill solids [m]."""
+
+CELLS = (
+    "free floor", "walls", "occupied called free", "seen occupied called free", "free called occupied", "outside called free",
+)  # fmt: skip
+"""Columns of the table of the floor: the share of true cells of a kind that are found as another, or as they are."""
 
 FEWEST = 60
 """A true thing shows at least as many Gaussians."""
@@ -401,21 +407,17 @@ def main() -> None:
                 found = unseen(drawn.room)
             truth = true_floor(drawn, found)
             score.add_floor(found, truth)
+            alone = Scores()
+            alone.add_floor(found, truth)
+            shares = ", ".join(f"{name} {alone.share(name):.1%}" for name in CELLS)
+            print(f"room {index}, {source}: floor {found.floor:.2f} m, {shares}", file=sys.stderr, flush=True)
             if arguments.pictures:
                 arguments.pictures.mkdir(exist_ok=True)
                 write_png(arguments.pictures / f"{index:02d}_{source}.png", picture(found, truth))
-    names = (
-        "free floor",
-        "walls",
-        "occupied called free",
-        "seen occupied called free",
-        "free called occupied",
-        "outside called free",
-    )
-    print(f"| depth | {' | '.join(names)} | rooms without floor |\n|{' --- |' * (len(names) + 2)}")
+    print(f"| depth | {' | '.join(CELLS)} | rooms without floor |\n|{' --- |' * (len(CELLS) + 2)}")
     for source, score in scores.items():
         print(
-            f"| {source} | {' | '.join(f'{score.share(name):.1%}' for name in names)} | {score.counts['no floor']:.0f} |"
+            f"| {source} | {' | '.join(f'{score.share(name):.1%}' for name in CELLS)} | {score.counts['no floor']:.0f} |"
         )
     print(
         "\n| depth | PQ | recall | precision | true | found | size, median cm | centre, median cm |\n|" + " --- |" * 8

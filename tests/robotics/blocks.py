@@ -59,6 +59,4 @@ def room_of_blocks(blocks=BLOCKS, unit: str = "metric", classes: bool = True) ->
 
 def turned(scene: SavedScene, matrix: torch.Tensor) -> SavedScene:
     """The scene in another frame."""
-    return replace(
-        scene, gaussians=gaussians_in(matrix, scene.gaussians), cameras=cameras_in(matrix, scene.cameras)
-    )
+    return replace(scene, gaussians=gaussians_in(matrix, scene.gaussians), cameras=cameras_in(matrix, scene.cameras))

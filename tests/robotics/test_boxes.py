@@ -24,7 +24,7 @@ def turned(points: np.ndarray, yaw: float) -> np.ndarray:
 
 @pytest.mark.parametrize("yaw", [30.0, -75.0])
 def test_a_turned_box_has_its_sides_and_its_yaw(yaw: float) -> None:
-    found = box_of(turned(lattice(2.0, 0.5, 0.8), yaw) + (3.0, -1.0, 0.4))
+    found = box_of(turned(lattice(2.0, 0.5, 0.8), yaw) + np.array((3.0, -1.0, 0.4)))
     assert found.size == pytest.approx((2.0, 0.5, 0.8))
     assert found.centre == pytest.approx((3.0, -1.0, 0.4))
     assert degrees(found.yaw) == pytest.approx(yaw)
@@ -47,7 +47,9 @@ def test_heights_are_from_the_2nd_to_the_98th_percentile() -> None:
 
 def test_points_on_a_line_and_a_single_point_have_boxes_without_width() -> None:
     line = np.linspace(0, 1, 50)[:, None] * (3.0, 4.0, 0.0)
-    assert box_of(line).size == pytest.approx((5 * 0.9592, 0.0, 0.0), abs=1e-3)  # 47 of 49 steps are inside the percentiles
+    assert box_of(line).size == pytest.approx(
+        (5 * 0.9592, 0.0, 0.0), abs=1e-3
+    )  # 47 of 49 steps are inside the percentiles
     assert degrees(box_of(line).yaw) == pytest.approx(degrees(np.arctan2(4, 3)))
     assert box_of(np.array([[1.0, 2.0, 3.0]])) == Box((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 0.0)
 

@@ -15,7 +15,9 @@ from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, NoFloorError, Occupancy
 
 def at(found: Occupancy, x: float, y: float) -> int:
     """The cell at a position."""
-    column, row = (int(np.floor((side - low) / found.resolution)) for side, low in zip((x, y), found.origin, strict=False))
+    column, row = (
+        int(np.floor((side - low) / found.resolution)) for side, low in zip((x, y), found.origin, strict=False)
+    )
     return int(found.cells[row, column])
 
 
@@ -40,7 +42,9 @@ def test_the_floor_is_free_the_wall_and_the_chair_are_occupied_and_their_shadows
     assert at(found, 3.0, -0.1) == FREE  # between the chairs
     assert at(found, 2.03, 0.5) == OCCUPIED  # the front of the first chair
     assert at(found, 4.03, -0.1) == OCCUPIED  # the wall
-    assert at(found, 2.9, 0.75) == UNKNOWN  # behind a chair: 0.78 m high and seen from 1.2 m, it hides 2.48 m / 1.2 m * 0.78 m behind it
+    assert (
+        at(found, 2.9, 0.75) == UNKNOWN
+    )  # behind a chair: 0.78 m high and seen from 1.2 m, it hides 2.48 m / 1.2 m * 0.78 m behind it
     assert at(found, 0.3, 0.0) == UNKNOWN  # below the camera, out of its picture
 
 
@@ -81,7 +85,10 @@ def test_a_world_that_lies_on_its_side_gives_the_same_plan_with_its_up(found: Oc
     moved = turned(scene, side)
     again = occupancy(moved.gaussians, moved.cameras, up=side[:3, 2].tolist())
     assert again.floor == pytest.approx(0, abs=1e-5)
-    for content, within in ((FREE, 0.08), (OCCUPIED, 0.2)):  # the grid is turned about z, so a thin wall takes other cells
+    for content, within in (
+        (FREE, 0.08),
+        (OCCUPIED, 0.2),
+    ):  # the grid is turned about z, so a thin wall takes other cells
         assert (again.cells == content).sum() == pytest.approx((found.cells == content).sum(), rel=within)
 
 
@@ -99,7 +106,9 @@ def test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths(found:
 
 
 def test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one() -> None:
-    heights = np.concatenate((np.full(300, 0.72), np.full(200, 0.03), np.full(10, -0.6)))  # a table, the floor, and noise
+    heights = np.concatenate(
+        (np.full(300, 0.72), np.full(200, 0.03), np.full(10, -0.6))
+    )  # a table, the floor, and noise
     weights, eyes = np.ones(510), np.array([1.2])
     assert floor_height(heights, weights, eyes) == pytest.approx(0.03)
     assert floor_height(heights, weights, eyes, heights < 0.5) == pytest.approx(0.03)
@@ -132,6 +141,6 @@ def test_arguments_out_of_range_are_refused() -> None:
             occupancy(scene.gaussians, scene.cameras, **options)
     with pytest.raises(ValueError, match="use a larger resolution"):
         occupancy(scene.gaussians, scene.cameras, resolution=0.001)
+    two = replace(SCANNET20, name="two", names=("a", "floor"), colours=((0, 0, 0),) * 2, raw_ids=(1, 2))
     with pytest.raises(ValueError, match="expected the 2 of table two"):
-        two = replace(SCANNET20, name="two", names=("a", "floor"), colours=((0, 0, 0),) * 2, raw_ids=(1, 2))
         occupancy(scene.gaussians, scene.cameras, classes=two)

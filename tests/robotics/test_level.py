@@ -6,7 +6,9 @@ import pytest
 from semgs.robotics.level import level_from_world
 
 
-@pytest.mark.parametrize("up", [(0.0, 0.0, 2.0), (0.6, 0.0, 0.8), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (0.3, -0.4, -0.5)])
+@pytest.mark.parametrize(
+    "up", [(0.0, 0.0, 2.0), (0.6, 0.0, 0.8), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (0.3, -0.4, -0.5)]
+)
 def test_up_becomes_z_by_a_rotation(up: tuple[float, float, float]) -> None:
     rotation = level_from_world(up)
     np.testing.assert_allclose(rotation @ up, (0, 0, np.linalg.norm(up)), atol=1e-12)

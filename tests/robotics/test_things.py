@@ -23,7 +23,9 @@ def gaussians_at(points: np.ndarray, labels: np.ndarray, share: float = 0.8) -> 
     """Opaque Gaussians at points, each with a likeliest class."""
     features = torch.full((len(points), 20), (1 - share) / 19)
     features[torch.arange(len(points)), torch.from_numpy(labels)] = share
-    shape = Appearance(torch.tensor([1.0, 0, 0, 0]).expand(len(points), 4), torch.full((len(points), 3), 0.01), features)
+    shape = Appearance(
+        torch.tensor([1.0, 0, 0, 0]).expand(len(points), 4), torch.full((len(points), 3), 0.01), features
+    )
     colour = replace(shape, features=torch.zeros(len(points), 1, 3))
     return Gaussians(torch.from_numpy(points).float(), torch.full((len(points),), 0.8), colour, shape)
 
