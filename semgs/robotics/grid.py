@@ -41,6 +41,9 @@ THICK = 0.1
 LEAST_FLOOR = 0.01
 """The floor has at least this share of the opacity of all points."""
 
+MOST_BELOW, FAR_BELOW = 0.05, 0.2
+"""A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
+
 LOWEST_PEAK = 0.4
 """Without classes, the floor is the lowest level with this share of the points of the fullest one."""
 
@@ -224,7 +227,12 @@ def floor_height(
     around = may & (np.abs(heights - lowest - (peak + 0.5) * BIN) <= THICK)
     order = np.argsort(heights[around])
     shares = np.cumsum(weights[around][order])
-    return float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
+    floor = float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
+    if (below := weights[heights < floor - FAR_BELOW].sum() / weights.sum()) > MOST_BELOW:
+        raise NoFloorError(
+            f"no floor was found: {below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong"
+        )
+    return floor
 
 
 def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "x y"]:

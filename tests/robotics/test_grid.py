@@ -112,7 +112,11 @@ def test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_low
     weights, eyes = np.ones(510), np.array([1.2])
     assert floor_height(heights, weights, eyes) == pytest.approx(0.03)
     assert floor_height(heights, weights, eyes, heights < 0.5) == pytest.approx(0.03)
-    assert floor_height(heights, weights, eyes, heights > 0.5) == pytest.approx(0.72)
+    with pytest.raises(NoFloorError, match="41% of the Gaussians are below what looks most like one"):
+        floor_height(
+            heights, weights, eyes, heights > 0.5
+        )  # a table that has the class of a floor: 210 of 510 are below it
+    assert floor_height(heights, np.where(heights < 0.5, 0.05, 1.0), eyes, heights > 0.5) == pytest.approx(0.72)
     with pytest.raises(NoFloorError, match="fewer than 1% of the Gaussians are below the cameras with the class floor"):
         floor_height(heights, weights, eyes, heights > 5)
     with pytest.raises(NoFloorError, match="below the cameras"):
