@@ -21,7 +21,7 @@ PHRASES = (
 
 PAGES = (
     "README.md", "docs/CONTRIBUTING.md", "CHANGELOG.md", "docs/benchmarks.md", "docs/conventions.md", "docs/experiments.md", "docs/method.md",
-    "docs/rooms.md", "docs/segmenters.md", "docs/train.md",
+    "docs/robots.md", "docs/rooms.md", "docs/segmenters.md", "docs/train.md",
 )  # fmt: skip
 """The pages that have been read for such phrases."""
 

@@ -41,6 +41,9 @@ THICK = 0.1
 LEAST_FLOOR = 0.01
 """The floor has at least this share of the opacity of all points."""
 
+UNEVEN = 0.3
+"""Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
+
 MOST_BELOW, FAR_BELOW = 0.05, 0.2
 """A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
 
@@ -159,6 +162,8 @@ def occupancy(
     origin = np.array([*(low * resolution), floor - below * resolution])
     freed = passes(*_until(rays, reach, origin, resolution), shape)
     inside, hits = _hits(points, weights, origin, resolution, shape)
+    if on_floor is not None:
+        on_floor &= np.abs(points[:, 2] - floor) <= UNEVEN
     obstacle = np.ones(len(points), bool) if on_floor is None else ~on_floor
     hit = np.bincount(hits[obstacle[inside]], weights[inside][obstacle[inside]], minlength=freed.size).reshape(shape)
     occupied = (hit >= FEWEST_HITS) & (hit >= HIT_SHARE * freed)
