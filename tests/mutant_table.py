@@ -1549,11 +1549,11 @@ MUTANTS = (
     Mutant(
         "the first row of a map has the smallest y", "semgs/export/map_files.py",
         "grey[::-1].tobytes()", "grey.tobytes()",
-        ("tests/export/test_map_files.py::test_a_map_of_3x4_cells_has_these_bytes",),
+        ("tests/export/test_maps_for_robots.py::test_a_map_of_3x4_cells_has_these_bytes",),
     ),
     Mutant(
         "the free_thresh of other files", "semgs/export/map_files.py",
         "OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196", "OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.25",
-        ("tests/export/test_map_files.py::test_map_server_gets_our_grid_back_cell_for_cell",),
+        ("tests/export/test_maps_for_robots.py::test_map_server_gets_our_grid_back_cell_for_cell",),
     ),
 )  # fmt: skip
