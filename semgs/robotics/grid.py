@@ -171,7 +171,7 @@ def occupancy(
     band = slice(2 * below, None)
     seen_floor = np.abs(points[:, 2] - floor) <= step if on_floor is None else on_floor
     shown = np.bincount(hits[seen_floor[inside]], minlength=freed.size).reshape(shape) > 0
-    blocked = occupied[:, :, band].any(-1)
+    blocked = np.asarray(occupied[:, :, band].any(-1))
     clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~closed(blocked, narrowest / resolution)
     cells = np.select([blocked, clear], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
     voxels = np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
@@ -332,11 +332,9 @@ def _named(
     occupied: Bool[np.ndarray, "x y z"],
 ) -> UInt8[np.ndarray, "x y z"]:
     """The class with the largest sum of opacities in each occupied voxel."""
-    named = np.full(occupied.size, IGNORE, np.uint8)
+    flat = np.full(occupied.size, IGNORE, np.uint8)
     if labels is not None and len(hits):
         pairs, owners = np.unique(np.stack((hits, labels)), axis=1, return_inverse=True)
         order = np.argsort(np.bincount(owners.reshape(-1), weights), kind="stable")
-        named[pairs[0][order]] = pairs[1][order]  # the last, with the largest sum, stays
-    named = named.reshape(occupied.shape)
-    named[~occupied] = IGNORE
-    return named
+        flat[pairs[0][order]] = pairs[1][order]  # the last, with the largest sum, stays
+    return np.where(occupied, flat.reshape(occupied.shape), IGNORE).astype(np.uint8)
