@@ -151,11 +151,8 @@ class SceneSplats:
             tint: strength of the class colours over the photos' colours, 0..1, if the mode is colour.
         """
         gaussians = self.scene.gaussians
-        shape = (
-            (gaussians.semantic or gaussians.colour)
-            if mode in ("classes", "confidence", "things")
-            else gaussians.colour
-        )
+        semantic = gaussians.semantic or gaussians.colour
+        shape = semantic if mode in ("classes", "confidence", "things") else gaussians.colour
         return SplatArrays(
             centres=self.scale * gaussians.means.numpy(),
             covariances=_covariances(shape, self.scale),
