@@ -16,20 +16,26 @@ if TYPE_CHECKING:
     from semgs.geometry.gaussians import Gaussians
     from semgs.rendering.render import render
     from semgs.rendering.temperatures import tempered
+    from semgs.robotics.grid import Occupancy, occupancy
+    from semgs.robotics.things import Objects, objects
     from semgs.weights.load import load
 
 __all__ = [
-    "Cameras", "Gaussians", "SavedScene", "Views", "load", "load_scene", "open_scene", "render", "save_ply", "save_scene", "save_semantic_ply",
-    "tempered",
+    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "objects", "occupancy", "open_scene", "render",
+    "save_ply", "save_scene", "save_semantic_ply", "tempered",
 ]  # fmt: skip
 
 _HOMES = {
     "Cameras": "semgs.geometry.cameras",
     "Gaussians": "semgs.geometry.gaussians",
+    "Objects": "semgs.robotics.things",
+    "Occupancy": "semgs.robotics.grid",
     "SavedScene": "semgs.export.scene",
     "Views": "semgs.data.views",
     "load": "semgs.weights.load",
     "load_scene": "semgs.export.scene",
+    "objects": "semgs.robotics.things",
+    "occupancy": "semgs.robotics.grid",
     "open_scene": "semgs.data.scenes",
     "render": "semgs.rendering.render",
     "save_ply": "semgs.export.ply",

@@ -23,7 +23,7 @@ class Glb:
     @property
     def primitive(self) -> dict:
         """The only primitive of the only mesh."""
-        (mesh,) = self.content["meshes"]
+        mesh = self.content["meshes"][0]
         (primitive,) = mesh["primitives"]
         return primitive
 

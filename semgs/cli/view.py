@@ -10,7 +10,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -21,7 +21,12 @@ from semgs.cli.types import Count, Probability, Views, WeightsOrRandom, at_least
 from semgs.files.atomic import check_file, write_text
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
+from semgs.robotics.libraries import check_object_libraries
 from semgs.viewer.server import LOOPBACK, check_viewer_library
+
+if TYPE_CHECKING:
+    from semgs.export.scene import SavedScene
+    from semgs.robotics.things import Objects
 
 SCENE_FILE = "scene.safetensors"
 
@@ -38,6 +43,7 @@ class View:
     Examples
     - semgs view out/office
     - semgs view scans/office --views 3
+    - semgs view out/office --objects
     - semgs view out/office --html office.html
     """
 
@@ -51,6 +57,8 @@ class View:
     """Show at most this many Gaussians, the most opaque ones. A page has up to 10 MB per 100,000."""
     min_confidence: Probability = 0.0
     """Gaussians whose likeliest class is less likely than this are unknown."""
+    objects: bool = False
+    """Show things: the boxes of pieces of furniture, and a colour for each. The scene must be in metres; needs pip install '.[objects]'."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
     port: Annotated[int, one_word("INT", at_least(1))] = 8080
@@ -70,7 +78,7 @@ class View:
         Raises:
             InputError: the scene or the address cannot be used, or the page cannot be written.
             UsageError: an option is invalid.
-            ImportError: viser is not installed.
+            ImportError: viser, or for --objects scikit-learn or trimesh, is not installed.
         """
         existing_folder(self.scene)
         if self.port > LAST_PORT:
@@ -80,6 +88,8 @@ class View:
                 raise InputError(self.html, "a new file", "one that exists", advice="use --overwrite to replace it")
             check_file(self.html)
         check_viewer_library()
+        if self.objects:
+            check_object_libraries()
         with self._reconstructed() as folder:
             if self.html is None:
                 self._show(folder)
@@ -109,9 +119,29 @@ class View:
             scene = load_scene(path)
             photos = photos_in(path if path.is_dir() else path.parent, scene)
             at_most = self.max_gaussians or MOST_GAUSSIANS
-            write_text(file, scene_page(scene, photos, up=self.up, min_confidence=self.min_confidence, at_most=at_most))
+            page = scene_page(
+                scene,
+                photos,
+                up=self.up,
+                min_confidence=self.min_confidence,
+                at_most=at_most,
+                things=self._things(scene),
+            )
+            write_text(file, page)
         count = min(at_most, len(scene.gaussians))
         print(f"{file}: {count:,} of {len(scene.gaussians):,} Gaussians, {file.stat().st_size / 1e6:.1f} MB")
+
+    def _things(self, scene: SavedScene) -> Objects | None:
+        """The things of the scene, if they are to be shown."""
+        if not self.objects:
+            return None
+        from semgs.export.things import things_of
+        from semgs.export.upright import up_of
+
+        try:
+            return things_of(scene, up_of(scene, self.up))
+        except ValueError as error:
+            raise InputError(self.scene, "a scene in metres with classes for --objects", str(error)) from error
 
     def _show(self, path: Path) -> None:
         """Show the viewer until an interrupt."""
@@ -130,6 +160,7 @@ class View:
             up=self.up,
             min_confidence=self.min_confidence,
             at_most=self.max_gaussians,
+            things=self._things(scene),
             host=self.host,
             port=self.port,
         )

@@ -11,48 +11,64 @@ One mesh of one primitive of points; every attribute is a float32 array of its o
     COLOR_0                                        the constant colour and opacity in bytes, for viewers without the extension: they show points
 
 Ours are _CLASS, the position of the likeliest class in the table, and _CONFIDENCE. glTF aligns attributes to four bytes, so a float takes no more
-space than a smaller integer. The `extras` of the mesh contain the unit and the classes with their names and colours.
+space than a smaller integer. The `extras` of the mesh contain the unit and the classes with their names and colours. If things were searched, _INSTANCE is the number
+of the thing, 0 for none, and each thing is a node of its own with the edges of its box as lines, and `extras`.
 """
 
 from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Int64
 from torch import Tensor
 
 from semgs._version import __version__
 from semgs.export.confidence import class_confidences
 from semgs.export.ply import DEGREE_0
 from semgs.export.scene import SavedScene
+from semgs.export.things import PlacedThing
 from semgs.files.atomic import write_bytes
+from semgs.robotics.boxes import EDGES, SIGNS
 
 EXTENSION = "KHR_gaussian_splatting"
 
-_POINTS = 0
-_VERTICES = 34962  # the target of a buffer view: vertex attributes
-_COMPONENTS = {"float32": 5126, "uint8": 5121}
+_POINTS, _LINES = 0, 1
+_VERTICES, _INDICES = 34962, 34963  # the targets of buffer views
+_COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123}
+_THINNEST = 1e-4  # a node whose scale is 0 has no inverse [m]
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 
-def save_gltf(path: str | Path, scene: SavedScene, keep: Bool[Tensor, " g"] | None = None) -> None:
+def save_gltf(
+    path: str | Path,
+    scene: SavedScene,
+    keep: Bool[Tensor, " g"] | None = None,
+    boxes: Sequence[PlacedThing] = (),
+    instances: Int64[np.ndarray, " g"] | None = None,
+) -> None:
     """Write the colour Gaussians with their classes as a binary glTF file, in their order.
 
     Args:
         path: the file, *.glb.
         scene: upright, with y up, as `semgs.export.upright.upright(scene, "y").scene`.
         keep: the Gaussians to write; all by default.
+        boxes: things in the same frame, each written as a node with the edges of its box.
+        instances: the number of the thing that each Gaussian belongs to, for the attribute _INSTANCE.
 
     Raises:
         ValueError: there are no Gaussians to write; glTF cannot express that.
         OSError: the file cannot be written.
     """
-    attributes = {name: values if keep is None else values[keep.numpy()] for name, values in _attributes(scene).items()}
+    every = _attributes(scene)
+    if instances is not None:
+        every["_INSTANCE"] = instances[:, None].astype("<f4")
+    attributes = {name: values if keep is None else values[keep.numpy()] for name, values in every.items()}
     if not len(attributes["POSITION"]):
         raise ValueError("there are no Gaussians to write; a glTF file needs at least one")
     views: list[dict[str, Any]] = []
@@ -88,9 +104,67 @@ def save_gltf(path: str | Path, scene: SavedScene, keep: Bool[Tensor, " g"] | No
         "bufferViews": views,
         "buffers": [{"byteLength": len(body)}],
     }
+    if boxes:
+        body += _add_boxes(content, boxes, scene)
+        content["buffers"] = [{"byteLength": len(body)}]
     text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
     chunks = _chunk(b"JSON", text, b" ") + _chunk(b"BIN\0", body, b"\0")
     write_bytes(path, struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def _add_boxes(content: dict[str, Any], boxes: Sequence[PlacedThing], scene: SavedScene) -> bytes:
+    """Add a node for each box to the content of a file, and give what to append to its buffer: the unit cube, which all boxes share."""
+    corners, edges = (SIGNS / 2).astype("<f4"), np.array(EDGES, "<u2").reshape(-1)
+    start = content["buffers"][0]["byteLength"]
+    views, accessors = content["bufferViews"], content["accessors"]
+    position, index = len(accessors), len(accessors) + 1
+    for values, target in ((corners, _VERTICES), (edges, _INDICES)):
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": target})
+        start += values.nbytes
+    accessors.append(
+        {
+            "bufferView": len(views) - 2,
+            "componentType": _COMPONENTS["float32"],
+            "count": 8,
+            "type": "VEC3",
+            "min": [-0.5] * 3,
+            "max": [0.5] * 3,
+        }
+    )
+    accessors.append(
+        {"bufferView": len(views) - 1, "componentType": _COMPONENTS["uint16"], "count": len(edges), "type": "SCALAR"}
+    )
+    labels = sorted({one.thing.label for one in boxes})
+    meshes = {label: len(content["meshes"]) + number for number, label in enumerate(labels)}
+    content["materials"] = []
+    for number, label in enumerate(labels):
+        colour = (0, 0, 0) if scene.classes is None else scene.classes.colours[label]
+        linear = [round((side / 255) ** 2.2, 4) for side in colour]
+        content["materials"].append(
+            {"pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}}
+        )
+        primitive = {"mode": _LINES, "attributes": {"POSITION": position}, "indices": index, "material": number}
+        content["meshes"].append({"primitives": [primitive]})
+    for one in boxes:
+        w, x, y, z = one.quaternion
+        thing = one.thing
+        content["nodes"].append(
+            {
+                "name": f"{thing.name} {thing.instance}",
+                "mesh": meshes[thing.label],
+                "translation": one.centre.tolist(),
+                "rotation": [x, y, z, w],
+                "scale": [max(side, _THINNEST) for side in thing.box.size],
+                "extras": {
+                    "instance": thing.instance,
+                    "class": thing.name,
+                    "confidence": thing.confidence,
+                    "distance": thing.distance,
+                },
+            }
+        )
+    content["scenes"][0]["nodes"] = list(range(len(content["nodes"])))
+    return corners.tobytes() + edges.tobytes()
 
 
 def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Int64
 
 from semgs.data.classes import ClassTable
 from semgs.files.atomic import write_bytes
@@ -32,7 +33,7 @@ _SMALLEST_SCALE = 1e-20  # the log of 0, for a flat Gaussian, is not finite; thi
 _SMALLEST_OPACITY = 1e-7  # the same for the logits of 0 and 1
 
 
-def save_ply(path: str | Path, gaussians: Gaussians) -> None:
+def save_ply(path: str | Path, gaussians: Gaussians, instances: Int64[np.ndarray, " g"] | None = None) -> None:
     """Write the colour Gaussians as a plain 3DGS PLY, in their order.
 
     Opacities are clamped to 1e-7 from 0 and 1, where the logit is not finite, and scales to at least 1e-20.
@@ -40,12 +41,14 @@ def save_ply(path: str | Path, gaussians: Gaussians) -> None:
     Args:
         path: the file.
         gaussians: of one scene, without a batch axis.
+        instances: the number of the thing that each belongs to. It is written as one more property, `instance`, after the others: viewers that
+            read 62 floats by position cannot read such a file.
 
     Raises:
         ValueError: they have a batch axis, or a number is not finite.
         OSError: the file cannot be written.
     """
-    _write(path, gaussians, gaussians.colour)
+    _write(path, gaussians, gaussians.colour, instances)
 
 
 def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTable) -> None:
@@ -86,7 +89,9 @@ _NAMES = (
 """The properties in their order."""
 
 
-def _write(path: str | Path, gaussians: Gaussians, shape: Appearance) -> None:
+def _write(
+    path: str | Path, gaussians: Gaussians, shape: Appearance, instances: Int64[np.ndarray, " g"] | None = None
+) -> None:
     """Write positions and opacities with the shapes and harmonics of one branch."""
     if gaussians.means.ndim != 2:
         raise ValueError(f"means are {tuple(gaussians.means.shape)}; a PLY holds one scene, expected [g 3]")
@@ -111,6 +116,9 @@ def _write(path: str | Path, gaussians: Gaussians, shape: Appearance) -> None:
     if not np.isfinite(rows).all():
         row, column = np.argwhere(~np.isfinite(rows))[0]
         raise ValueError(f"{_NAMES[column]} of Gaussian {row} is {rows[row, column]}; expected a finite number")
+    names = _NAMES
+    if instances is not None:
+        rows, names = np.column_stack((rows, instances)), (*_NAMES, "instance")
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
-    header += [f"property float {name}" for name in _NAMES] + ["end_header"]
+    header += [f"property float {name}" for name in names] + ["end_header"]
     write_bytes(path, "\n".join(header).encode() + b"\n" + rows.astype("<f4").tobytes())

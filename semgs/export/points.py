@@ -1,7 +1,8 @@
 """Point clouds: a point at the middle of each Gaussian, with colour, class and confidence.
 
 The PLY has float x y z, uchar red green blue, and float scalar_label and scalar_confidence, names that CloudCompare reads as scalar fields without asking.
-The `.mcap` is a ROS 2 bag with one sensor_msgs/PointCloud2, x y z, packed rgb, label and confidence, for RViz and Foxglove.
+The `.mcap` is a ROS 2 bag with one sensor_msgs/PointCloud2, x y z, packed rgb, label and confidence, for RViz and Foxglove. If things were searched, both also have
+the number of the thing: scalar_instance and instance, 0 for none.
 """
 
 from __future__ import annotations
@@ -36,27 +37,30 @@ class Points:
         colours: red, green, blue, as the input view of each point sees it.
         labels: position in the class table; None without classes.
         confidences: 0..1, of the class, or of the depth without classes.
+        instances: the number of the thing that each belongs to, 0 for none; None if things were not searched.
     """
 
     means: Float[Tensor, "n 3"]
     colours: UInt8[Tensor, "n 3"]
     labels: Int64[Tensor, " n"] | None
     confidences: Float[Tensor, " n"]
+    instances: Int64[Tensor, " n"] | None = None
 
     def __len__(self) -> int:
         return len(self.means)
 
     def only(self, keep: Bool[Tensor, " n"]) -> Points:
         """Some of the points."""
-        labels = None if self.labels is None else self.labels[keep]
-        return Points(self.means[keep], self.colours[keep], labels, self.confidences[keep])
+        labels, instances = (None if one is None else one[keep] for one in (self.labels, self.instances))
+        return Points(self.means[keep], self.colours[keep], labels, self.confidences[keep], instances)
 
 
-def points_of(scene: SavedScene) -> Points:
+def points_of(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None = None) -> Points:
     """A point for each Gaussian, in their order.
 
     Args:
         scene: with all of its Gaussians.
+        instances: the number of the thing that each Gaussian belongs to.
     """
     gaussians = scene.gaussians
     return Points(
@@ -64,6 +68,7 @@ def points_of(scene: SavedScene) -> Points:
         colours=(255 * own_colours(scene)).round().to(torch.uint8),
         labels=None if gaussians.semantic is None else gaussians.semantic.features.argmax(-1),
         confidences=class_confidences(scene),
+        instances=None if instances is None else torch.from_numpy(instances),
     )
 
 
@@ -76,7 +81,10 @@ def save_points(path: str | Path, points: Points) -> None:
     named = dict(zip(("red", "green", "blue"), points.colours.numpy().T, strict=True))
     if points.labels is not None:
         named["scalar_label"] = points.labels.numpy().astype("<f4")
-    rows = _rows(points, **named, scalar_confidence=points.confidences.numpy())
+    named["scalar_confidence"] = points.confidences.numpy()
+    if points.instances is not None:
+        named["scalar_instance"] = points.instances.numpy().astype("<f4")
+    rows = _rows(points, **named)
     types = {"f": "float", "u": "uchar"}
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
     header += [f"property {types[rows.dtype[name].kind]} {name}" for name in rows.dtype.names or ()] + ["end_header"]
@@ -94,7 +102,10 @@ def save_bag(path: Path, points: Points) -> None:
     named = {"rgb": (red << 16 | green << 8 | blue).view("<f4")}  # the bits 0x00rrggbb, as PCL packs them
     if points.labels is not None:
         named["label"] = points.labels.numpy().astype("<f4")
-    rows = _rows(points, **named, confidence=points.confidences.numpy())
+    named["confidence"] = points.confidences.numpy()
+    if points.instances is not None:
+        named["instance"] = points.instances.numpy().astype("<f4")
+    rows = _rows(points, **named)
 
     def message(types: dict) -> object:
         field = types["sensor_msgs/msg/PointField"]

@@ -1,1 +1,1 @@
-"""What a robot needs from a reconstructed scene: things as boxes, and the floor that is free."""
+"""What a robot needs from a scene: things with their boxes, and the floor that is free."""

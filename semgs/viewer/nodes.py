@@ -1,4 +1,4 @@
-"""Scenes in viser: splats, input views and the first camera."""
+"""Scenes in viser: splats, input views, boxes of things and the first camera."""
 
 from __future__ import annotations
 
@@ -6,12 +6,23 @@ from collections.abc import Sequence
 from math import dist, tan
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from semgs.export.things import PlacedThing
 from semgs.export.upright import UpDirection
-from semgs.viewer.splats import SplatArrays
+from semgs.files.text import printable
+from semgs.robotics.boxes import EDGES, SIGNS
+from semgs.viewer.splats import SplatArrays, thing_colours
 from semgs.viewer.views import InputView, Triple
 
 if TYPE_CHECKING:
-    from semgs.viewer.server import CameraFrustumHandle, GaussianSplatHandle, ViserServer
+    from semgs.viewer.server import (
+        CameraFrustumHandle,
+        GaussianSplatHandle,
+        LabelHandle,
+        LineSegmentsHandle,
+        ViserServer,
+    )
 
 FRUSTUM_DEPTH = 0.5
 """Distance from the centre of an input view to its photo [the viewer's units]."""
@@ -51,6 +62,37 @@ def add_input_views(server: ViserServer, views: Sequence[InputView]) -> list[Cam
         )
         for index, view in enumerate(views)
     ]
+
+
+def add_boxes(
+    server: ViserServer, boxes: Sequence[PlacedThing], scale: float, visible: bool = True
+) -> list[LineSegmentsHandle | LabelHandle]:
+    """Add the box of each thing, in its colour, with a label.
+
+    Args:
+        server: the server.
+        boxes: in the scene's frame.
+        scale: the viewer's units per unit of the scene.
+        visible: whether to show them at first.
+    """
+    nodes: list[LineSegmentsHandle | LabelHandle] = []
+    for one in boxes:
+        name = f"{one.thing.name} {one.thing.instance}"
+        red, green, blue = thing_colours(np.array([one.thing.instance]))[0].tolist()
+        corners = (scale * one.corners).astype(np.float32)
+        path = f"/things/{node_name(name)}"
+        nodes.append(
+            server.scene.add_line_segments(
+                path, corners[np.array(EDGES)], (red, green, blue), thickness=0.03, visible=visible
+            )
+        )
+        top = corners[SIGNS[:, 2] > 0].mean(0)
+        nodes.append(
+            server.scene.add_label(
+                f"{path}/label", printable(name), position=top, visible=visible, anchor="bottom-center"
+            )
+        )
+    return nodes
 
 
 def set_first_camera(server: ViserServer, view: InputView, up: UpDirection) -> None:

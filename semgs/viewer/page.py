@@ -9,9 +9,11 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.export.scene import SavedScene
+from semgs.export.things import placed
 from semgs.export.upright import Up, up_of
 from semgs.files.text import printable
-from semgs.viewer.nodes import add_input_views, add_splats, node_name, set_first_camera
+from semgs.robotics.things import Objects
+from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, node_name, set_first_camera
 from semgs.viewer.server import serving
 from semgs.viewer.splats import Mode, SceneSplats
 from semgs.viewer.views import input_views
@@ -36,6 +38,7 @@ def scene_page(
     up: Up = "auto",
     min_confidence: float = 0.0,
     at_most: int = MOST_GAUSSIANS,
+    things: Objects | None = None,
 ) -> str:
     """A page that shows a scene without a network, a server or Python.
 
@@ -47,6 +50,7 @@ def scene_page(
         up: the direction that is up in the scene.
         min_confidence: Gaussians whose likeliest class is less likely are unknown.
         at_most: Gaussians of the page: the most opaque ones.
+        things: to show with their boxes, in a group "things".
 
     Raises:
         ImportError: viser is not installed.
@@ -62,6 +66,9 @@ def scene_page(
             for group in splats.groups:
                 add_splats(server, f"/{mode}/{node_name(group.name)}", whole.of(group.members))
         add_input_views(server, views)
+        if things is not None:
+            server.scene.add_frame("/things", show_axes=False)
+            add_boxes(server, placed(things), splats.scale)
         page = server.scene.as_html(dark_mode=True)
     page = page.replace(TITLE, f"<title>{escape(printable(scene.source))}</title>", 1)
     return page.replace("<body>", f"<body>{HINT}", 1)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
         GaussianSplatHandle,
         GuiCheckboxHandle,
         GuiEvent,
+        LabelHandle,
+        LineSegmentsHandle,
         SceneClickEvent,
         SceneNodePointerEvent,
         ViserServer,

@@ -20,8 +20,8 @@ from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.geometry.rotations import covariance
 from semgs.model.encoding import per_gaussian
 
-Mode = Literal["colour", "classes", "confidence", "depth"]
-"""What splats show: the photos' colours; the classes; the probability of the class; the depth in their own input view."""
+Mode = Literal["colour", "classes", "confidence", "depth", "things"]
+"""What splats show: the photos' colours; the classes; the probability of the class; the depth in their own input view; the thing that each belongs to."""
 
 TYPICAL_DEPTH = 10.0
 """The median depth of the input views in the viewer's units. Viewers store covariances in float16, which has its first normal number at a
@@ -29,6 +29,9 @@ standard deviation of 8 mm, is zero below 0.2 mm and ends at 255 m."""
 
 LARGEST_VARIANCE = 60_000.0
 """In the viewer's units; just below the largest float16."""
+
+GOLDEN = (5**0.5 - 1) / 2
+"""Multiples of it, modulo 1, spread evenly."""
 
 ALL = "scene"
 """The group of a scene without classes."""
@@ -80,6 +83,7 @@ class SceneSplats:
         colours: of each Gaussian as its own input view sees it.
         confidences: as `class_confidences`.
         depths: along the optical axis of its own input view [unit of the scene].
+        instances: the number of the thing that each Gaussian belongs to, 0 for none; None if things were not searched.
     """
 
     scene: SavedScene
@@ -89,15 +93,23 @@ class SceneSplats:
     colours: UInt8[np.ndarray, "g 3"]
     confidences: Float32[np.ndarray, " g"]
     depths: Float32[np.ndarray, " g"]
+    instances: Int64[np.ndarray, " g"] | None = None
 
     @classmethod
-    def of(cls, scene: SavedScene, min_confidence: float = 0.0, at_most: int | None = None) -> SceneSplats:
+    def of(
+        cls,
+        scene: SavedScene,
+        min_confidence: float = 0.0,
+        at_most: int | None = None,
+        instances: Int64[np.ndarray, " g"] | None = None,
+    ) -> SceneSplats:
         """The splats of a scene.
 
         Args:
             scene: the scene.
             min_confidence: Gaussians whose likeliest class is less likely are unknown.
             at_most: how many Gaussians the groups contain in total: the most opaque ones. None is all.
+            instances: the number of the thing that each Gaussian belongs to.
         """
         count = len(scene.gaussians)
         confidences = class_confidences(scene).numpy()
@@ -116,16 +128,15 @@ class SceneSplats:
             colours=_colours(scene),
             confidences=confidences,
             depths=depths,
+            instances=instances,
         )
 
     @property
     def modes(self) -> tuple[Mode, ...]:
         """What can be shown."""
-        return (
-            ("colour", "confidence", "depth")
-            if self.scene.classes is None
-            else ("colour", "classes", "confidence", "depth")
-        )
+        modes: tuple[Mode, ...] = ("colour", "classes", "confidence", "depth", "things")
+        missing = {"classes": self.scene.classes is None, "things": self.instances is None}
+        return tuple(mode for mode in modes if not missing.get(mode, False))
 
     @property
     def depth_limits(self) -> tuple[float, float]:
@@ -133,14 +144,15 @@ class SceneSplats:
         return depth_limits([self.scene.depths.numpy()])
 
     def splats(self, mode: Mode, tint: float = 0.0) -> SplatArrays:
-        """All Gaussians in a mode, each with the shape that belongs to it: of the semantic Gaussians for classes and confidence.
+        """All Gaussians in a mode, each with the shape that belongs to it: of the semantic Gaussians for classes, confidence and things.
 
         Args:
             mode: what the colours show.
             tint: strength of the class colours over the photos' colours, 0..1, if the mode is colour.
         """
         gaussians = self.scene.gaussians
-        shape = (gaussians.semantic or gaussians.colour) if mode in ("classes", "confidence") else gaussians.colour
+        semantic = gaussians.semantic or gaussians.colour
+        shape = semantic if mode in ("classes", "confidence", "things") else gaussians.colour
         return SplatArrays(
             centres=self.scale * gaussians.means.numpy(),
             covariances=_covariances(shape, self.scale),
@@ -160,6 +172,8 @@ class SceneSplats:
         """The colour of each Gaussian."""
         if mode == "depth":
             return depth_picture(self.depths[None], self.depth_limits)[0]
+        if mode == "things" and self.instances is not None:
+            return thing_colours(self.instances)
         if mode == "confidence":
             return heat_picture(self.confidences[None], (0.0, 1.0))[0]
         strength = 1.0 if mode == "classes" else tint
@@ -167,6 +181,14 @@ class SceneSplats:
             return self.colours
         palette = np.array([*self.scene.classes.colours, UNKNOWN_GREY], np.float32)
         return np.rint(self.colours + strength * (palette[self.labels] - self.colours)).astype(np.uint8)
+
+
+def thing_colours(instances: Int64[np.ndarray, " g"]) -> UInt8[np.ndarray, "g 3"]:
+    """A colour for each number of a thing; grey for 0. Hues a golden angle apart, so that things with close numbers differ."""
+    hues = (instances * GOLDEN % 1.0)[:, None]
+    waves = np.cos(2 * np.pi * (hues - np.arange(3) / 3))
+    colours = np.rint(140 + 100 * waves).astype(np.uint8)
+    return np.where(instances[:, None] == 0, np.array(UNKNOWN_GREY, np.uint8), colours)
 
 
 def _groups(

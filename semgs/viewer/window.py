@@ -16,6 +16,7 @@ from jaxtyping import UInt8
 
 from semgs.export.scene import SavedScene
 from semgs.export.stills import Stills
+from semgs.export.things import PlacedThing, placed
 from semgs.export.upright import Up, UpDirection, up_of
 from semgs.figures.classes import overlay
 from semgs.figures.depth import depth_bar, depth_ticks
@@ -25,8 +26,9 @@ from semgs.files.colours import heat_picture
 from semgs.files.text import printable
 from semgs.geometry.cameras import Cameras
 from semgs.rendering.rendering import label_maps
+from semgs.robotics.things import Objects
 from semgs.viewer import texts
-from semgs.viewer.nodes import add_input_views, add_splats, in_the_way, node_name, set_first_camera
+from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, in_the_way, node_name, set_first_camera
 from semgs.viewer.pick import pick
 from semgs.viewer.server import ANY_PORT, LOOPBACK, serving, url_of
 from semgs.viewer.splats import Mode, SceneSplats
@@ -49,7 +51,9 @@ RENDER_HEIGHT = 480
 RENDER_WIDTH = 420
 """Width of the panel with that image [px]."""
 
-MODES: dict[str, Mode] = {"Colour": "colour", "Classes": "classes", "Confidence": "confidence", "Depth": "depth"}
+MODES: dict[str, Mode] = {
+    "Colour": "colour", "Classes": "classes", "Confidence": "confidence", "Depth": "depth", "Things": "things",
+}  # fmt: skip
 """Names of the modes in the panel."""
 
 HINT = "Drag to turn, right-drag to move, scroll to zoom. Click the scene to see what is there, or an input view to fly to it."
@@ -68,6 +72,7 @@ def viewing(
     up: Up = "auto",
     min_confidence: float = 0.0,
     at_most: int | None = None,
+    things: Objects | None = None,
     host: str = LOOPBACK,
     port: int = ANY_PORT,
 ) -> Iterator[Window]:
@@ -79,15 +84,17 @@ def viewing(
         up: the direction that is up in the scene.
         min_confidence: Gaussians and pixels whose likeliest class is less likely are unknown.
         at_most: Gaussians in the viewer: the most opaque ones. None is all.
+        things: to show with their boxes.
         host, port: as for `serving`.
 
     Raises:
         ImportError: viser is not installed.
         InputError: it is not possible to listen on this address.
     """
-    splats = SceneSplats.of(scene, min_confidence, at_most)
+    splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
+    boxes = () if things is None else placed(things)
     with serving(host, port) as server:
-        yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence)
+        yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence, boxes)
 
 
 class Window:
@@ -105,6 +112,7 @@ class Window:
         views: Sequence[InputView],
         up: UpDirection,
         min_confidence: float,
+        boxes: Sequence[PlacedThing] = (),
     ) -> None:
         self._server, self._splats, self._views, self._min_confidence = server, splats, views, min_confidence
         self._metric = splats.scene.unit == "metric"
@@ -120,6 +128,7 @@ class Window:
             for group in splats.groups
         }
         self._frusta = add_input_views(server, views)
+        self._things = add_boxes(server, boxes, splats.scale)
         self._add_panel()
         server.scene.on_click()(self._clicked)
         for frustum, view in zip(self._frusta, views, strict=True):
@@ -168,6 +177,9 @@ class Window:
             flights.on_click(lambda event: self._fly(event.client, self._views[int(event.target.value) - 1]))
             self._inputs_control = gui.add_checkbox("Show inputs", True)
             self._inputs_control.on_update(self._inputs_box_clicked)
+            if self._things:
+                self._things_control = gui.add_checkbox("Show boxes of things", True)
+                self._things_control.on_update(self._things_box_clicked)
             button = gui.add_button(
                 "Render from here", hint="Render an image from this camera with SemGS's own renderer"
             )
@@ -204,6 +216,11 @@ class Window:
         """Show or hide the input views, as their checkbox says."""
         if event.client is not None:
             self._moved(event.client.camera)
+
+    def _things_box_clicked(self, event: object) -> None:
+        """Show or hide the boxes of things, as their checkbox says."""
+        for node in self._things:
+            node.visible = self._things_control.value
 
     def _connected(self, client: ClientHandle) -> None:
         """Follow the camera of a browser."""
@@ -291,4 +308,7 @@ class Window:
             rendering = scene.render(cameras)
             labels = label_maps(rendering, self._min_confidence)[0]
             return overlay(as_bytes(rendering.images[0]), labels, scene.classes, self._tint)
-        return next(Stills(scene, (self._mode,), self._min_confidence).images(cameras))[0]
+        content = (
+            "classes" if self._mode == "things" else self._mode
+        )  # things are a property of Gaussians, and are not rendered
+        return next(Stills(scene, (content,), self._min_confidence).images(cameras))[0]

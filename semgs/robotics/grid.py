@@ -1,0 +1,340 @@
+"""Occupancy: where a robot can drive, what it would hit, and what was not seen.
+
+Rays go from the cameras of the input views to the points that they see. A voxel that rays pass through is free, one that they end in is occupied, and all others are
+unknown. Heights are above the floor. A cell of the plan is
+
+- occupied if one of its voxels between the step height and the robot's height is;
+- free if it is not occupied and the floor is seen in it, or a ray passes through it below the step height;
+- unknown otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64, Int8, Int64, UInt8
+from scipy.ndimage import binary_closing
+from torch import Tensor
+
+from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.geometry.cameras import Cameras, back_project
+from semgs.geometry.gaussians import Gaussians
+from semgs.model.encoding import block_size, per_gaussian
+from semgs.robotics.carving import passes
+from semgs.robotics.level import level_from_world
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+"""What cells and voxels contain, as in ROS's nav_msgs/OccupancyGrid."""
+
+FLOOR = "floor"
+"""The class of the floor."""
+
+BIN = 0.02
+"""Width of the bins in which the floor is searched [m]."""
+
+THICK = 0.1
+"""Points within this of the floor are on it [m]."""
+
+LEAST_FLOOR = 0.01
+"""The floor has at least this share of the opacity of all points."""
+
+UNEVEN = 0.3
+"""Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
+
+MOST_BELOW, FAR_BELOW = 0.05, 0.2
+"""A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
+
+LOWEST_PEAK = 0.4
+"""Without classes, the floor is the lowest level with this share of the points of the fullest one."""
+
+MOST_VOXELS = 400_000_000
+"""More would not fit into the memory of a small machine."""
+
+
+class NoFloorError(ValueError):
+    """There is no floor in the scene, or not enough of it."""
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """Free, occupied and unknown space of a scene, in its level frame.
+
+    Attributes:
+        cells: the plan: UNKNOWN, FREE or OCCUPIED.
+        voxels: the same in space, from below the floor to the robot's height.
+        labels: the class of occupied voxels; 255 for others, and without classes.
+        origin: the corner of the first voxel, x, y and z [m].
+        resolution: side of cells and voxels [m].
+        floor: height of the floor [m].
+        level_from_world: from the frame of the Gaussians to the level frame, a rotation.
+    """
+
+    cells: Int8[np.ndarray, "y x"]
+    voxels: Int8[np.ndarray, "z y x"]
+    labels: UInt8[np.ndarray, "z y x"]
+    origin: tuple[float, float, float]
+    resolution: float
+    floor: float
+    level_from_world: Float64[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True)
+class Rays:
+    """What the cameras of the input views saw, in the level frame.
+
+    Attributes:
+        origins: where each ray starts [m].
+        ends: where it stops [m].
+        spread: standard deviation of the logarithm of its length.
+    """
+
+    origins: Float64[np.ndarray, "r 3"]
+    ends: Float64[np.ndarray, "r 3"]
+    spread: Float64[np.ndarray, " r"]
+
+
+def occupancy(
+    gaussians: Gaussians,
+    cameras: Cameras,
+    *,
+    resolution: float = 0.05,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    classes: ClassTable | None = SCANNET20,
+    depths: Float[Tensor, "v h w"] | None = None,
+    depth_spread: Float[Tensor, "v h w"] | None = None,
+    step: float = 0.1,
+    height: float = 1.5,
+    reach: float = 5.0,
+    narrowest: float = 0.2,
+    min_opacity: float = 0.1,
+) -> Occupancy:
+    """Find free, occupied and unknown space.
+
+    Args:
+        gaussians: of one scene in metres.
+        cameras: of the input views [v].
+        resolution: side of cells and voxels [m].
+        up: the direction that is up.
+        classes: the table of the Gaussians' classes, whose "floor" is the floor; None uses no classes.
+        depths: z-depth of every pixel of the input views, 0 = unknown [m]. Needed only if there is not one Gaussian for each pixel or block of
+            pixels, as in a merged scene.
+        depth_spread: standard deviation of the logarithm of depth of every pixel. Rays stop this much earlier, so that an uncertain depth frees less.
+        step: what is lower above the floor is no obstacle [m].
+        height: of the robot; what is higher is no obstacle [m].
+        reach: of the rays; what is further from its camera is not used [m].
+        narrowest: gaps between obstacles that are not wider than this are unknown instead of free, because points on a surface can be as far apart [m].
+        min_opacity: Gaussians that are more transparent are not used.
+
+    Raises:
+        NoFloorError: no floor was found.
+        ValueError: an argument is out of range, or the Gaussians do not belong to pixels of the views and there are no depths.
+    """
+    if not (0 < step < height and resolution > 0 and reach > 0):
+        raise ValueError(
+            f"step is {step}, height {height}, resolution {resolution} and reach {reach}; expected 0 < step < height, and positive others"
+        )
+    level = level_from_world(up)
+    points = gaussians.means.detach().cpu().double().numpy() @ level.T
+    weights = gaussians.opacities.detach().cpu().double().numpy()
+    labels = _labels(gaussians, classes)
+    on_floor = (
+        None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
+    )
+    rays = _rays(gaussians, cameras, level, depths, depth_spread)
+    floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
+    near = _near(points, cameras, level, reach) & (weights >= min_opacity)
+    points, weights = points[near], weights[near]
+    labels, on_floor = (None if one is None else one[near] for one in (labels, on_floor))
+
+    below = int(np.ceil(step / resolution))
+    layers = below + int(np.ceil(height / resolution - 1e-9))
+    plan = np.concatenate((points[:, :2], rays.origins[:, :2]))
+    low = np.floor(plan.min(0) / resolution) - 1
+    across, along = (np.floor(plan.max(0) / resolution) - low + 2).astype(int).tolist()
+    shape = (across, along, layers)
+    if np.prod(shape, dtype=float) > MOST_VOXELS:
+        raise ValueError(
+            f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution or a smaller reach"
+        )
+    origin = np.array([*(low * resolution), floor - below * resolution])
+    freed = passes(*_until(rays, reach, origin, resolution), shape)
+    inside, hits = _hits(points, weights, origin, resolution, shape)
+    if on_floor is not None:
+        on_floor &= np.abs(points[:, 2] - floor) <= UNEVEN
+    obstacle = np.ones(len(points), bool) if on_floor is None else ~on_floor
+    hit = np.bincount(hits[obstacle[inside]], weights[inside][obstacle[inside]], minlength=freed.size).reshape(shape)
+    occupied = (hit >= FEWEST_HITS) & (hit >= HIT_SHARE * freed)
+    free = (freed > 0) & ~occupied
+    band = slice(2 * below, None)
+    seen_floor = np.abs(points[:, 2] - floor) <= step if on_floor is None else on_floor
+    shown = np.bincount(hits[seen_floor[inside]], minlength=freed.size).reshape(shape) > 0
+    blocked = np.asarray(occupied[:, :, band].any(-1))
+    clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~closed(blocked, narrowest / resolution)
+    cells = np.select([blocked, clear], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
+    voxels = np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
+    named = _named(hits, weights[inside], None if labels is None else labels[inside], occupied)
+    return Occupancy(
+        cells=cells.T,
+        voxels=voxels.transpose(2, 1, 0),
+        labels=named.transpose(2, 1, 0),
+        origin=(float(origin[0]), float(origin[1]), float(origin[2])),
+        resolution=resolution,
+        floor=floor,
+        level_from_world=level,
+    )
+
+
+FEWEST_HITS = 0.5
+"""An occupied voxel has at least this sum of opacities."""
+
+HIT_SHARE = 0.05
+"""An occupied voxel has at least this sum of opacities for each ray that passes through it."""
+
+SPREADS = 1.0
+"""Rays stop this many standard deviations before their end."""
+
+
+def floor_height(
+    heights: Float64[np.ndarray, " n"],
+    weights: Float64[np.ndarray, " n"],
+    eyes: Float64[np.ndarray, " r"],
+    on_floor: Bool[np.ndarray, " n"] | None = None,
+) -> float:
+    """The height of the floor: of the fullest level of points that have its class, or without classes of the lowest full one. It is below all cameras.
+
+    Args:
+        heights: of points [m].
+        weights: their opacities.
+        eyes: heights of the cameras [m].
+        on_floor: whether each point has the class of the floor; None if unknown.
+
+    Raises:
+        NoFloorError: there is no such level.
+    """
+    may = heights < eyes.min() - THICK
+    if on_floor is not None:
+        may &= on_floor
+    if weights[may].sum() <= LEAST_FLOOR * weights.sum():
+        what = "below the cameras" if on_floor is None else "below the cameras with the class floor"
+        raise NoFloorError(f"no floor was found: fewer than {LEAST_FLOOR:.0%} of the Gaussians are {what}")
+    lowest = heights[may].min()
+    bins = ((heights[may] - lowest) / BIN).astype(np.int64)
+    width = round(THICK / BIN)
+    full = np.convolve(np.bincount(bins, weights[may]), np.ones(width), "same")
+    if on_floor is None:
+        peak = int(np.argmax(full >= LOWEST_PEAK * full.max()))
+        peak += int(np.argmax(full[peak : peak + width]))
+    else:
+        peak = int(np.argmax(full))
+    around = may & (np.abs(heights - lowest - (peak + 0.5) * BIN) <= THICK)
+    order = np.argsort(heights[around])
+    shares = np.cumsum(weights[around][order])
+    floor = float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
+    if (below := weights[heights < floor - FAR_BELOW].sum() / weights.sum()) > MOST_BELOW:
+        raise NoFloorError(
+            f"no floor was found: {below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong"
+        )
+    return floor
+
+
+def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "x y"]:
+    """The blocked cells and the gaps between them into which no disc of this diameter fits (a morphological closing).
+
+    Args:
+        blocked: the plan.
+        width: diameter of the disc [cells].
+    """
+    reach = int(width / 2)
+    offsets = np.arange(-reach, reach + 1)
+    disc = np.hypot(offsets[:, None], offsets) <= width / 2
+    return binary_closing(np.pad(blocked, reach), disc)[reach or None : -reach or None, reach or None : -reach or None]
+
+
+def _labels(gaussians: Gaussians, classes: ClassTable | None) -> Int64[np.ndarray, " g"] | None:
+    """The likeliest class of each Gaussian."""
+    if gaussians.semantic is None or classes is None:
+        return None
+    found = gaussians.semantic.features.shape[-1]
+    if found != len(classes):
+        raise ValueError(f"the Gaussians have {found} classes; expected the {len(classes)} of table {classes.name}")
+    return gaussians.semantic.features.detach().cpu().argmax(-1).numpy()
+
+
+def _rays(
+    gaussians: Gaussians,
+    cameras: Cameras,
+    level: Float64[np.ndarray, "3 3"],
+    depths: Float[Tensor, "v h w"] | None,
+    depth_spread: Float[Tensor, "v h w"] | None,
+) -> Rays:
+    """From each camera to its own Gaussians, or to the points at given depths if the Gaussians do not belong to pixels."""
+    (views,), count = cameras.batch, len(gaussians)
+    spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
+    try:
+        block_size(count, views, *cameras.size)
+    except ValueError:
+        if depths is None:
+            raise
+        ends = back_project(depths.double(), cameras)
+        known = depths > 0
+        origins = cameras.centres[:, None, None].expand(ends.shape)[known]
+        ends, spread = ends[known], spread[known]
+    else:
+        ends = gaussians.means.detach().double()
+        origins = cameras.centres.repeat_interleave(count // views, 0)
+        spread = per_gaussian(spread[:, None], count)[:, 0]
+    found = (one.cpu().double().numpy() for one in (origins, ends))
+    origins, ends = (one @ level.T for one in found)
+    return Rays(origins, ends, spread.cpu().double().numpy())
+
+
+def _near(
+    points: Float64[np.ndarray, "n 3"], cameras: Cameras, level: Float64[np.ndarray, "3 3"], reach: float
+) -> Bool[np.ndarray, " n"]:
+    """Whether points are within reach of a camera."""
+    near = np.zeros(len(points), bool)
+    for eye in cameras.centres.numpy() @ level.T:
+        near |= np.linalg.norm(points - eye, axis=-1) <= reach
+    return near
+
+
+def _until(
+    rays: Rays, reach: float, origin: Float64[np.ndarray, " 3"], resolution: float
+) -> tuple[Float64[np.ndarray, "r 3"], Float64[np.ndarray, "r 3"]]:
+    """Both ends of the parts of rays that are free, in voxels: up to `reach`, and to a voxel before their end or to where their depth is uncertain."""
+    along = rays.ends - rays.origins
+    lengths = np.linalg.norm(along, axis=-1)
+    free = np.minimum(lengths * np.exp(-SPREADS * rays.spread), lengths - resolution).clip(0, reach)
+    stops = rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]
+    return (rays.origins - origin) / resolution, (stops - origin) / resolution
+
+
+def _hits(
+    points: Float64[np.ndarray, "n 3"],
+    weights: Float64[np.ndarray, " n"],
+    origin: Float64[np.ndarray, " 3"],
+    resolution: float,
+    shape: tuple[int, int, int],
+) -> tuple[Int64[np.ndarray, " i"], Int64[np.ndarray, " i"]]:
+    """The points inside of the grid, and the voxel of each as a position in the flat grid."""
+    places = np.floor((points - origin) / resolution).astype(np.int64)
+    inside = np.flatnonzero(((places >= 0) & (places < shape)).all(-1))
+    return inside, np.ravel_multi_index(tuple(places[inside].T), shape)
+
+
+def _named(
+    hits: Int64[np.ndarray, " i"],
+    weights: Float64[np.ndarray, " i"],
+    labels: Int64[np.ndarray, " i"] | None,
+    occupied: Bool[np.ndarray, "x y z"],
+) -> UInt8[np.ndarray, "x y z"]:
+    """The class with the largest sum of opacities in each occupied voxel."""
+    flat = np.full(occupied.size, IGNORE, np.uint8)
+    if labels is not None and len(hits):
+        pairs, owners = np.unique(np.stack((hits, labels)), axis=1, return_inverse=True)
+        order = np.argsort(np.bincount(owners.reshape(-1), weights), kind="stable")
+        flat[pairs[0][order]] = pairs[1][order]  # the last, with the largest sum, stays
+    return np.where(occupied, flat.reshape(occupied.shape), IGNORE).astype(np.uint8)

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees
+
+import numpy as np
+import pytest
+import torch
+from blocks import room_of_blocks
+
+import semgs
+from semgs.data.classes import SCANNET20
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.robotics.things import objects
+
+pytest.importorskip("sklearn")
+pytest.importorskip("trimesh")
+
+CHAIR, WALL, TABLE = (SCANNET20.index(name) for name in ("chair", "wall", "table"))
+
+
+def gaussians_at(points: np.ndarray, labels: np.ndarray, share: float = 0.8) -> Gaussians:
+    """Opaque Gaussians at points, each with a likeliest class."""
+    features = torch.full((len(points), 20), (1 - share) / 19)
+    features[torch.arange(len(points)), torch.from_numpy(labels)] = share
+    shape = Appearance(
+        torch.tensor([1.0, 0, 0, 0]).expand(len(points), 4), torch.full((len(points), 3), 0.01), features
+    )
+    colour = replace(shape, features=torch.zeros(len(points), 1, 3))
+    return Gaussians(torch.from_numpy(points).float(), torch.full((len(points),), 0.8), colour, shape)
+
+
+def plank(yaw: float, middle: tuple[float, float, float]) -> np.ndarray:
+    """A lattice of 21 x 11 x 5 points, 1 m x 0.4 m x 0.2 m, turned about z [degrees]."""
+    axes = [np.linspace(-side / 2, side / 2, count) for side, count in ((1.0, 21), (0.4, 11), (0.2, 5))]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    a = np.radians(yaw)
+    return points @ np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]]) + middle
+
+
+def test_two_chairs_are_two_things_and_walls_are_none() -> None:
+    near, far = plank(30.0, (2.0, 0.0, 0.5)), plank(-20.0, (2.0, 1.5, 0.5))[:600]
+    wall = plank(90.0, (4.0, 0.0, 1.0))
+    points = np.concatenate((wall, far, near))
+    labels = np.repeat([WALL, CHAIR, CHAIR], [len(wall), len(far), len(near)])
+    found = objects(gaussians_at(points, labels))
+    first, second = found.things
+    assert (first.instance, first.name, first.count) == (1, "chair", 1155)
+    assert (second.instance, second.name, second.count) == (2, "chair", 600)
+    assert first.box.size == pytest.approx((1.0, 0.4, 0.2), abs=1e-5)
+    assert degrees(first.box.yaw) == pytest.approx(30.0, abs=1e-3)
+    assert first.confidence == pytest.approx(0.8, abs=1e-6)
+    np.testing.assert_array_equal(found.instances, np.repeat([0, 2, 1], [len(wall), len(far), len(near)]))
+
+
+def test_the_distance_is_to_the_nearest_point_of_the_box() -> None:
+    found = objects(gaussians_at(plank(0.0, (3.0, 0.0, 0.0)), np.full(1155, CHAIR)), seen_from=(0.5, 0.0, 0.0))
+    assert found.things[0].distance == pytest.approx(3.0 - 0.5 - 0.5, abs=1e-5)
+
+
+def test_boxes_turn_about_the_given_up_only() -> None:
+    upright = plank(30.0, (2.0, 0.5, 0.5))
+    lying = upright[:, [0, 2, 1]] * (1.0, -1.0, 1.0)  # y is down
+    found = objects(gaussians_at(lying, np.full(1155, CHAIR)), up=(0.0, -1.0, 0.0)).things[0]
+    assert found.box.size == pytest.approx((1.0, 0.4, 0.2), abs=1e-5)
+    assert found.box.centre[2] == pytest.approx(0.5, abs=1e-5)
+
+
+def test_small_transparent_and_thin_groups_are_no_things() -> None:
+    few = gaussians_at(plank(0.0, (2.0, 0.0, 0.0))[:180], np.full(180, CHAIR))  # opacities sum to 144
+    assert objects(few).things == ()
+    assert len(objects(few, min_gaussians=140.0).things) == 1
+    clear = gaussians_at(plank(0.0, (2.0, 0.0, 0.0)), np.full(1155, CHAIR))
+    assert objects(replace(clear, opacities=clear.opacities / 10)).things == ()
+    assert objects(clear, min_size=1.1).things == ()
+    assert objects(clear, stuff=("chair",)).things == ()
+
+
+def test_a_gap_splits_and_a_larger_gap_joins() -> None:
+    points = np.concatenate((plank(0.0, (0.0, 0.0, 0.0)), plank(0.0, (1.15, 0.0, 0.0))))  # 15 cm between them
+    gaussians = gaussians_at(points, np.full(2310, TABLE))
+    assert [len(objects(gaussians, gap=gap).things) for gap in (0.1, 0.2)] == [2, 1]
+
+
+def test_numbers_are_kept_by_a_selection() -> None:
+    points = np.concatenate((plank(0.0, (0.0, 0.0, 0.0)), plank(0.0, (3.0, 0.0, 0.0))[:900]))
+    found = objects(gaussians_at(points, np.repeat([CHAIR, TABLE], [1155, 900])))
+    tables = found.only(classes=("table",))
+    assert [thing.instance for thing in tables.things] == [2]
+    np.testing.assert_array_equal(np.unique(tables.instances, return_counts=True), ([0, 2], [1155, 900]))
+    assert found.only(min_confidence=0.9).things == ()
+
+
+def test_things_of_a_scene_that_two_views_see_have_one_number() -> None:
+    scene = room_of_blocks()
+    found = semgs.objects(scene.gaussians, min_gaussians=40.0)
+    assert [thing.name for thing in found.things] == ["chair", "chair"]
+    half = len(found.instances) // 2
+    for thing in found.things:  # in both views
+        assert (found.instances[:half] == thing.instance).any()
+        assert (found.instances[half:] == thing.instance).any()
+        assert thing.box.size[2] == pytest.approx(0.78, abs=0.08)
+
+
+def test_what_has_no_classes_and_bad_arguments_are_refused() -> None:
+    gaussians = gaussians_at(plank(0.0, (2.0, 0.0, 0.0)), np.full(1155, CHAIR))
+    with pytest.raises(ValueError, match="no classes"):
+        objects(replace(gaussians, semantic=None))
+    with pytest.raises(ValueError, match="positive gap"):
+        objects(gaussians, gap=0.0)
+    with pytest.raises(ValueError, match=r"expected \[g 1\]"):
+        objects(gaussians, replace(SCANNET20, names=("a",), colours=((0, 0, 0),), raw_ids=(1,)))
+
+
+def test_no_gaussians_are_no_things() -> None:
+    empty = gaussians_at(np.zeros((0, 3)), np.zeros(0, np.int64))
+    assert objects(empty).things == ()
