@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from semgs.export.scene import SavedScene, load_scene, save_scene
     from semgs.geometry.cameras import Cameras
     from semgs.geometry.gaussians import Gaussians
+    from semgs.mapping.stream import stream
     from semgs.rendering.render import render
     from semgs.rendering.temperatures import tempered
     from semgs.weights.load import load
 
 __all__ = [
     "Cameras", "Gaussians", "SavedScene", "Views", "load", "load_scene", "open_scene", "render", "save_ply", "save_scene", "save_semantic_ply",
-    "tempered",
+    "stream", "tempered",
 ]  # fmt: skip
 
 _HOMES = {
@@ -35,6 +36,7 @@ _HOMES = {
     "save_ply": "semgs.export.ply",
     "save_scene": "semgs.export.scene",
     "save_semantic_ply": "semgs.export.ply",
+    "stream": "semgs.mapping.stream",
     "tempered": "semgs.rendering.temperatures",
 }
 

@@ -1104,7 +1104,7 @@ MUTANTS = (
     ),
     Mutant(
         "baselines are judged at the middle of near and far though depth is known", CHOICE,
-        "_preference(baselines / depths)", "_preference(baselines / typical)", OF_CHOICE,
+        "preference(baselines / depths)", "preference(baselines / typical)", OF_CHOICE,
     ),
     Mutant(
         "what two frames share is the larger of both directions", COVISIBILITY,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
@@ -24,6 +24,32 @@ SUMS_TO_1 = 1e-3
 
 
 @dataclass(frozen=True)
+class Places:
+    """The pixels of the input views that Gaussians stand for, if not every pixel has one: scenes merged from several windows.
+
+    Attributes:
+        index: of each Gaussian, in the order view, row, column of all blocks of pixels.
+        stride: pixels along each side of a block.
+    """
+
+    index: Int64[Tensor, " g"]
+    stride: int
+
+    def views(self, size: tuple[int, int]) -> Int64[Tensor, " g"]:
+        """The input view of each Gaussian.
+
+        Args:
+            size: (height, width) of the input views [px].
+        """
+        rows, columns = (-(-side // self.stride) for side in size)
+        return self.index // (rows * columns)
+
+    def __getitem__(self, keep: Tensor) -> Places:
+        """The places of some of the Gaussians."""
+        return Places(self.index[keep], self.stride)
+
+
+@dataclass(frozen=True)
 class Encoding:
     """The network's output for a set of input views.
 
@@ -36,6 +62,7 @@ class Encoding:
         depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
         classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
         temperatures: calibrate the class distributions; None if unknown.
+        places: the pixels that Gaussians stand for; None if every pixel, or every block of pixels, has one.
     """
 
     gaussians: Gaussians
@@ -45,6 +72,7 @@ class Encoding:
     depth_range: Float[Tensor, "*batch v 2"]
     classes: ClassTable | None = None
     temperatures: Temperatures | None = None
+    places: Places | None = None
 
     def __repr__(self) -> str:
         return summary(
@@ -112,7 +140,7 @@ class Encoding:
         Args:
             maps: of the context views, at their size.
         """
-        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians))
+        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians), self.places)
 
     def with_depths(
         self,
@@ -240,19 +268,24 @@ class Encoding:
         return replace(moved, depth_range=self.depth_range)
 
 
-def per_gaussian(maps: Float[Tensor, "*batch v c h w"], gaussians: int) -> Float[Tensor, "*batch g c"]:
+def per_gaussian(
+    maps: Float[Tensor, "*batch v c h w"], gaussians: int, places: Places | None = None
+) -> Float[Tensor, "*batch g c"]:
     """For each of a scene's Gaussians the mean over the pixels that it stands for.
 
     Args:
         maps: of the context views.
         gaussians: how many there are.
+        places: the pixels that they stand for; None for all.
 
     Raises:
         ValueError: they do not stand on a grid of the views' pixels.
     """
     views, _, height, width = maps.shape[-4:]
-    places = _means(maps, block_size(gaussians, views, height, width))
-    return places.flatten(-2).mT.reshape(*maps.shape[:-4], gaussians, maps.shape[-3])
+    stride = block_size(gaussians, views, height, width) if places is None else places.stride
+    blocks = _means(maps, stride).flatten(-2).mT
+    every = blocks.reshape(*maps.shape[:-4], -1, maps.shape[-3])
+    return every if places is None else every[..., places.index.to(every.device), :]
 
 
 def _means(maps: Float[Tensor, "*batch c h w"], stride: int) -> Float[Tensor, "*batch c rows columns"]:
