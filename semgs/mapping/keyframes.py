@@ -11,7 +11,7 @@ from semgs.data.choice import IDEAL_BASELINE, LEAST_SHARED, preference
 from semgs.data.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat, points_of
 from semgs.geometry.cameras import Cameras
 
-COVERED = 0.8
+COVERED = 0.9
 """A frame is not needed if keyframes already see this share of what it sees."""
 
 TIME_TO_ACT = 0.6
