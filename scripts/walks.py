@@ -95,9 +95,7 @@ class Windows:
 def mapped(walk: Walk, windows: Windows, **options) -> Mapper:
     """The mapper after all used frames of a walk."""
     bounds = walk.scene.depth_range()
-    mapper = Mapper(
-        lambda numbers, views: windows([walk.used[number] for number in numbers], views), bounds, **options
-    )
+    mapper = Mapper(lambda numbers, views: windows([walk.used[number] for number in numbers], views), bounds, **options)
     for position in walk.used:
         mapper.add(walk.scene.read([position], walk.targets.size, bounds))
     return mapper
@@ -180,9 +178,7 @@ def singles(walk: Walk, windows: Windows, walked: Sequence[tuple[int, ...]]) -> 
             together = Covisibility(walk.scene, every, grids.of(every, typical))
             if together.covered(range(1, len(every)))[0] >= 0.5:
                 tried += numbers_of(windows(window).render(truth.cameras), truth)
-        best.append(
-            {name: (max if LARGER_IS_BETTER[name] else min)(one[name] for one in tried) for name in chosen[-1]}
-        )
+        best.append({name: (max if LARGER_IS_BETTER[name] else min)(one[name] for one in tried) for name in chosen[-1]})
     return Singles(chosen, best, same_class(torch.stack(labels), walk.targets))
 
 

@@ -12,6 +12,7 @@ from semgs.cli.device import chosen_device
 from semgs.cli.errors import UsageError, what_fits, what_the_user_gave
 from semgs.cli.feature_options import FeatureOptions
 from semgs.cli.progress import say_compiling, show_stage
+from semgs.cli.recording import check_recording_options, reconstructed
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.segmenter_options import SegmenterOptions
 from semgs.cli.types import AutoSize, Device, Probability, Views, WeightsOrRandom
@@ -65,6 +66,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
     - semgs reconstruct scans/office --out out/office --features clip
     - semgs reconstruct recording --out out/robot --depth sensor
+    - semgs reconstruct recording --out out/flat --all
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -74,6 +76,9 @@ class Reconstruct:
     views: Views = 2
     """Number of input views, 2 or more. They are chosen by overlap and baseline; other frames that they cover are held out for
     comparison. Fewer are used if no other frame shares 30 % of what it sees. Trained with 2 to 4; more is allowed but may blur."""
+    all: bool = False
+    """Use the whole recording: keyframes are chosen along the walk, encoded in windows of --views frames, and merged into one scene;
+    see docs/recordings.md."""
     context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]", help_behavior_hint="")] = ()
     """Use these frames as input views, by position or name, instead of choosing them automatically."""
     size: AutoSize = None
@@ -118,6 +123,9 @@ class Reconstruct:
         device = chosen_device(self.device)
         scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
         stages = Stages(show_stage, say_compiling)
+        if self.all:
+            self._run_recording(scene, device, stages)
+            return
         with stages("choose", f"Choosing among {len(scene)} frames"):
             choice = self._choice(scene)
         with stages("check", "Checking the cameras"):
@@ -148,6 +156,28 @@ class Reconstruct:
             result = write_results(folder, result, origin, stages, self.html)
         print(summary(result, stages.seconds, self.out, self.html))
 
+    def _run_recording(self, scene: Scene, device: str, stages: Stages) -> None:
+        """Reconstruct from all frames, write the folder, and print a summary."""
+        with stages("load", "Loading the network"):
+            model, origin = self._model(device)
+
+        from semgs.cli.reconstruction_files import summary, write_results
+
+        with own_folder(self.out, self.overwrite) as folder:
+            result = reconstructed(
+                scene,
+                model,
+                self.size,
+                depth=self.depth,
+                labelling=self._labelling(scene, folder, stages),
+                views=self.views,
+                min_confidence=self.min_confidence,
+                stages=stages,
+                notes=self._notes(),
+            )
+            result = write_results(folder, result, origin, stages, self.html)
+        print(summary(result, stages.seconds, self.out, self.html))
+
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
         existing_folder(self.scene)
@@ -157,6 +187,8 @@ class Reconstruct:
         self.featuring.check()
         if self.html:
             check_viewer_library()
+        if self.all:
+            check_recording_options(self.views, self.context, self.featuring.features is not None)
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
 

@@ -13,12 +13,11 @@ from semgs.data.covisibility import flat, grid_of
 from semgs.data.depth_range import DepthRange
 from semgs.data.views import Views, joined
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Gaussians
 from semgs.mapping import merging
 from semgs.mapping.keyframes import Known, Verdict, judged, near
 from semgs.mapping.merging import Part
 from semgs.mapping.voxels import joined_in_voxels
-from semgs.model.encoding import Encoding, Places
+from semgs.model.encoding import Encoding
 
 MOST_KEYFRAMES = 64
 """With a radius, at most this many keyframes are kept; the farthest one goes first."""
@@ -31,6 +30,9 @@ JUMP = 10.0
 
 FEWEST_STEPS = 4
 """Before so many steps are known, nothing is a jump."""
+
+REMEMBERED = 100_000
+"""Numbers of at most this many usable frames are kept."""
 
 DARKEST, FLATTEST = 0.02, 0.005
 """An image with a lower mean than the first is black, and one with a lower standard deviation than the second is blank."""
@@ -90,6 +92,8 @@ class Mapper:
         ignored: how many frames were left out, by reason.
         frames: how many frames came.
         windows: how many windows were encoded.
+        usable: numbers of the latest `REMEMBERED` frames that were not left out.
+        voxel: as given.
 
     Raises:
         ValueError: a number is outside its range.
@@ -110,7 +114,7 @@ class Mapper:
             if length is not None and not length > 0:
                 raise ValueError(f"{name} is {length}; expected a positive length, or None")
         self._window, self._bounds = window, bounds
-        self._partners, self._radius, self._voxel = views - 1, radius, voxel
+        self._partners, self._radius, self.voxel = views - 1, radius, voxel
         self._keyframes: tuple[Keyframe, ...] = ()
         self._table: Encoding | None = None
         self._last: Cameras | None = None
@@ -118,6 +122,7 @@ class Mapper:
         self._steps: deque[float] = deque(maxlen=RECENT)
         self.ignored: Counter[str] = Counter()
         self.frames = self.windows = 0
+        self.usable: deque[int] = deque(maxlen=REMEMBERED)
 
     def add(self, view: Views, name: str = "") -> bool:
         """Take the next frame; whether the scene has changed.
@@ -132,6 +137,7 @@ class Mapper:
             self.ignore(reason)
             return False
         number, self.frames = self.frames, self.frames + 1
+        self.usable.append(number)
         verdict = judged(camera, [one.known for one in self._keyframes], self._partners, self._bounds.typical)
         if not verdict.use:
             return False
@@ -152,8 +158,8 @@ class Mapper:
             return None
         parts = [merging.settled(one.part) for one in kept if one.part is not None]
         gaussians, places = merging.joined(parts)
-        if self._voxel is not None:
-            gaussians, places = joined_in_voxels(gaussians, places, self._voxel)
+        if self.voxel is not None:
+            gaussians, places = joined_in_voxels(gaussians, places, self.voxel)
         maps = torch.stack([one.maps for one in kept if one.maps is not None])
         views = joined([one.view for one in kept])
         encoding = replace(

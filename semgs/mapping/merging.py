@@ -148,7 +148,9 @@ def parts_of(encoding: Encoding, cameras: Cameras, numbers: Sequence[int]) -> li
     rows, columns = (-(-side // stride) for side in cameras.size)
     every = encoding.gaussians.map(lambda tensor: tensor.unflatten(0, (views, count)))
     spreads = per_gaussian(encoding.depth_spread[:, None], len(encoding.gaussians)).reshape(views, rows, columns)
-    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], len(encoding.gaussians)).reshape(views, rows, columns)
+    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], len(encoding.gaussians)).reshape(
+        views, rows, columns
+    )
     found = []
     for view, number in enumerate(numbers):
         gaussians = every.map(lambda tensor, view=view: tensor[view].clone())

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
-from typing import Literal
 
 import torch
 
@@ -142,7 +141,9 @@ class FrameReader:
             ValueError: it has neither three nor four parts.
         """
         if len(frame) not in (3, 4):
-            raise ValueError(f"a frame has {len(frame)} parts; expected image, pose and intrinsics, and perhaps its time")
+            raise ValueError(
+                f"a frame has {len(frame)} parts; expected image, pose and intrinsics, and perhaps its time"
+            )
         image, pose, intrinsics = frame[:3]
         if len(frame) == 4:
             time = float(frame[3])  # type: ignore[arg-type]

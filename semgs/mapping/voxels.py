@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from semgs.geometry.gaussians import Gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.rotations import covariance, quaternion_from_matrix
 from semgs.model.encoding import Places
 from semgs.segmenters.fusion import LEAST
 
 LARGEST_CELL = 2**20
 """Voxels are numbered within this many of the origin along each axis, so that a key fits into 63 bits."""
+
+MOST_OPAQUE = 0.99
+"""Opacity of joined Gaussians, at most."""
 
 
 def voxel_keys(means: Float[Tensor, "g 3"], size: float) -> Int64[Tensor, " g"]:
@@ -34,8 +36,8 @@ def voxel_keys(means: Float[Tensor, "g 3"], size: float) -> Int64[Tensor, " g"]:
 def joined_in_voxels(gaussians: Gaussians, places: Places, size: float) -> tuple[Gaussians, Places]:
     """The Gaussians with those of one voxel joined.
 
-    The smallest one stays, with its place and shape. Its position, colour and classes become means, weighted by opacity (of classes: the mean of the log
-    probabilities), and its opacity that of all, 1 - prod(1 - opacity).
+    The one that takes their place has the mean and the covariance of their mixture, weighted by opacity times area; its colour is the weighted mean and its
+    classes the mean of the log probabilities. Its opacity keeps the sum of opacity times area. It gets the place of the heaviest one.
 
     Args:
         gaussians: of one scene.
@@ -46,29 +48,50 @@ def joined_in_voxels(gaussians: Gaussians, places: Places, size: float) -> tuple
         ValueError: as `voxel_keys`.
     """
     _, voxel, counts = torch.unique(voxel_keys(gaussians.means, size), return_inverse=True, return_counts=True)
-    if len(counts) == len(gaussians):
+    several = counts[voxel] > 1
+    if not several.any():
         return gaussians, places
-    order = gaussians.colour.scales.sum(-1).argsort(descending=True, stable=True)
-    keeper = torch.empty(len(counts), dtype=torch.int64)
-    keeper[voxel[order]] = order  # the last one that is written is the smallest
-    weight = gaussians.opacities.clamp(min=1e-6)
-    total = torch.zeros(len(counts)).index_add_(0, voxel, weight)
+    alone = ~several
+    _, voxel = torch.unique(voxel[several], return_inverse=True)
+    parts = gaussians.map(lambda tensor: tensor[several])
+    weight = (parts.opacities * area(parts.colour.scales)).clamp(min=1e-12)
+    heaviest = torch.empty(int(voxel.max()) + 1, dtype=torch.int64)
+    order = weight.argsort(stable=True)
+    heaviest[voxel[order]] = order  # the last one that is written stays
+    total = weight.new_zeros(len(heaviest)).index_add_(0, voxel, weight)
 
     def mean(values: Tensor) -> Tensor:
         """The weighted mean over each voxel."""
         weighed = values * weight.reshape(-1, *[1] * (values.ndim - 1))
-        summed = values.new_zeros((len(counts), *values.shape[1:])).index_add_(0, voxel, weighed)
+        summed = values.new_zeros((len(heaviest), *values.shape[1:])).index_add_(0, voxel, weighed)
         return summed / total.reshape(-1, *[1] * (values.ndim - 1))
 
-    clear = torch.zeros(len(counts)).index_add_(0, voxel, (-gaussians.opacities.clamp(max=1 - 1e-6)).log1p())
-    kept = gaussians.map(lambda tensor: tensor[keeper])
-    semantic = kept.semantic
-    if semantic is not None and gaussians.semantic is not None:
-        semantic = replace(semantic, features=mean((gaussians.semantic.features + LEAST).log()).softmax(-1))
-    return replace(
-        kept,
-        means=mean(gaussians.means),
-        opacities=1 - clear.exp(),
-        colour=replace(kept.colour, features=mean(gaussians.colour.features)),
-        semantic=semantic,
-    ), places[keeper]
+    means = mean(parts.means)
+    offsets = parts.means - means[voxel]
+
+    def joint(shape: Appearance, features: Tensor) -> Appearance:
+        """One branch, with the covariance of the mixture."""
+        found = mean(covariance(shape.quaternions, shape.scales) + offsets[:, :, None] * offsets[:, None])
+        variances, axes = torch.linalg.eigh(found)
+        axes = torch.cat((axes[..., :2], torch.linalg.cross(axes[..., 0], axes[..., 1])[..., None]), -1)
+        return Appearance(quaternion_from_matrix(axes), variances.clamp(min=1e-12).sqrt(), features)
+
+    colour, semantic = joint(parts.colour, mean(parts.colour.features)), None
+    if parts.semantic is not None:
+        semantic = joint(parts.semantic, mean((parts.semantic.features + LEAST).log()).softmax(-1))
+    opacities = (total / area(colour.scales)).clamp(max=MOST_OPAQUE)
+    found = Gaussians(means, opacities, colour, semantic)
+    rows = iter([torch.cat((one[alone], other)) for one, other in _pairs(gaussians, found)])
+    index = torch.cat((places.index[alone], places.index[several][heaviest]))
+    return gaussians.map(lambda _: next(rows)), Places(index, places.stride)
+
+
+def area(scales: Float[Tensor, "g 3"]) -> Float[Tensor, " g"]:
+    """The product of the two largest standard deviations: how much of a surface a Gaussian covers [m^2]."""
+    largest = scales.topk(2, -1).values
+    return largest.prod(-1)
+
+
+def _pairs(one: Gaussians, other: Gaussians) -> list[tuple[Tensor, Tensor]]:
+    """Each tensor of both."""
+    return list(zip(one.tensors().values(), other.tensors().values(), strict=True))

@@ -45,7 +45,10 @@ def fused(
 
 
 def deviation(
-    depths: Float[Tensor, "*n"], seen: Float[Tensor, "*n"], spread: Float[Tensor, "*n"], spread_seen: Float[Tensor, "*n"]
+    depths: Float[Tensor, "*n"],
+    seen: Float[Tensor, "*n"],
+    spread: Float[Tensor, "*n"],
+    spread_seen: Float[Tensor, "*n"],
 ) -> Float[Tensor, "*n"]:
     """By how many standard deviations the log depths of points differ from what a view sees in their places; negative in front of it.
 
