@@ -374,7 +374,7 @@ MUTANTS = (
     ),
     Mutant(
         "a Gaussian of the nearest views is not seen by its own view", NEAREST,
-        "inside[:, chosen] |= _own(gaussians.means, len(chosen))", "inside[:, chosen] &= ~_own(gaussians.means, len(chosen))", OF_NEAREST,
+        "within[:, chosen] |= _own(gaussians.means, len(chosen))", "within[:, chosen] &= ~_own(gaussians.means, len(chosen))", OF_NEAREST,
     ),
     Mutant(
         "a point is sought in the other pictures at a depth of 1", PLACING,

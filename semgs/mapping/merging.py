@@ -25,10 +25,15 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.encoding import Encoding, Places, per_gaussian
+from semgs.model.nearest import inside
+from semgs.model.overlap import PAIR, shrinkage
 from semgs.segmenters.fusion import LEAST, SPREAD, TOLERANCE, deviation
 
-LAYERS = 2
-"""A surface gets the Gaussians of this many keyframes, those that see it most sharply: colours are tuned to the thickness of two views."""
+LAYERS = 4
+"""A surface gets the Gaussians of this many keyframes, those that see it most sharply."""
+
+SHRINK = 0.5
+"""Each layer makes surfaces thicker, and colours are tuned to two: with n > 2 of them, colour Gaussians get (2 / n)^SHRINK of their size, as in windows of n views."""
 
 SHARPER = 1.5
 """Keyframes see a surface equally sharply if their pixels on it differ by less than about this factor. Then the earlier one goes first."""
@@ -144,16 +149,20 @@ def parts_of(encoding: Encoding, cameras: Cameras, numbers: Sequence[int]) -> li
     """
     views = len(numbers)
     count = len(encoding.gaussians) // views
-    stride = encoding._stride
+    stride = encoding.stride
     rows, columns = (-(-side // stride) for side in cameras.size)
     every = encoding.gaussians.map(lambda tensor: tensor.unflatten(0, (views, count)))
     spreads = per_gaussian(encoding.depth_spread[:, None], len(encoding.gaussians)).reshape(views, rows, columns)
     depths = per_gaussian(encoding.placed_depths(cameras)[:, None], len(encoding.gaussians)).reshape(
         views, rows, columns
     )
+    if views > PAIR:  # the network made them smaller because of the other views of the window
+        seen = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
+        grown = every.colour.scales / shrinkage(seen.to(every.means), SHRINK)[..., None]
+        every = replace(every, colour=replace(every.colour, scales=grown))
     found = []
     for view, number in enumerate(numbers):
-        gaussians = every.map(lambda tensor, view=view: tensor[view].clone())
+        gaussians = every.map(lambda tensor, view=view: tensor[view].clone())  # not a view: the window goes
         logs = None
         if gaussians.semantic is not None:
             logs = (gaussians.semantic.features + LEAST).log().reshape(rows, columns, -1)
@@ -177,20 +186,20 @@ def votes_of(part: Part, other: Sheet) -> Votes:
     # Relative to the camera in float64, so that float32 is precise enough.
     x, y, z = project(means.double(), other.camera).to(means).unbind(-1)
     height, width = other.camera.size
-    inside = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
-    column, row = ((one[inside] / other.stride).long() for one in (x, y))
+    within = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
+    column, row = ((one[within] / other.stride).long() for one in (x, y))
     place = row * other.depths.shape[1] + column
-    z, seen, spread = z[inside], other.depths.flatten()[place], other.spread.flatten()[place]
-    apart = deviation(z, seen, part.spread[inside], spread)
+    z, seen, spread = z[within], other.depths.flatten()[place], other.spread.flatten()[place]
+    apart = deviation(z, seen, part.spread[within], spread)
     agrees = apart.abs() <= TOLERANCE
-    free = deviation(z, other.nearest.flatten()[place], part.spread[inside], spread) < -TOLERANCE
+    free = deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
     level = sharpness(seen, other.focal_px)
-    first = (level < part.level[inside]) | ((level == part.level[inside]) & (other.number < part.sheet.number))
+    first = (level < part.level[within]) | ((level == part.level[within]) & (other.number < part.sheet.number))
     weight = agrees / (spread.square() + SPREAD**2)
 
     def spread_out(values: Tensor) -> Tensor:
         """Values of the Gaussians that it sees, 0 for the others."""
-        return values.new_zeros((len(means), *values.shape[1:])).index_copy_(0, inside, values)
+        return values.new_zeros((len(means), *values.shape[1:])).index_copy_(0, within, values)
 
     logs = None if other.logs is None else other.logs.flatten(0, 1)[place] * agrees[:, None]
     return Votes(
@@ -219,7 +228,8 @@ def settled(part: Part) -> Part:
         semantic = Appearance(
             semantic.quaternions, semantic.scales * ratio, (logs / (1 + votes.agree[:, None])).softmax(-1)
         )
-    colour = replace(gaussians.colour, scales=gaussians.colour.scales * ratio)
+    thinner = shrinkage((1 + votes.agree).clamp(max=LAYERS), SHRINK)[:, None]
+    colour = replace(gaussians.colour, scales=gaussians.colour.scales * ratio * thinner)
     moved = replace(gaussians, means=centre + (gaussians.means - centre) * ratio, colour=colour, semantic=semantic)
     return replace(part, gaussians=moved)
 

@@ -27,8 +27,8 @@ from semgs.segmenters.labelling import Labelling
 HELD_OUT = 4
 """At most this many frames that are no keyframes are rendered and compared."""
 
-VOXEL_SHARE = 0.005
-"""Size of voxels as a share of the typical depth; 1.1 cm in metric scenes."""
+VOXEL_SHARE = 0.0015
+"""Size of voxels as a share of the typical depth; 3 mm in metric scenes."""
 
 NAMED = 3
 """Notes name at most this many frames."""
@@ -102,7 +102,7 @@ def reconstruct_recording(
             unread.append(error.first_line)
             mapper.ignore("it cannot be read, or has too little measured depth")
             continue
-        with stages("merge", f"Frame {position + 1} of {len(scene)}"), torch.no_grad():
+        with torch.no_grad():
             mapper.add(view, frame.name)
     with stages("merge", "Merging"), torch.no_grad():
         merged = mapper.merged()

@@ -21,7 +21,7 @@ from semgs.reconstruction.encode import Network, encode
 from semgs.rendering.rendering import Rendering
 from semgs.weights.load import load
 
-VOXEL = 0.01
+VOXEL = 0.003
 """Gaussians in the same voxel of this size are joined [m]."""
 
 StreamedFrame = Sequence[Arrays | float]

@@ -177,7 +177,7 @@ class Encoding:
                 )
         if not (torch.isfinite(depths).all() and (depths > 0).all()):
             raise ValueError("depths contain a number that is not finite or not positive; expected a depth everywhere")
-        stride = self._stride
+        stride = self.stride
         means = self.gaussians.means
         placed = _lower_median(depths.to(means), stride)
         ratios = (placed / self._z_depths(cameras)).flatten(-3)
@@ -215,14 +215,14 @@ class Encoding:
         return self._full(self._maps(self.gaussians.opacities))
 
     @property
-    def _stride(self) -> int:
+    def stride(self) -> int:
         """Pixels along each side of a Gaussian's place."""
         return block_size(len(self.gaussians), *self.depths.shape[-3:])
 
     def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
         """A number of each Gaussian, by view, row and column."""
         views, height, width = self.depths.shape[-3:]
-        rows, columns = (-(-side // self._stride) for side in (height, width))
+        rows, columns = (-(-side // self.stride) for side in (height, width))
         return numbers.reshape(*numbers.shape[:-1], views, rows, columns)
 
     def _z_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v rows columns"]:
@@ -234,7 +234,7 @@ class Encoding:
     def _full(self, maps: Float[Tensor, "*batch v rows columns"]) -> Float[Tensor, "*batch v h w"]:
         """A number for each Gaussian, repeated for the pixels that it stands for."""
         height, width = self.depths.shape[-2:]
-        return maps.repeat_interleave(self._stride, -2).repeat_interleave(self._stride, -1)[..., :height, :width]
+        return maps.repeat_interleave(self.stride, -2).repeat_interleave(self.stride, -1)[..., :height, :width]
 
     def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.
