@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from landmarks import looking
 
-from semgs.data.choice import preference, around, choose, consecutive, drawn, given
+from semgs.data.choice import around, choose, consecutive, drawn, given, preference
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
 from semgs.data.maps import InMemory
