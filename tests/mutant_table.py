@@ -51,6 +51,8 @@ LOSSES = "semgs/objectives/losses.py"
 DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
+MERGING = "semgs/mapping/merging.py"
+OF_MERGING = "tests/mapping/test_merging.py::test_"
 OF_DOCTOR = "tests/doctor/test_mistakes.py::"
 
 FOLDERS = "semgs/files/folders.py"
@@ -1366,7 +1368,7 @@ MUTANTS = (
     ),
     Mutant(
         "exports: every point has the colour that the first view sees", "semgs/export/own_views.py",
-        "scene.cameras.centres.repeat_interleave(", "scene.cameras.centres[:1].expand(len(scene.frames), 3).repeat_interleave(",
+        "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]",
         ("tests/export/test_points.py",),
     ),
     Mutant(
@@ -1398,7 +1400,7 @@ MUTANTS = (
     ),
     Mutant(
         "colours are seen from the first input view", "semgs/viewer/splats.py",
-        "scene.cameras.centres.repeat_interleave(len(gaussians) // len(scene.frames), 0)", "scene.cameras.centres[:1]", OF_SPLATS,
+        "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]", OF_SPLATS,
     ),
     Mutant(
         "classes have the shapes of the colour Gaussians", "semgs/viewer/splats.py",
@@ -1526,5 +1528,42 @@ MUTANTS = (
         "corrected cameras are written with OpenCV's axes", "semgs/doctor/fix.py",
         "(rig.poses[index] @ FLIP).tolist()", "rig.poses[index].tolist()",
         ("tests/cli/test_doctor_command.py::test_inverted_poses_end_with_3_and_are_corrected",),
+    ),
+    Mutant(
+        "merging: keyframes that see more coarsely go first", MERGING,
+        "first = (level < part.level[within])", "first = (level > part.level[within])", (f"{OF_MERGING}keyframes_that_come_closer_replace_those_from_afar",),
+    ),
+    Mutant(
+        "merging: what is hidden counts as a floater", MERGING,
+        "part.spread[within], spread) < -TOLERANCE", "part.spread[within], spread).abs() > TOLERANCE",
+        (f"{OF_MERGING}what_another_keyframe_looks_through_is_a_floater_and_what_it_cannot_see_is_not",),
+    ),
+    Mutant(
+        "merging: all keyframes pull alike", MERGING,
+        "weight = agrees / (spread.square() + SPREAD**2)", "weight = agrees / (0 * spread + SPREAD**2)", (f"{OF_MERGING}the_surer_keyframe_pulls_more",),
+    ),
+    Mutant(
+        "merging: Gaussians do not grow with their depth", MERGING,
+        "gaussians.colour.scales * ratio * thinner", "gaussians.colour.scales * thinner",
+        (f"{OF_MERGING}two_keyframes_that_are_equally_sure_meet_in_the_middle",),
+    ),
+    Mutant(
+        "merging: four layers are as thick as two", MERGING,
+        "gaussians.colour.scales * ratio * thinner", "gaussians.colour.scales * ratio",
+        (f"{OF_MERGING}the_first_four_of_six_equal_keyframes_stay_and_get_thinner",),
+    ),
+    Mutant(
+        "merging: classes are the sum of the logs, not their mean", MERGING,
+        "(logs / (1 + votes.agree[:, None])).softmax(-1)", "logs.softmax(-1)",
+        (f"{OF_MERGING}keyframes_added_one_by_one_are_all_windows_merged_at_once",),
+    ),
+    Mutant(
+        "voxels: the joint covariance forgets the distance of the means", "semgs/mapping/voxels.py",
+        " + offsets[:, :, None] * offsets[:, None]", "", ("tests/mapping/test_voxels.py",),
+    ),
+    Mutant(
+        "keyframes: predicted depth is that of the keyframe, not of the frame", "semgs/mapping/keyframes.py",
+        "depths, places = own[inside, 2]", "depths, places = (np.concatenate(points)[:, 2])[: int(inside.sum())]",
+        ("tests/mapping/test_keyframes.py::test_predicted_depth_is_that_of_the_wall_from_another_place",),
     ),
 )  # fmt: skip

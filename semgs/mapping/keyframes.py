@@ -61,7 +61,7 @@ def near(camera: Cameras, known: Sequence[Known]) -> list[int]:
 
 
 def predicted(camera: Cameras, known: Sequence[Known], typical: float) -> DepthGrid:
-    """The depths that a frame sees by what keyframes saw: of each cell the nearest point, and the median of all of them where there is none.
+    """The depths that a frame sees by what keyframes saw: of each cell the nearest point; cells without a point get the median of all.
 
     Args:
         camera: of the frame.

@@ -14,7 +14,7 @@ gives the same as merging all at once, which is what the tests do by loops.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import log
 
@@ -87,14 +87,14 @@ class Votes:
     shift: Float[Tensor, " g"]
     logs: Float[Tensor, "g class"] | None
 
-    def map(self, function) -> Votes:
+    def map(self, function: Callable[[Tensor], Tensor]) -> Votes:
         """These votes with `function` applied to each array."""
-        return Votes(*(None if one is None else function(one) for one in vars(self).values()))
+        return Votes(**{name: None if one is None else function(one) for name, one in vars(self).items()})
 
     def __add__(self, other: Votes) -> Votes:
         """The votes of both groups of keyframes."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Votes(*(None if one is None else one + another for one, another in pairs))
+        more = vars(other)
+        return Votes(**{name: None if one is None else one + more[name] for name, one in vars(self).items()})
 
 
 @dataclass(frozen=True)
