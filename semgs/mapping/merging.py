@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import log
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int64
@@ -89,17 +90,19 @@ class Votes:
 
     def map(self, function: Callable[[Tensor], Tensor]) -> Votes:
         """These votes with `function` applied to each array."""
-        return Votes(**{name: None if one is None else function(one) for name, one in vars(self).items()})
+        arrays: dict[str, Any] = {name: None if one is None else function(one) for name, one in vars(self).items()}
+        return Votes(**arrays)
 
     def __add__(self, other: Votes) -> Votes:
         """The votes of both groups of keyframes."""
         more = vars(other)
-        return Votes(**{name: None if one is None else one + more[name] for name, one in vars(self).items()})
+        arrays: dict[str, Any] = {name: None if one is None else one + more[name] for name, one in vars(self).items()}
+        return Votes(**arrays)
 
 
 @dataclass(frozen=True)
 class Part:
-    """The Gaussians of one keyframe, and the votes about them. The Gaussians stay as the network placed them; `merged` applies the votes.
+    """The Gaussians of one keyframe, and the votes about them. The Gaussians stay as the network placed them; `settled` applies the votes.
 
     Attributes:
         sheet: of the keyframe.
@@ -215,7 +218,7 @@ def votes_of(part: Part, other: Sheet) -> Votes:
 def settled(part: Part) -> Part:
     """The Gaussians that stay, moved to the depth and with the classes that the keyframes agree on.
 
-    Those that more keyframes look through than agree with, their own included, are floaters and go.
+    Those that more of the other keyframes look through than agree with are floaters and go.
     """
     part = part[(part.votes.before < LAYERS) & (part.votes.through <= part.votes.agree)]
     gaussians, votes = part.gaussians, part.votes
