@@ -12,7 +12,6 @@ from semgs.data.depth_range import DepthRange
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.figures.numbers import length
 from semgs.files.errors import InputError
 from semgs.mapping.keyframes import COVERED
 from semgs.mapping.mapper import Mapper, Merged
@@ -189,7 +188,7 @@ def _notes(scene: Scene, mapper: Mapper, bounds: DepthRange) -> list[str]:
             f"The frames have {len(sizes)} different sizes; all were resized and cropped to that of the first one."
         )
     if mapper.voxel is not None:
-        size = length(mapper.voxel, scene.unit == "metric")
+        size = f"{1000 * mapper.voxel:.1f} mm" if scene.unit == "metric" else f"{mapper.voxel:.3g}"
         notes.append(f"Gaussians in the same voxel of {size} were joined.")
     if scene.origin.any():
         notes.append(
