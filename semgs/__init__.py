@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from semgs.export.scene import SavedScene, load_scene, save_scene
     from semgs.geometry.cameras import Cameras
     from semgs.geometry.gaussians import Gaussians
+    from semgs.mapping.stream import stream
     from semgs.rendering.render import render
     from semgs.rendering.temperatures import tempered
     from semgs.robotics.grid import Occupancy, occupancy
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "objects", "occupancy", "open_scene", "render",
-    "save_ply", "save_scene", "save_semantic_ply", "tempered",
+    "save_ply", "save_scene", "save_semantic_ply", "stream", "tempered",
 ]  # fmt: skip
 
 _HOMES = {
@@ -41,6 +42,7 @@ _HOMES = {
     "save_ply": "semgs.export.ply",
     "save_scene": "semgs.export.scene",
     "save_semantic_ply": "semgs.export.ply",
+    "stream": "semgs.mapping.stream",
     "tempered": "semgs.rendering.temperatures",
 }
 

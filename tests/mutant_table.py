@@ -52,6 +52,8 @@ DEPTH_LOSSES = "semgs/objectives/depth_losses.py"
 METRICS = "semgs/objectives/metrics.py"
 
 OF_SFM = "tests/sfm/test_"
+MERGING = "semgs/mapping/merging.py"
+OF_MERGING = "tests/mapping/test_merging.py::test_"
 OF_DOCTOR = "tests/doctor/test_mistakes.py::"
 OF_REFINE = "tests/sfm/test_refine.py::"
 
@@ -376,7 +378,7 @@ MUTANTS = (
     ),
     Mutant(
         "a Gaussian of the nearest views is not seen by its own view", NEAREST,
-        "inside[:, chosen] |= _own(gaussians.means, len(chosen))", "inside[:, chosen] &= ~_own(gaussians.means, len(chosen))", OF_NEAREST,
+        "within[:, chosen] |= _own(gaussians.means, len(chosen))", "within[:, chosen] &= ~_own(gaussians.means, len(chosen))", OF_NEAREST,
     ),
     Mutant(
         "a point is sought in the other pictures at a depth of 1", PLACING,
@@ -1106,7 +1108,7 @@ MUTANTS = (
     ),
     Mutant(
         "baselines are judged at the middle of near and far though depth is known", CHOICE,
-        "_preference(baselines / depths)", "_preference(baselines / typical)", OF_CHOICE,
+        "preference(baselines / depths)", "preference(baselines / typical)", OF_CHOICE,
     ),
     Mutant(
         "what two frames share is the larger of both directions", COVISIBILITY,
@@ -1368,7 +1370,7 @@ MUTANTS = (
     ),
     Mutant(
         "exports: every point has the colour that the first view sees", "semgs/export/own_views.py",
-        "scene.cameras.centres.repeat_interleave(", "scene.cameras.centres[:1].expand(len(scene.frames), 3).repeat_interleave(",
+        "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]",
         ("tests/export/test_points.py",),
     ),
     Mutant(
@@ -1400,7 +1402,7 @@ MUTANTS = (
     ),
     Mutant(
         "colours are seen from the first input view", "semgs/viewer/splats.py",
-        "scene.cameras.centres.repeat_interleave(len(gaussians) // len(scene.frames), 0)", "scene.cameras.centres[:1]", OF_SPLATS,
+        "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]", OF_SPLATS,
     ),
     Mutant(
         "classes have the shapes of the colour Gaussians", "semgs/viewer/splats.py",
@@ -1659,5 +1661,42 @@ MUTANTS = (
         "the free_thresh of other files", "semgs/export/map_files.py",
         "OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196", "OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.25",
         ("tests/export/test_maps_for_robots.py::test_map_server_gets_our_grid_back_cell_for_cell",),
+    ),
+    Mutant(
+        "merging: keyframes that see more coarsely go first", MERGING,
+        "first = (level < part.level[within])", "first = (level > part.level[within])", (f"{OF_MERGING}keyframes_that_come_closer_replace_those_from_afar",),
+    ),
+    Mutant(
+        "merging: what is hidden counts as a floater", MERGING,
+        "part.spread[within], spread) < -TOLERANCE", "part.spread[within], spread).abs() > TOLERANCE",
+        (f"{OF_MERGING}what_another_keyframe_looks_through_is_a_floater_and_what_it_cannot_see_is_not",),
+    ),
+    Mutant(
+        "merging: all keyframes pull alike", MERGING,
+        "weight = agrees / (spread.square() + SPREAD**2)", "weight = agrees / (0 * spread + SPREAD**2)", (f"{OF_MERGING}the_surer_keyframe_pulls_more",),
+    ),
+    Mutant(
+        "merging: Gaussians do not grow with their depth", MERGING,
+        "gaussians.colour.scales * ratio * thinner", "gaussians.colour.scales * thinner",
+        (f"{OF_MERGING}two_keyframes_that_are_equally_sure_meet_in_the_middle",),
+    ),
+    Mutant(
+        "merging: four layers are as thick as two", MERGING,
+        "gaussians.colour.scales * ratio * thinner", "gaussians.colour.scales * ratio",
+        (f"{OF_MERGING}the_first_four_of_six_equal_keyframes_stay_and_get_thinner",),
+    ),
+    Mutant(
+        "merging: classes are the sum of the logs, not their mean", MERGING,
+        "(logs / (1 + votes.agree[:, None])).softmax(-1)", "logs.softmax(-1)",
+        (f"{OF_MERGING}keyframes_added_one_by_one_are_all_windows_merged_at_once",),
+    ),
+    Mutant(
+        "voxels: the joint covariance forgets the distance of the means", "semgs/mapping/voxels.py",
+        " + offsets[:, :, None] * offsets[:, None]", "", ("tests/mapping/test_voxels.py",),
+    ),
+    Mutant(
+        "keyframes: predicted depth is that of the keyframe, not of the frame", "semgs/mapping/keyframes.py",
+        "depths, places = own[inside, 2]", "depths, places = (np.concatenate(points)[:, 2])[: int(inside.sum())]",
+        ("tests/mapping/test_keyframes.py::test_predicted_depth_is_that_of_the_wall_from_another_place",),
     ),
 )  # fmt: skip

@@ -22,10 +22,13 @@ from semgs.reconstruction.stages import Stages
 from semgs.viewer.server import check_viewer_library
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from semgs.cli.photo_scene import PhotoScene
     from semgs.data.choice import Choice
     from semgs.data.scene import Scene
     from semgs.model.semgs import SemGS
+    from semgs.reconstruction.reconstruct import Reconstruction
     from semgs.reconstruction.report import Origin
     from semgs.segmenters.labelling import Labelling
 
@@ -71,6 +74,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --refine-poses
     - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
     - semgs reconstruct clip.mp4 --out out/kitchen
+    - semgs reconstruct recording --out out/flat --all
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -80,6 +84,9 @@ class Reconstruct:
     views: Views = 2
     """Number of input views, 2 or more. They are chosen by overlap and baseline; other frames that they cover are held out for
     comparison. Fewer are used if no other frame shares 30 % of what it sees. Trained with 2 to 4; more is allowed but may blur."""
+    all: bool = False
+    """Use the whole recording: keyframes are chosen along the walk, encoded in windows of --views frames, and merged into one scene;
+    see docs/recordings.md."""
     context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]", help_behavior_hint="")] = ()
     """Use these frames as input views, by position or name, instead of choosing them automatically."""
     size: AutoSize = None
@@ -136,47 +143,84 @@ class Reconstruct:
         asked = self.reading.as_peers, self.reading.asked
         scene = open_asked(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
         stages = Stages(show_stage, say_compiling)
-        with stages("choose", f"Choosing among {len(scene)} frames"):
-            choice = self._choice(scene)
-        chosen = (*choice.context, *choice.targets)
-        refined = []
-        if self.refine_poses:
-            with stages("refine", f"Refining {len(chosen)} cameras"):
-                from semgs.sfm.refine import refine
-
-                refinement = refine(scene, chosen)
-                scene, refined = refinement.applied(scene), refinement.notes(scene)
-        with stages("check", "Checking the cameras"):
-            from semgs.doctor.quick import warnings_of
-
-            warnings = warnings_of(scene, chosen)
+        notes = self._notes()
+        choice = None
+        if not self.all:
+            scene, choice, found = self._chosen(scene, stages)
+            notes = [*found, *notes]
         with stages("load", "Loading the network"):
             model, origin = self._model(device)
 
         from semgs.cli.reconstruction_files import summary, write_results
-        from semgs.reconstruction.reconstruct import reconstruct
 
         with own_folder(self.out, self.overwrite) as folder:
             labelling = self._labelling(scene, folder, stages)
             with what_fits(), what_the_user_gave():
-                result = reconstruct(
-                    scene,
-                    choice,
-                    model,
-                    self.size,
-                    depth=self.depth,
-                    labelling=labelling,
-                    featuring=self.featuring.featuring(scene),
-                    stages=stages,
-                    min_confidence=self.min_confidence,
-                    notes=[*refined, *warnings, *self._notes()],
-                )
+                result = self._result(scene, choice, model, labelling, stages, notes)
             result = write_results(folder, result, origin, stages, self.html)
             if photos is not None:
                 photos.move_to(folder)
         print(summary(result, stages.seconds, self.out, self.html))
         if photos is not None:
             print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
+
+    def _chosen(self, scene: Scene, stages: Stages) -> tuple[Scene, Choice, list[str]]:
+        """The scene with its cameras refined if requested, the chosen frames, and notes about their cameras."""
+        with stages("choose", f"Choosing among {len(scene)} frames"):
+            choice = self._choice(scene)
+        chosen = (*choice.context, *choice.targets)
+        notes: list[str] = []
+        if self.refine_poses:
+            with stages("refine", f"Refining {len(chosen)} cameras"):
+                from semgs.sfm.refine import refine
+
+                refinement = refine(scene, chosen)
+                notes += refinement.notes(scene)
+                scene = refinement.applied(scene)
+        with stages("check", "Checking the cameras"):
+            from semgs.doctor.quick import warnings_of
+
+            notes += warnings_of(scene, chosen)
+        return scene, choice, notes
+
+    def _result(
+        self,
+        scene: Scene,
+        choice: Choice | None,
+        model: SemGS,
+        labelling: Labelling | None,
+        stages: Stages,
+        notes: Sequence[str],
+    ) -> Reconstruction:
+        """The reconstruction from the chosen frames; of all frames if there is no choice."""
+        if choice is None:
+            from semgs.mapping.recording import reconstruct_recording
+
+            return reconstruct_recording(
+                scene,
+                model,
+                self.size,
+                depth=self.depth,
+                labelling=labelling,
+                views=self.views,
+                min_confidence=self.min_confidence,
+                stages=stages,
+                notes=notes,
+            )
+        from semgs.reconstruction.reconstruct import reconstruct
+
+        return reconstruct(
+            scene,
+            choice,
+            model,
+            self.size,
+            depth=self.depth,
+            labelling=labelling,
+            featuring=self.featuring.featuring(scene),
+            stages=stages,
+            min_confidence=self.min_confidence,
+            notes=notes,
+        )
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -187,8 +231,23 @@ class Reconstruct:
         self.featuring.check()
         if self.html:
             check_viewer_library()
+        if self.all:
+            self._check_recording()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
+
+    def _check_recording(self) -> None:
+        """Check the options that cannot be used together with --all."""
+        if self.context:
+            raise UsageError("--context names the frames to use and --all uses all of them; leave one out")
+        if self.featuring.features is not None:
+            raise UsageError("--features is for a reconstruction of 2 to 4 views, not for --all")
+        if self.refine_poses:
+            raise UsageError("--refine-poses is for a reconstruction of 2 to 4 views, not for --all")
+        if self.views > MOST_VIEWS:
+            raise UsageError(
+                f"--views is {self.views}; expected 2 to {MOST_VIEWS} with --all, the views of each window"
+            )
 
     def _notes(self) -> list[str]:
         """Notes for the report that follow from the options."""

@@ -90,7 +90,7 @@ def choose(scene: Scene, count: int) -> Choice:
     together = Covisibility(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
     depths = np.sqrt(together.medians[:, None] * together.medians)
-    scores = np.where(overlaps >= LEAST_SHARED, overlaps * _preference(baselines / depths), -1)
+    scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(baselines / depths), -1)
     np.fill_diagonal(scores, -1)
     each_once = np.where(np.tri(len(few), dtype=bool), -1, scores)
 
@@ -166,7 +166,7 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
     few = np.array([first, *_beside(scene, first, bounds, max(DRAWN_FROM, contexts + targets), rng)])
     together = Covisibility(scene, few, [flat(bounds.middle)] * len(few))
     overlaps, baselines = together.overlaps(), together.baselines
-    scores = overlaps * _preference(baselines / bounds.middle)
+    scores = overlaps * preference(baselines / bounds.middle)
     chosen = [0]
     while len(chosen) < contexts:
         nearest = np.array(chosen)[np.argmin(baselines[:, chosen], axis=1)]
@@ -251,7 +251,7 @@ def _check_count(scene: Scene, count: int) -> None:
         )
 
 
-def _preference(relative: np.ndarray) -> np.ndarray:
+def preference(relative: np.ndarray) -> np.ndarray:
     """How good a baseline relative to the depth is: 1 in the middle of the ideal band, towards 0 far from it."""
     best = (IDEAL_BASELINE[0] * IDEAL_BASELINE[1]) ** 0.5
     return np.exp(-0.5 * (np.log(np.maximum(relative, 1e-9) / best) / STEEPNESS) ** 2)

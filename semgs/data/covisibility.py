@@ -14,6 +14,7 @@ import numpy as np
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
 
 GRID = 10
 FEWEST_CELLS = 10
@@ -81,8 +82,11 @@ def _from_depth_map(frame: Frame) -> DepthGrid | None:
         depths = frame.measured()
     except InputError:
         return None  # harmless unless the frame is used, and then reading it reports the error
-    if depths is None:
-        return None
+    return None if depths is None else grid_of(depths, "measured depth")
+
+
+def grid_of(depths: np.ndarray, source: str) -> DepthGrid | None:
+    """The grid from a depth map [h w], 0 where unknown; None if it is nearly empty."""
     height, width = depths.shape
     row, column = ((2 * np.arange(GRID) + 1) * side // (2 * GRID) for side in (height, width))
     middles = depths[row[:, None], column].astype(np.float64).ravel()
@@ -90,7 +94,7 @@ def _from_depth_map(frame: Frame) -> DepthGrid | None:
         return None
     above, left = (np.arange(GRID) * side // GRID for side in (height, width))
     farthest = np.maximum.reduceat(np.maximum.reduceat(depths, above, axis=0), left, axis=1).astype(np.float64).ravel()
-    return DepthGrid(np.where(middles > 0, middles, np.nan), np.where(farthest > 0, farthest, np.inf), "measured depth")
+    return DepthGrid(np.where(middles > 0, middles, np.nan), np.where(farthest > 0, farthest, np.inf), source)
 
 
 def _from_points(frame: Frame, points: np.ndarray) -> DepthGrid | None:
@@ -114,6 +118,15 @@ def _middles() -> np.ndarray:
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
+def points_of(grid: DepthGrid, camera: Cameras) -> np.ndarray:
+    """The known points of a grid in the world [n 3]."""
+    height, width = camera.size
+    pose, pixels = camera.world_from_camera.numpy(), _middles() * (width, height)
+    rays = np.column_stack((pixels, np.ones(len(pixels)))) @ np.linalg.inv(camera.intrinsics.numpy()).T
+    points = (rays * grid.depths[:, None]) @ pose[:3, :3].T + pose[:3, 3]
+    return points[np.isfinite(grid.depths)]
+
+
 class Covisibility:
     """The covisibility of some frames of a scene.
 
@@ -125,11 +138,36 @@ class Covisibility:
     def __init__(self, scene: Scene, indices: Sequence[int] | np.ndarray, grids: Sequence[DepthGrid]) -> None:
         frames = [scene.frames[index] for index in indices]
         lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
-        poses = np.stack([frame.world_from_camera for frame in frames])
-        intrinsics = np.stack([lenses[frame.lens] for frame in frames])
+        self._fill(
+            np.stack([frame.world_from_camera for frame in frames]),
+            np.stack([lenses[frame.lens] for frame in frames]),
+            [frame.lens.size for frame in frames],
+            grids,
+        )
+
+    @classmethod
+    def between(cls, cameras: Sequence[Cameras], grids: Sequence[DepthGrid]) -> Covisibility:
+        """The covisibility of single cameras, which may have different sizes."""
+        found = cls.__new__(cls)
+        found._fill(
+            np.stack([camera.world_from_camera.numpy() for camera in cameras]),
+            np.stack([camera.intrinsics.numpy() for camera in cameras]),
+            [camera.size for camera in cameras],
+            grids,
+        )
+        return found
+
+    def _fill(
+        self,
+        poses: np.ndarray,
+        intrinsics: np.ndarray,
+        sizes: Sequence[tuple[int, int]],
+        grids: Sequence[DepthGrid],
+    ) -> None:
+        """Compute everything from poses [n 4 4], intrinsics [n 3 3], image sizes (height, width) and depth grids."""
         depths = np.stack([grid.depths for grid in grids])
         rotations, self._centres = poses[:, :3, :3], poses[:, :3, 3]
-        self._sizes = np.array([frame.lens.size[::-1] for frame in frames], dtype=np.float64)
+        self._sizes = np.array([size[::-1] for size in sizes], dtype=np.float64)
         self._projections = intrinsics @ rotations.mT
         grid = _middles() * self._sizes[:, None]
         pixels = np.concatenate((grid, np.ones_like(grid[..., :1])), axis=-1)
@@ -140,7 +178,7 @@ class Covisibility:
         self._farthest = np.stack([grid.farthest for grid in grids])
         self.medians = np.array([grid.median for grid in grids])
         self.baselines = np.linalg.norm(self._centres[:, None] - self._centres, axis=-1)
-        self._seen = np.stack([self._seen_by(index) for index in range(len(frames))])
+        self._seen = np.stack([self._seen_by(index) for index in range(len(poses))])
 
     def overlaps(self) -> np.ndarray:
         """The share of what each pair sees in common, the smaller of both directions [n n]."""

@@ -6,7 +6,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.export.scene import SavedScene
-from semgs.model.encoding import per_gaussian
 from semgs.rendering.temperatures import highest
 
 
@@ -14,7 +13,7 @@ def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
     """The probability of each Gaussian's likeliest class, 0..1, calibrated if the scene has temperatures; for colour-only models that of its depth."""
     semantic = scene.gaussians.semantic
     if semantic is None:
-        return per_gaussian(scene.confidences[:, None], len(scene.gaussians))[:, 0]
+        return scene.per_gaussian(scene.confidences)
     return highest(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)
 
 
@@ -22,4 +21,4 @@ def depth_spreads(scene: SavedScene) -> Float[Tensor, " g"] | None:
     """The standard deviation of each Gaussian's log depth in its own input view; None if unknown."""
     if scene.depth_spread is None:
         return None
-    return per_gaussian(scene.depth_spread[:, None], len(scene.gaussians))[:, 0]
+    return scene.per_gaussian(scene.depth_spread)

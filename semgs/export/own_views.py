@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from math import prod
+
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
 from semgs.export.scene import SavedScene
+from semgs.geometry.cameras import back_project
 from semgs.geometry.harmonics import colours_from_harmonics
-from semgs.model.encoding import block_size
+from semgs.model.padded import shrunk
 
 SHORTEST_PX = 8.0
 """Shorter line segments are not used."""
@@ -23,11 +26,36 @@ OFFSET_PX = 0.5 / 0.8
 
 
 def own_grid(scene: SavedScene) -> tuple[int, int, int]:
-    """(views, rows, columns) of the Gaussians of a complete scene."""
-    views = len(scene.frames)
-    stride = block_size(len(scene.gaussians), views, *scene.cameras.size)
-    height, width = (-(-side // stride) for side in scene.cameras.size)
-    return views, height, width
+    """(views, rows, columns) of the blocks of pixels that Gaussians stand for."""
+    rows, columns = (-(-side // scene.stride) for side in scene.cameras.size)
+    return len(scene.frames), rows, columns
+
+
+def own_images(scene: SavedScene) -> Float[Tensor, "v rows columns 3"]:
+    """What the Gaussians show in their own input views, a pixel for each place; merged scenes, which have gaps there, are rendered."""
+    if scene.places is None:
+        return own_colours(scene).reshape(*own_grid(scene), 3)
+    images = scene.render(shrunk(scene.cameras, scene.stride)).images
+    return images.movedim(-3, -1)
+
+
+def own_points(scene: SavedScene) -> Float64[Tensor, "v rows columns 3"]:
+    """The surface at each place of the input views: the Gaussians, or, in merged scenes, the depth of the views."""
+    if scene.places is None:
+        return scene.gaussians.means.double().reshape(*own_grid(scene), 3)
+    points = back_project(scene.depths.double(), scene.cameras)
+    return points[:, :: scene.stride, :: scene.stride]
+
+
+def own_labels(scene: SavedScene) -> Int64[Tensor, "v rows columns"]:
+    """The likeliest class at each place of the input views of a scene with classes; -1 for places without a Gaussian."""
+    assert scene.gaussians.semantic is not None
+    labels, grid = scene.gaussians.semantic.features.argmax(-1), own_grid(scene)
+    if scene.places is not None:
+        every = torch.full((prod(grid),), -1)
+        every[scene.places.index] = labels
+        labels = every
+    return labels.reshape(grid)
 
 
 def own_colours(scene: SavedScene) -> Float[Tensor, "g 3"]:
@@ -36,7 +64,7 @@ def own_colours(scene: SavedScene) -> Float[Tensor, "g 3"]:
     Args:
         scene: with all of its Gaussians.
     """
-    centres = scene.cameras.centres.repeat_interleave(len(scene.gaussians) // len(scene.frames), 0)
+    centres = scene.cameras.centres[scene.own_views]
     directions = torch.nn.functional.normalize(scene.gaussians.means.double() - centres, dim=-1)
     features = scene.gaussians.colour.features
     return colours_from_harmonics(features, directions.to(features)).clamp(max=1)
@@ -50,9 +78,7 @@ def lines(scene: SavedScene) -> Float64[Tensor, "n 3"]:
     Args:
         scene: with all of its Gaussians.
     """
-    views, rows, columns = own_grid(scene)
-    images = (255 * own_colours(scene)).round().to(torch.uint8).reshape(views, rows, columns, 3).numpy()
-    stride = block_size(len(scene.gaussians), views, *scene.cameras.size)
+    images, stride = (255 * own_images(scene)).round().to(torch.uint8).numpy(), scene.stride
     detector = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD)
     found = [torch.zeros(0, 3, dtype=torch.float64)]
     for view, image in enumerate(images):

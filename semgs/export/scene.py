@@ -6,6 +6,8 @@ Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene
 can be calibrated, `temperatures` has two numbers, `rendered` and `gaussians` (absent in files of semgs 0.1.0 and earlier).
 If the source is far from the origin of its coordinates, the version is 2 and `origin` contains three numbers: `means` are relative to that
 point, in float32; `cameras.world_from_camera` is in the source's coordinates.
+If the scene was merged from several windows (`semgs reconstruct --all`), not every pixel has a Gaussian: the version is 3, `stride` is the side of
+a block of pixels, and `places` [g] int64 are the blocks of the Gaussians, counted by view, row and column.
 Tensors are float32 unless noted; g Gaussians, v context views:
 
     means [g 3]  opacities [g]
@@ -24,7 +26,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Int64
 from safetensors.torch import save
 from torch import Tensor
 
@@ -37,7 +39,7 @@ from semgs.files.tensor_files import opened_tensors
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import summary
-from semgs.model.encoding import Encoding
+from semgs.model.encoding import Encoding, Places, block_size, per_gaussian
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
@@ -46,8 +48,8 @@ FILE_NAME = "scene.safetensors"
 """Name of the scene file in an output folder of `semgs reconstruct`."""
 
 FORMAT = "semgs.scene"
-VERSION, FAR_VERSION = 1, 2
-"""Version for scenes in the source's own coordinates, and for scenes with an origin."""
+VERSION, FAR_VERSION, MERGED_VERSION = 1, 2, 3
+"""Version for scenes in the source's own coordinates, for scenes with an origin, and for merged scenes."""
 
 _FLOAT64 = ("cameras.world_from_camera", "cameras.intrinsics", "depth_range")
 
@@ -73,6 +75,7 @@ class SavedScene:
         depth_spread: standard deviation of log depth: 0.1 is about 10 % of the depth; None if unknown.
         temperatures: calibrate the class distributions; None if unknown.
         origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
+        places: the pixels of the context views that Gaussians stand for, in merged scenes; None if every block of pixels has one.
 
     Raises:
         ValueError: sizes or counts disagree, or a number is invalid: not finite, an opacity or confidence outside 0..1, a negative scale
@@ -94,6 +97,7 @@ class SavedScene:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_spread: Float[Tensor, "v h w"] | None = None
     temperatures: Temperatures | None = None
+    places: Places | None = None
 
     def __post_init__(self) -> None:
         maps = (len(self.frames), *self.cameras.size)
@@ -116,6 +120,8 @@ class SavedScene:
             raise ValueError(
                 f"the Gaussians have {held} classes and the table is {self.classes}; expected both or none"
             )
+        if self.places is not None:
+            check_places(self.places, len(self.gaussians), maps)
         self.gaussians.checked()
         near, far = self.depth_range.unbind(-1)
         spread = torch.zeros(()) if self.depth_spread is None else self.depth_spread
@@ -166,6 +172,7 @@ class SavedScene:
             frames=tuple(frames) or tuple(map(str, range(len(views)))),
             source=source,
             model=model,
+            places=encoding.places,
         )
 
     def __repr__(self) -> str:
@@ -182,6 +189,28 @@ class SavedScene:
             source=self.source,
             model=self.model,
         )
+
+    @property
+    def stride(self) -> int:
+        """Pixels along each side of a Gaussian's place."""
+        if self.places is not None:
+            return self.places.stride
+        return block_size(len(self.gaussians), len(self.frames), *self.cameras.size)
+
+    @property
+    def own_views(self) -> Int64[Tensor, " g"]:
+        """The input view of each Gaussian."""
+        if self.places is not None:
+            return self.places.views(self.cameras.size)
+        return torch.arange(len(self.frames)).repeat_interleave(len(self.gaussians) // len(self.frames))
+
+    def per_gaussian(self, maps: Float[Tensor, "v h w"]) -> Float[Tensor, " g"]:
+        """For each Gaussian the mean over the pixels that it stands for.
+
+        Args:
+            maps: of the context views, at their size.
+        """
+        return per_gaussian(maps[:, None], len(self.gaussians), self.places)[:, 0]
 
     @property
     def near(self) -> float:
@@ -227,10 +256,13 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         "cameras.intrinsics": scene.cameras.intrinsics.contiguous(),
         "depth_range": scene.depth_range.contiguous(),
     }
+    version = FAR_VERSION if any(scene.origin) else VERSION
+    if scene.places is not None:
+        tensors["places"], version = scene.places.index.contiguous(), MERGED_VERSION
     table = scene.classes
     header = {
         "format": FORMAT,
-        "version": FAR_VERSION if any(scene.origin) else VERSION,
+        "version": version,
         "unit": scene.unit,
         "image_size": list(scene.cameras.size),
         "frames": list(scene.frames),
@@ -247,6 +279,7 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         "applied_scale": scene.applied_scale,
         **({"temperatures": asdict(scene.temperatures)} if scene.temperatures else {}),
         **({"origin": list(scene.origin)} if any(scene.origin) else {}),
+        **({"stride": scene.places.stride} if scene.places is not None else {}),
     }
     write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, allow_nan=False)}))
 
@@ -279,10 +312,10 @@ def _header(file: Path, text: str | None) -> dict:
         header = parse_json(text or "null")
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise InputError(file, f"a scene file (format {FORMAT})", "another safetensors file")
-    if not isinstance(header.get("version"), int) or header["version"] > FAR_VERSION:
+    if not isinstance(header.get("version"), int) or header["version"] > MERGED_VERSION:
         raise InputError(
             file,
-            f"version {FAR_VERSION} or older",
+            f"version {MERGED_VERSION} or older",
             f"version {header.get('version')}",
             advice="upgrade semgs to read it",
         )
@@ -296,7 +329,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         return Appearance(*(tensors[f"{branch}.{name}"] for name in ("quaternions", "scales", "features")))
 
     for name, tensor in tensors.items():
-        expected = torch.float64 if name in _FLOAT64 else torch.float32
+        expected = torch.float64 if name in _FLOAT64 else torch.int64 if name == "places" else torch.float32
         if tensor.dtype != expected:
             raise ValueError(f"{name} are {tensor.dtype}; expected {expected}")
     table = header["classes"]
@@ -334,4 +367,19 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         origin=(x, y, z),
         depth_spread=tensors.get("depth_spread"),
         temperatures=None if temperatures is None else Temperatures(**temperatures),
+        places=Places(tensors["places"], header["stride"]) if "places" in tensors else None,
     )
+
+
+def check_places(places: Places, gaussians: int, maps: tuple[int, ...]) -> None:
+    """Check that places are blocks of pixels of (views, height, width), one for each Gaussian.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if not isinstance(places.stride, int) or not 1 <= places.stride <= min(maps[1:]):
+        raise ValueError(f"stride is {places.stride!r}; expected 1 to {min(maps[1:])} pixels")
+    blocks = maps[0] * -(-maps[1] // places.stride) * -(-maps[2] // places.stride)
+    index = places.index
+    if index.shape != (gaussians,) or (len(index) and not 0 <= int(index.min()) <= int(index.max()) < blocks):
+        raise ValueError(f"places are {tuple(index.shape)}; expected ({gaussians},) with numbers of 0 to {blocks - 1}")

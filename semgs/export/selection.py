@@ -42,4 +42,5 @@ def selected(
 
 def part_of(scene: SavedScene, keep: Bool[Tensor, " g"]) -> SavedScene:
     """The scene with some of its Gaussians only."""
-    return replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[keep]))
+    places = None if scene.places is None else scene.places[keep]
+    return replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[keep]), places=places)

@@ -20,7 +20,7 @@ import torch
 from jaxtyping import Bool, Float64
 from torch import Tensor
 
-from semgs.export.own_views import lines, own_grid
+from semgs.export.own_views import lines, own_labels, own_points
 from semgs.export.scene import SavedScene
 from semgs.geometry.cameras import inverse_rigid
 from semgs.geometry.rigid import cameras_in, gaussians_in
@@ -276,8 +276,7 @@ def _cues(scene: SavedScene) -> Cues:
 
 def _surfaces(scene: SavedScene) -> tuple[Float64[Tensor, "n 3"], Bool[Tensor, " n"], Bool[Tensor, " n"]]:
     """The normals of the surfaces in every input view; whether each may be level, which walls are not, and upright, which floors are not."""
-    gaussians, grid = scene.gaussians, own_grid(scene)
-    points = gaussians.means.double().reshape(*grid, 3).movedim(-1, 1)
+    gaussians, points = scene.gaussians, own_points(scene).movedim(-1, 1)
     points = torch.nn.functional.avg_pool2d(points, 3, 1, 1, count_include_pad=False)
     inner = slice(STEP, -STEP)
     down = points[..., 2 * STEP :, inner] - points[..., : -2 * STEP, inner]
@@ -288,7 +287,7 @@ def _surfaces(scene: SavedScene) -> tuple[Float64[Tensor, "n 3"], Bool[Tensor, "
     normals = (normals / lengths[:, None].clamp(min=1e-30)).movedim(1, -1)[clear]
     wall = floor = torch.zeros(len(normals), dtype=torch.bool)
     if gaussians.semantic is not None and scene.classes is not None:
-        labels = gaussians.semantic.features.argmax(-1).reshape(grid)[:, inner, inner][clear]
+        labels = own_labels(scene)[:, inner, inner][clear]
         wall, floor = (
             labels == scene.classes.names.index(name) if name in scene.classes.names else wall
             for name in ("wall", "floor")

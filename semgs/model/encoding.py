@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
@@ -24,6 +24,32 @@ SUMS_TO_1 = 1e-3
 
 
 @dataclass(frozen=True)
+class Places:
+    """The pixels of the input views that Gaussians stand for, if not every pixel has one: scenes merged from several windows.
+
+    Attributes:
+        index: of each Gaussian, in the order view, row, column of all blocks of pixels.
+        stride: pixels along each side of a block.
+    """
+
+    index: Int64[Tensor, " g"]
+    stride: int
+
+    def views(self, size: tuple[int, int]) -> Int64[Tensor, " g"]:
+        """The input view of each Gaussian.
+
+        Args:
+            size: (height, width) of the input views [px].
+        """
+        rows, columns = (-(-side // self.stride) for side in size)
+        return self.index // (rows * columns)
+
+    def __getitem__(self, keep: Tensor) -> Places:
+        """The places of some of the Gaussians."""
+        return Places(self.index[keep], self.stride)
+
+
+@dataclass(frozen=True)
 class Encoding:
     """The network's output for a set of input views.
 
@@ -36,6 +62,7 @@ class Encoding:
         depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
         classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
         temperatures: calibrate the class distributions; None if unknown.
+        places: the pixels that Gaussians stand for; None if every pixel, or every block of pixels, has one.
     """
 
     gaussians: Gaussians
@@ -45,6 +72,7 @@ class Encoding:
     depth_range: Float[Tensor, "*batch v 2"]
     classes: ClassTable | None = None
     temperatures: Temperatures | None = None
+    places: Places | None = None
 
     def __repr__(self) -> str:
         return summary(
@@ -112,7 +140,7 @@ class Encoding:
         Args:
             maps: of the context views, at their size.
         """
-        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians))
+        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians), self.places)
 
     def with_depths(
         self,
@@ -149,7 +177,7 @@ class Encoding:
                 )
         if not (torch.isfinite(depths).all() and (depths > 0).all()):
             raise ValueError("depths contain a number that is not finite or not positive; expected a depth everywhere")
-        stride = self._stride
+        stride = self.stride
         means = self.gaussians.means
         placed = _lower_median(depths.to(means), stride)
         ratios = (placed / self._z_depths(cameras)).flatten(-3)
@@ -187,14 +215,14 @@ class Encoding:
         return self._full(self._maps(self.gaussians.opacities))
 
     @property
-    def _stride(self) -> int:
+    def stride(self) -> int:
         """Pixels along each side of a Gaussian's place."""
         return block_size(len(self.gaussians), *self.depths.shape[-3:])
 
     def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
         """A number of each Gaussian, by view, row and column."""
         views, height, width = self.depths.shape[-3:]
-        rows, columns = (-(-side // self._stride) for side in (height, width))
+        rows, columns = (-(-side // self.stride) for side in (height, width))
         return numbers.reshape(*numbers.shape[:-1], views, rows, columns)
 
     def _z_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v rows columns"]:
@@ -206,7 +234,7 @@ class Encoding:
     def _full(self, maps: Float[Tensor, "*batch v rows columns"]) -> Float[Tensor, "*batch v h w"]:
         """A number for each Gaussian, repeated for the pixels that it stands for."""
         height, width = self.depths.shape[-2:]
-        return maps.repeat_interleave(self._stride, -2).repeat_interleave(self._stride, -1)[..., :height, :width]
+        return maps.repeat_interleave(self.stride, -2).repeat_interleave(self.stride, -1)[..., :height, :width]
 
     def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.
@@ -240,19 +268,24 @@ class Encoding:
         return replace(moved, depth_range=self.depth_range)
 
 
-def per_gaussian(maps: Float[Tensor, "*batch v c h w"], gaussians: int) -> Float[Tensor, "*batch g c"]:
+def per_gaussian(
+    maps: Float[Tensor, "*batch v c h w"], gaussians: int, places: Places | None = None
+) -> Float[Tensor, "*batch g c"]:
     """For each of a scene's Gaussians the mean over the pixels that it stands for.
 
     Args:
         maps: of the context views.
         gaussians: how many there are.
+        places: the pixels that they stand for; None for all.
 
     Raises:
         ValueError: they do not stand on a grid of the views' pixels.
     """
     views, _, height, width = maps.shape[-4:]
-    places = _means(maps, block_size(gaussians, views, height, width))
-    return places.flatten(-2).mT.reshape(*maps.shape[:-4], gaussians, maps.shape[-3])
+    stride = block_size(gaussians, views, height, width) if places is None else places.stride
+    blocks = _means(maps, stride).flatten(-2).mT
+    every = blocks.reshape(*maps.shape[:-4], -1, maps.shape[-3])
+    return every if places is None else every[..., places.index.to(every.device), :]
 
 
 def _means(maps: Float[Tensor, "*batch c h w"], stride: int) -> Float[Tensor, "*batch c rows columns"]:

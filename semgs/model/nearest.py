@@ -58,10 +58,10 @@ class NearestViews:
         gaussians = encoding.gaussians.map(
             lambda tensor: tensor.unflatten(0, (contexts.batch[0], -1))[chosen].flatten(0, 1)
         )
-        inside = _inside(gaussians.means, contexts)
-        inside[:, chosen] |= _own(gaussians.means, len(chosen))
-        before = inside.sum(-1).to(gaussians.means)
-        after = inside[:, chosen].sum(-1).to(gaussians.means)
+        within = inside(gaussians.means, contexts)
+        within[:, chosen] |= _own(gaussians.means, len(chosen))
+        before = within.sum(-1).to(gaussians.means)
+        after = within[:, chosen].sum(-1).to(gaussians.means)
         growth = shrinkage(after, self.shrink_seen) / shrinkage(before, self.shrink_seen)
         colour = replace(gaussians.colour, scales=gaussians.colour.scales * growth[:, None])
         return replace(
@@ -74,7 +74,7 @@ class NearestViews:
         )
 
 
-def _inside(means: Float[Tensor, "g 3"], cameras: Cameras) -> Bool[Tensor, "g v"]:
+def inside(means: Float[Tensor, "g 3"], cameras: Cameras) -> Bool[Tensor, "g v"]:
     """Whether each mean is in front of each camera and inside its image."""
     height, width = cameras.size
     x, y, z = project(means.double().cpu().expand(*cameras.batch, -1, 3), cameras).unbind(-1)

@@ -208,8 +208,8 @@ def reconstruct(
         with stages("features", f"Features of {len(context)} photos from {featuring.source.title}"):
             features = featuring(encoding, scene, choice.context, context)
     with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"), torch.no_grad():
-        own = _shown(scene, choice.context, context, encoding, classes)
-        held_out = None if target is None else _shown(scene, choice.targets, target, encoding, classes)
+        own = rendered_from(scene, choice.context, context, encoding, classes)
+        held_out = None if target is None else rendered_from(scene, choice.targets, target, encoding, classes)
     return Reconstruction(
         scene=scene,
         choice=choice,
@@ -245,10 +245,10 @@ def _cost(labelling: Labelling, frames: Sequence[Frame], stages: Stages) -> str:
     return "" if cost is None else f": {cost}"
 
 
-def _shown(
+def rendered_from(
     scene: Scene, positions: Sequence[int], views: Views, encoding: Encoding, classes: ClassTable | None
 ) -> Shown:
-    """Views, renderings from their cameras, and scores; labels with another class table than the model's are not scored."""
+    """Views of a scene's frames, renderings from their cameras, and scores; labels with another class table than the model's are not scored."""
     rendering = encoding.render(views.cameras)
     spread = encoding.per_gaussian(encoding.depth_spread[:, None])[:, 0]
     near = float(encoding.depth_range[:, 0].min())

@@ -44,6 +44,23 @@ def fused(
     return pooled((probabilities + LEAST).log(), depths, spread, cameras, weights).softmax(1)
 
 
+def deviation(
+    depths: Float[Tensor, "*n"],
+    seen: Float[Tensor, "*n"],
+    spread: Float[Tensor, "*n"],
+    spread_seen: Float[Tensor, "*n"],
+) -> Float[Tensor, "*n"]:
+    """By how many standard deviations the log depths of points differ from what a view sees in their places; negative in front of it.
+
+    Args:
+        depths: z-depth of the points in that view [m].
+        seen: z-depth that the view sees there [m].
+        spread, spread_seen: standard deviations of the log depth of both.
+    """
+    sigma = (spread.square() + spread_seen.square()).sqrt() + SPREAD
+    return (depths / seen).log() / sigma
+
+
 def pooled(
     values: Float[Tensor, "v c h w"],
     depths: Float[Tensor, "v h w"],
@@ -71,8 +88,8 @@ def pooled(
             place = y.clamp(0, height - 1).long() * width + x.clamp(0, width - 1).long()
             place = torch.where(inside, place, 0)
             seen = depths[other].flatten()[place]
-            sigma = (spread[one].flatten().square() + spread[other].flatten()[place].square()).sqrt() + SPREAD
-            agrees = inside & ((z.clamp(min=1e-6) / seen).log().abs() <= TOLERANCE * sigma)
+            apart = deviation(z.clamp(min=1e-6), seen, spread[one].flatten(), spread[other].flatten()[place])
+            agrees = inside & (apart.abs() <= TOLERANCE)
             vote = shares[other] * agrees
             total = total + vote * values[other].flatten(1)[:, place]
             weight = weight + vote

@@ -18,7 +18,6 @@ from semgs.files.colours import Colour, depth_limits, depth_picture, heat_pictur
 from semgs.geometry.gaussians import Appearance
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.geometry.rotations import covariance
-from semgs.model.encoding import per_gaussian
 
 Mode = Literal["colour", "classes", "confidence", "depth", "things"]
 """What splats show: the photos' colours; the classes; the probability of the class; the depth in their own input view; the thing that each belongs to."""
@@ -113,7 +112,7 @@ class SceneSplats:
         """
         count = len(scene.gaussians)
         confidences = class_confidences(scene).numpy()
-        depths = per_gaussian(scene.depths[:, None], count)[:, 0].numpy()
+        depths = scene.per_gaussian(scene.depths).numpy()
         known = depths[depths > 0]
         labels, names, colours = np.zeros(count, np.int64), [ALL], [UNKNOWN_GREY]
         if scene.classes is not None and scene.gaussians.semantic is not None:
@@ -217,7 +216,7 @@ def _most_opaque(opacities: Float32[np.ndarray, " g"], at_most: int | None) -> B
 def _colours(scene: SavedScene) -> UInt8[np.ndarray, "g 3"]:
     """The colour of each Gaussian from the camera of its own input view, because splats of viewers look the same from everywhere."""
     gaussians = scene.gaussians
-    centres = scene.cameras.centres.repeat_interleave(len(gaussians) // len(scene.frames), 0)
+    centres = scene.cameras.centres[scene.own_views]
     directions = torch.nn.functional.normalize(gaussians.means.double() - centres, dim=-1).to(gaussians.means)
     colours = colours_from_harmonics(gaussians.colour.features, directions).clamp(max=1)
     return np.rint(255 * colours.numpy()).astype(np.uint8)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from landmarks import looking
 
-from semgs.data.choice import _preference, around, choose, consecutive, drawn, given
+from semgs.data.choice import around, choose, consecutive, drawn, given, preference
 from semgs.data.frames import Frame
 from semgs.data.lens import Lens
 from semgs.data.maps import InMemory
@@ -41,10 +41,10 @@ def test_a_baseline_in_the_band_is_preferred_to_a_shorter_and_a_longer_one():
         assert choose(scene(beside(0.0, relative, 1.1, 1.11)), 2).context == (0, 1)
 
 
-def test_the_preference_is_one_in_the_middle_of_the_band_three_quarters_at_its_ends_and_a_tenth_far_from_it():
+def test_thepreference_is_one_in_the_middle_of_the_band_three_quarters_at_its_ends_and_a_tenth_far_from_it():
     """exp(-(ln(b / 0.0866) / 0.72)^2 / 2): the logarithms are 0, ln 3^0.5 = 0.549 and 1.545."""
     relative = np.array([0.0866, 0.05, 0.15, 0.0185, 0.406])
-    assert _preference(relative) == pytest.approx([1.0, 0.7475, 0.7475, 0.1, 0.1], rel=5e-3)
+    assert preference(relative) == pytest.approx([1.0, 0.7475, 0.7475, 0.1, 0.1], rel=5e-3)
 
 
 def test_frames_that_look_elsewhere_are_not_chosen_whatever_their_baseline():

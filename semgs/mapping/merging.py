@@ -1,0 +1,247 @@
+"""Merging: what many keyframes say about each surface becomes one set of Gaussians.
+
+Each keyframe is one view of a window of two to four views; its Gaussians, depth and classes come from that window. Each of its Gaussians is projected into the
+other keyframes, and each of those votes on it, by the depth that it sees there and the rule of `semgs.segmenters.fusion`:
+
+- its depth agrees: it is the same surface. It pulls the Gaussian to its own depth, its classes count, and if it sees the surface more sharply, it may
+  replace the Gaussian;
+- it sees a surface behind, all around: it looks freely through the Gaussian, which then is a floater;
+- it sees a surface in front: the Gaussian is hidden, and it does not vote.
+
+All votes are sums over pairs of a Gaussian and a keyframe. So the result does not depend on the order of the keyframes, and adding keyframes one by one
+gives the same as merging all at once, which is what the tests do by loops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import log
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float, Int64
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.model.encoding import Encoding, Places, per_gaussian
+from semgs.model.nearest import inside
+from semgs.model.overlap import PAIR, shrinkage
+from semgs.segmenters.fusion import LEAST, SPREAD, TOLERANCE, deviation
+
+LAYERS = 4
+"""A surface gets the Gaussians of this many keyframes, those that see it most sharply."""
+
+SHRINK = 0.5
+"""Each layer makes surfaces thicker, and colours are tuned to two: with n > 2 of them, colour Gaussians get (2 / n)^SHRINK of their size, as in windows of n views."""
+
+SHARPER = 1.5
+"""Keyframes see a surface equally sharply if their pixels on it differ by less than about this factor. Then the earlier one goes first."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What one keyframe sees, as the others are compared with it; one place is a block of pixels.
+
+    Attributes:
+        number: of the keyframe, in the order of time.
+        camera: at the size of the images.
+        stride: pixels along each side of a place.
+        depths: z-depth of every place [m].
+        nearest: the smallest z-depth of a place and its eight neighbours [m].
+        spread: standard deviation of log depth.
+        logs: log probabilities of the classes; None without classes.
+    """
+
+    number: int
+    camera: Cameras
+    stride: int
+    depths: Float[Tensor, "rows columns"]
+    nearest: Float[Tensor, "rows columns"]
+    spread: Float[Tensor, "rows columns"]
+    logs: Float[Tensor, "rows columns class"] | None
+
+    @property
+    def focal_px(self) -> float:
+        """The mean focal length [px]."""
+        return float(self.camera.focal_px.mean())
+
+
+@dataclass(frozen=True)
+class Votes:
+    """What keyframes say about Gaussians: sums over the keyframes.
+
+    Attributes:
+        agree: how many see the same surface.
+        through: how many look freely through it.
+        before: how many of those that agree go before the Gaussian's own keyframe, because they see the surface more sharply.
+        weight: sum of the weights 1 / variance of log depth of those that agree.
+        shift: sum of these weights times the log of their depth over that of the Gaussian.
+        logs: sum of the log probabilities of the classes of those that agree; None without classes.
+    """
+
+    agree: Float[Tensor, " g"]
+    through: Float[Tensor, " g"]
+    before: Float[Tensor, " g"]
+    weight: Float[Tensor, " g"]
+    shift: Float[Tensor, " g"]
+    logs: Float[Tensor, "g class"] | None
+
+    def map(self, function: Callable[[Tensor], Tensor]) -> Votes:
+        """These votes with `function` applied to each array."""
+        arrays: dict[str, Any] = {name: None if one is None else function(one) for name, one in vars(self).items()}
+        return Votes(**arrays)
+
+    def __add__(self, other: Votes) -> Votes:
+        """The votes of both groups of keyframes."""
+        more = vars(other)
+        arrays: dict[str, Any] = {name: None if one is None else one + more[name] for name, one in vars(self).items()}
+        return Votes(**arrays)
+
+
+@dataclass(frozen=True)
+class Part:
+    """The Gaussians of one keyframe, and the votes about them. The Gaussians stay as the network placed them; `settled` applies the votes.
+
+    Attributes:
+        sheet: of the keyframe.
+        gaussians: some of its Gaussians.
+        index: their places in the keyframe, row by row.
+        spread: standard deviation of their log depth.
+        level: how sharply their own keyframe sees them: the log of the size of a pixel there, in steps of a factor `SHARPER`.
+        votes: of the other keyframes.
+    """
+
+    sheet: Sheet
+    gaussians: Gaussians
+    index: Int64[Tensor, " g"]
+    spread: Float[Tensor, " g"]
+    level: Float[Tensor, " g"]
+    votes: Votes
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, keep: Bool[Tensor, " g"]) -> Part:
+        """Some of the Gaussians."""
+        if keep.all():
+            return self
+        return Part(
+            self.sheet,
+            self.gaussians.map(lambda tensor: tensor[keep]),
+            self.index[keep],
+            self.spread[keep],
+            self.level[keep],
+            self.votes.map(lambda tensor: tensor[keep]),
+        )
+
+    def judged_by(self, other: Sheet) -> Part:
+        """The same Gaussians, with the votes of one more keyframe; without those that are not needed any more."""
+        voted = replace(self, votes=self.votes + votes_of(self, other))
+        return voted[voted.votes.before < LAYERS]
+
+
+def parts_of(encoding: Encoding, cameras: Cameras, numbers: Sequence[int]) -> list[Part]:
+    """The Gaussians of each view of a window, without votes of others.
+
+    Args:
+        encoding: of the window.
+        cameras: of its views [v].
+        numbers: of the keyframes.
+    """
+    views = len(numbers)
+    count = len(encoding.gaussians) // views
+    stride = encoding.stride
+    rows, columns = (-(-side // stride) for side in cameras.size)
+    every = encoding.gaussians.map(lambda tensor: tensor.unflatten(0, (views, count)))
+    spreads = per_gaussian(encoding.depth_spread[:, None], len(encoding.gaussians)).reshape(views, rows, columns)
+    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], len(encoding.gaussians)).reshape(
+        views, rows, columns
+    )
+    if views > PAIR:  # the network made them smaller because of the other views of the window
+        seen = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
+        grown = every.colour.scales / shrinkage(seen.to(every.means), SHRINK)[..., None]
+        every = replace(every, colour=replace(every.colour, scales=grown))
+    found = []
+    for view, number in enumerate(numbers):
+        gaussians = every.map(lambda tensor, view=view: tensor[view].clone())  # not a view: the window goes
+        logs = None
+        if gaussians.semantic is not None:
+            logs = (gaussians.semantic.features + LEAST).log().reshape(rows, columns, -1)
+        nearest = -torch.nn.functional.max_pool2d(-depths[view][None], 3, 1, 1)[0]
+        sheet = Sheet(number, cameras[view], stride, depths[view], nearest, spreads[view], logs)
+        zeros = torch.zeros(count)
+        votes = Votes(zeros, zeros, zeros, zeros, zeros, None if logs is None else torch.zeros(count, logs.shape[-1]))
+        level = sharpness(depths[view].flatten(), sheet.focal_px)
+        found.append(Part(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes))
+    return found
+
+
+def sharpness(depths: Float[Tensor, "*n"], focal_px: float) -> Float[Tensor, "*n"]:
+    """The log of the size of a pixel on a surface at some depths, in whole steps of a factor `SHARPER`."""
+    return ((depths / focal_px).log() / log(SHARPER)).floor()
+
+
+def votes_of(part: Part, other: Sheet) -> Votes:
+    """What one keyframe says about Gaussians of another."""
+    means = part.gaussians.means
+    # Relative to the camera in float64, so that float32 is precise enough.
+    x, y, z = project(means.double(), other.camera).to(means).unbind(-1)
+    height, width = other.camera.size
+    within = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
+    column, row = ((one[within] / other.stride).long() for one in (x, y))
+    place = row * other.depths.shape[1] + column
+    z, seen, spread = z[within], other.depths.flatten()[place], other.spread.flatten()[place]
+    apart = deviation(z, seen, part.spread[within], spread)
+    agrees = apart.abs() <= TOLERANCE
+    free = deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
+    level = sharpness(seen, other.focal_px)
+    first = (level < part.level[within]) | ((level == part.level[within]) & (other.number < part.sheet.number))
+    weight = agrees / (spread.square() + SPREAD**2)
+
+    def spread_out(values: Tensor) -> Tensor:
+        """Values of the Gaussians that it sees, 0 for the others."""
+        return values.new_zeros((len(means), *values.shape[1:])).index_copy_(0, within, values)
+
+    logs = None if other.logs is None else other.logs.flatten(0, 1)[place] * agrees[:, None]
+    return Votes(
+        agree=spread_out(agrees.to(means)),
+        through=spread_out(free.to(means)),
+        before=spread_out((agrees & first).to(means)),
+        weight=spread_out(weight),
+        shift=spread_out(weight * (seen / z).log()),
+        logs=None if logs is None else spread_out(logs),
+    )
+
+
+def settled(part: Part) -> Part:
+    """The Gaussians that stay, moved to the depth and with the classes that the keyframes agree on.
+
+    Those that more of the other keyframes look through than agree with are floaters and go.
+    """
+    part = part[(part.votes.before < LAYERS) & (part.votes.through <= part.votes.agree)]
+    gaussians, votes = part.gaussians, part.votes
+    own = 1 / (part.spread.square() + SPREAD**2)
+    ratio = (votes.shift / (own + votes.weight)).exp()[:, None]
+    centre = part.sheet.camera.centres.to(gaussians.means)
+    semantic = gaussians.semantic
+    if semantic is not None and votes.logs is not None:
+        logs = (semantic.features + LEAST).log() + votes.logs
+        semantic = Appearance(
+            semantic.quaternions, semantic.scales * ratio, (logs / (1 + votes.agree[:, None])).softmax(-1)
+        )
+    thinner = shrinkage((1 + votes.agree).clamp(max=LAYERS), SHRINK)[:, None]
+    colour = replace(gaussians.colour, scales=gaussians.colour.scales * ratio * thinner)
+    moved = replace(gaussians, means=centre + (gaussians.means - centre) * ratio, colour=colour, semantic=semantic)
+    return replace(part, gaussians=moved)
+
+
+def joined(parts: Sequence[Part]) -> tuple[Gaussians, Places]:
+    """All Gaussians of some keyframes, and the places that they stand for, counted over the views in this order."""
+    first = parts[0]
+    blocks = first.sheet.depths.numel()
+    index = torch.cat([part.index + view * blocks for view, part in enumerate(parts)])
+    names = list(zip(*(part.gaussians.tensors().values() for part in parts), strict=True))
+    tensors = iter([torch.cat(one) for one in names])
+    return first.gaussians.map(lambda _: next(tensors)), Places(index, first.sheet.stride)
