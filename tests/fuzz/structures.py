@@ -40,7 +40,10 @@ def edited(name: str, data: bytes, draw: Draw) -> bytes:
     """The content of a file with one to three edits that suit its kind."""
     edit = EDITS.get(PurePosixPath(name).suffix.lower() or name, fields)
     for _ in range(draw(st.integers(1, 3))):
-        data = edit(data, draw)
+        try:
+            data = edit(data, draw)
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError, struct.error, zipfile.BadZipFile):
+            data = fields(data, draw)  # an edit before it has made it something else
     return data
 
 
