@@ -57,7 +57,9 @@ def work(form: Format, base: int, block: int, first: int, count: int, folder: Pa
         # Hypothesis and bytes alternate, so the order of cases in time is bytes first; a case is done if it comes before in that order.
         order = [*range(0, count, 2), *range(1, count, 2)]
         done = {block * BLOCK + number for number in order[: order.index(first)]} if first in order else set()
-        return run_block(bench, base, block, count, lambda case: case == only if only is not None else case not in done, begin)
+        return run_block(
+            bench, base, block, count, lambda case: case == only if only is not None else case not in done, begin
+        )
 
 
 def measured(form: Format, base: int, count: int) -> tuple[int, int]:
@@ -65,7 +67,9 @@ def measured(form: Format, base: int, count: int) -> tuple[int, int]:
     import coverage
 
     root = Path(__file__).resolve().parents[2]
-    counter = coverage.Coverage(data_file=None, include=[str(root / module) for module in form.modules], config_file=False)
+    counter = coverage.Coverage(
+        data_file=None, include=[str(root / module) for module in form.modules], config_file=False
+    )
     with tempfile.TemporaryDirectory() as folder:
         own_limits(Path(folder))
         watch = Watch(Path(folder))
@@ -123,7 +127,13 @@ def supervised(form: Format, base: int, block: int, count: int) -> Block:
             if case is None:
                 raise SystemExit(f"{form.name}: block {block} did not begin:\n{errors[-3000:]}")
             number = -process.returncode
-            said = f"no end in {WALL_SECONDS:.0f} s" if hung else f"signal {number}" if number > 0 else f"exit code {-number}"
+            said = (
+                f"no end in {WALL_SECONDS:.0f} s"
+                if hung
+                else f"signal {number}"
+                if number > 0
+                else f"exit code {-number}"
+            )
             total.found.append((case, said, errors.strip()[-300:]))
             order = [*range(0, count, 2), *range(1, count, 2)]
             behind = order[order.index(case - block * BLOCK) + 1 :]
@@ -172,9 +182,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--cases", type=int, help="of each format (10,000, or fewer for slow formats)")
     parser.add_argument("--seed", type=int, default=0, help="of all cases (0)")
     parser.add_argument("--case", type=int, help="run one case of one format again, in this process")
-    parser.add_argument("--coverage", action="store_true", help="count the lines of the readers that --cases execute, 200 per variant if not given")
+    parser.add_argument(
+        "--coverage",
+        action="store_true",
+        help="count the lines of the readers that --cases execute, 200 per variant if not given",
+    )
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time (2)")
-    parser.add_argument("--folder", type=Path, default=Path(".fuzz"), help="results of finished blocks, which are not run again (.fuzz)")
+    parser.add_argument(
+        "--folder", type=Path, default=Path(".fuzz"), help="results of finished blocks, which are not run again (.fuzz)"
+    )
     parser.add_argument("--work", nargs=6, help=argparse.SUPPRESS)
     asked = parser.parse_args(arguments)
     if asked.work:
@@ -204,7 +220,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             done = list(pool.map(lambda one: saved(asked.folder, form, asked.seed, *one), blocks))  # noqa: B023
         found = [one for block in done for one in block.found]
         read, refused = sum(block.read for block in done), sum(block.refused for block in done)
-        print(f"{form.name:14} {cases:7} {read:7} {refused:7} {len(found):6} {sum(block.seconds for block in done):7.0f}", flush=True)
+        print(
+            f"{form.name:14} {cases:7} {read:7} {refused:7} {len(found):6} {sum(block.seconds for block in done):7.0f}",
+            flush=True,
+        )
         kinds = Counter(f"{what} | {where}" for _, what, where in found)
         for kind, count in kinds.most_common(20):
             example = next(case for case, what, where in found if f"{what} | {where}" == kind)

@@ -61,7 +61,9 @@ class Bench:
         Image.new("RGB", (32, 24), (200, 100, 50)).save(folder / SECRET)
         self.root = form.variants[variant % len(form.variants)](self.folder)
         self.files = {
-            str(path.relative_to(self.folder)): path.read_bytes() for path in sorted(self.folder.rglob("*")) if path.is_file()
+            str(path.relative_to(self.folder)): path.read_bytes()
+            for path in sorted(self.folder.rglob("*"))
+            if path.is_file()
         }
         self.main = [name for name in self.files if any(fnmatch(name, pattern) for pattern in form.main)]
         assert self.main, (form.name, sorted(self.files))
@@ -106,7 +108,9 @@ class Bench:
                 self.form.read(self.root, self.out, changed)
         except InputError as error:
             told = "refused"
-            if "\n" in error.first_line or not any(str(place) in str(error.path.absolute()) for place in self._places()):
+            if "\n" in error.first_line or not any(
+                str(place) in str(error.path.absolute()) for place in self._places()
+            ):
                 told, where = "a message that does not name the file", error.first_line
         except MemoryError as error:
             told, where = "more than 1 GB", trace(error)
@@ -130,7 +134,9 @@ def trace(error: BaseException) -> str:
     return " < ".join(f"{Path(one.filename).name}:{one.lineno} {one.name}" for one in frames[-6:][::-1])
 
 
-def cases(bench: Bench, base: int, block: int, wanted: Callable[[int], bool], count: int) -> Iterator[tuple[int, Changes]]:
+def cases(
+    bench: Bench, base: int, block: int, wanted: Callable[[int], bool], count: int
+) -> Iterator[tuple[int, Changes]]:
     """The wanted cases among the first `count` of a block, bytes first, then structures; a generator cannot be had from Hypothesis for these."""
     for number in range(0, count, 2):
         case = block * BLOCK + number
@@ -138,7 +144,9 @@ def cases(bench: Bench, base: int, block: int, wanted: Callable[[int], bool], co
             yield case, bench.by_bytes(random.Random(f"{base} {bench.form.name} {case}"))
 
 
-def run_block(bench: Bench, base: int, block: int, count: int, wanted: Callable[[int], bool], begin: Callable[[int], None]) -> Tally:
+def run_block(
+    bench: Bench, base: int, block: int, count: int, wanted: Callable[[int], bool], begin: Callable[[int], None]
+) -> Tally:
     """Run the wanted cases among the first `count` of a block.
 
     Args:
@@ -166,7 +174,13 @@ def run_block(bench: Bench, base: int, block: int, count: int, wanted: Callable[
     odd = iter(range(1, count, 2))
 
     @seed(f"{base} {bench.form.name} {block}")
-    @settings(max_examples=BLOCK // 2 + 1, database=None, deadline=None, phases=(Phase.generate,), suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=BLOCK // 2 + 1,
+        database=None,
+        deadline=None,
+        phases=(Phase.generate,),
+        suppress_health_check=list(HealthCheck),
+    )
     @given(st.data())
     def structures(data: st.DataObject) -> None:
         changes = bench.by_structure(data.draw)  # first, as Hypothesis wants the same draws whatever comes after them

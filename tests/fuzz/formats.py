@@ -147,7 +147,9 @@ def scannet(extracted: bool) -> Seed:
         import scannet_writer
 
         written = scannet_writer.scan(lost=(2,))
-        few = scannet_writer.Scan(written.poses[:4], written.jpegs[:4], written.depths[:4], written.ids[:4], written.labels[:4], (2,))
+        few = scannet_writer.Scan(
+            written.poses[:4], written.jpegs[:4], written.depths[:4], written.ids[:4], written.labels[:4], (2,)
+        )
         return (scannet_writer.write_extracted if extracted else scannet_writer.write_raw)(folder, few)
 
     return write
@@ -254,6 +256,7 @@ def pictures(folder: Path) -> Path:
 
 def read_pictures(path: Path, out: Path, changed: Sequence[str]) -> None:
     """Read each changed picture by every reader that it may meet."""
+    from semgs.data.maps import read_ids
     from semgs.files import arrays
     from semgs.files import pictures as readers
     from semgs.files.errors import InputError
@@ -266,7 +269,7 @@ def read_pictures(path: Path, out: Path, changed: Sequence[str]) -> None:
             continue
         for reader in (
             readers.read_header, readers.read_rgb, lambda one: readers.read_grey(one, (24, 32), 16), readers.read_uint16, readers.read_uint8,
-            lambda one: readers.decode_map(one.read_bytes(), one), lambda one: readers.read_rgb(one, (32, 24)),
+            read_ids, lambda one: readers.read_rgb(one, (32, 24)),
         ):  # fmt: skip
             try:
                 reader(file)
@@ -317,7 +320,11 @@ def weights(folder: Path) -> Path:
     tensors = {"a": torch.arange(6.0).reshape(2, 3), "b": torch.zeros(4, dtype=torch.bfloat16)}
     said = read_header(shipped("small")).metadata
     more = {key: value for key, value in said.items() if len(value) < 20_000}
-    settings = {"semgs": "2", "settings": json.dumps(networks.small().as_json()), "classes": json.dumps(asdict(SCANNET20))}
+    settings = {
+        "semgs": "2",
+        "settings": json.dumps(networks.small().as_json()),
+        "classes": json.dumps(asdict(SCANNET20)),
+    }
     save_file(tensors, folder / "weights.safetensors", {**more, **settings, CHECKSUM: checksum(tensors)})
     return folder / "weights.safetensors"
 
@@ -346,7 +353,9 @@ def read_weights(path: Path, out: Path, changed: Sequence[str]) -> None:
             reader(path)
         except InputError as error:
             refused = refused or error
-    if refused is not None and not refused.expected.startswith("a tensor of shape"):  # the small seed is no whole network
+    if refused is not None and not refused.expected.startswith(
+        "a tensor of shape"
+    ):  # the small seed is no whole network
         raise refused
 
 
@@ -362,10 +371,14 @@ def training_run(folder: Path) -> Path:
     from semgs.training.state import TrainingState
     from semgs.training.supervision import supervision_of
 
-    settings = TrainingSettings(model="small", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3)
+    settings = TrainingSettings(
+        model="small", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
+    )
     claim(folder / "run", settings)
     torch.manual_seed(0)
-    state = TrainingState.begin(nn.Linear(3, 2), supervision_of(settings), settings.learning_rate, settings.average_decay)  # type: ignore[arg-type]
+    state = TrainingState.begin(
+        nn.Linear(3, 2), supervision_of(settings), settings.learning_rate, settings.average_decay
+    )  # type: ignore[arg-type]
     for state.step in (6, 12):
         save_checkpoint(folder / "run/checkpoints", state)
     write_json(folder / "run/network.json", networks.small().as_json())
@@ -477,7 +490,9 @@ def segmenter(folder: Path) -> Path:
     maps = folder / "maps/images"
     maps.mkdir(parents=True)
     (folder / "maps/classes.json").write_text(json.dumps(TABLE))
-    (folder / "maps" / RECORD).write_text(json.dumps({"name": "net", "digest": "0" * 8, "licence": "MIT", "photos": {}}))
+    (folder / "maps" / RECORD).write_text(
+        json.dumps({"name": "net", "digest": "0" * 8, "licence": "MIT", "photos": {}})
+    )
     from PIL import Image
 
     labels = labelled_views(3, 3).labels.numpy()
@@ -537,7 +552,12 @@ def small_files(folder: Path) -> Path:
 
     write_camera_file(folder / "cameras.json", posed_cameras(3, (24, 32)))
     pose = np.eye(4).ravel().tolist()
-    path = {"camera_type": "perspective", "render_height": 24, "render_width": 32, "camera_path": [{"camera_to_world": pose, "fov": 60.0}] * 2}
+    path = {
+        "camera_type": "perspective",
+        "render_height": 24,
+        "render_width": 32,
+        "camera_path": [{"camera_to_world": pose, "fov": 60.0}] * 2,
+    }
     (folder / "path.json").write_text(json.dumps(path))
     write_table(folder / "classes.json")
     (folder / "scenes.txt").write_text("# mine\n" + "".join(f"scene{number:04d}_00\n" for number in range(12)))

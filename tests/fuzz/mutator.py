@@ -6,7 +6,23 @@ import random
 import struct
 from collections.abc import Callable
 
-WORDS = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 40, (1 << 63) - 1, 1 << 63)
+WORDS = (
+    0,
+    1,
+    2,
+    0x7F,
+    0x80,
+    0xFF,
+    0x7FFF,
+    0x8000,
+    0xFFFF,
+    0x7FFFFFFF,
+    0x80000000,
+    0xFFFFFFFF,
+    1 << 40,
+    (1 << 63) - 1,
+    1 << 63,
+)
 """Whole numbers at which programs go wrong."""
 
 FLOATS = (0.0, -0.0, 1e-320, 1e-45, 1e38, -1e38, 1e308, float("inf"), float("-inf"), float("nan"))

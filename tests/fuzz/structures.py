@@ -86,7 +86,9 @@ def text_tokens(data: bytes, draw: Draw) -> bytes:
         found = list(re.finditer(rb"[^\s,=]+", lines[at]))
         if found:
             one = found[draw(st.integers(0, len(found) - 1))]
-            new = draw(st.one_of(st.sampled_from(TOKENS), NUMBERS.map(lambda value: repr(value).encode()), TEXTS.map(_bytes)))
+            new = draw(
+                st.one_of(st.sampled_from(TOKENS), NUMBERS.map(lambda value: repr(value).encode()), TEXTS.map(_bytes))
+            )
             lines[at] = lines[at][: one.start()] + new + lines[at][one.end() :]
     elif how == "remove":
         del lines[at]
@@ -127,7 +129,14 @@ def png_chunks(data: bytes, draw: Draw) -> bytes:
     if how == "fields":
         chunks[place] = (kind, fields(held, draw))
     elif how == "kind":
-        chunks[place] = (draw(st.sampled_from((b"PLTE", b"tRNS", b"acTL", b"fdAT", b"eXIf", b"iCCP", b"zTXt", b"IDAT", b"IEND", b"xxxx"))), held)
+        chunks[place] = (
+            draw(
+                st.sampled_from(
+                    (b"PLTE", b"tRNS", b"acTL", b"fdAT", b"eXIf", b"iCCP", b"zTXt", b"IDAT", b"IEND", b"xxxx")
+                )
+            ),
+            held,
+        )
     elif how == "remove":
         del chunks[place]
     elif how == "twice":
@@ -203,7 +212,24 @@ def npy_header(data: bytes, draw: Draw) -> bytes:
     head = data[10 : 10 + length]
     found = list(re.finditer(rb"[\w<>|.]+|[(){},:']", head))
     one = found[draw(st.integers(0, len(found) - 1))]
-    kinds = st.sampled_from((b"(", b")", b"'", b"|O", b"<f8", b"V8", b"<U9", b"<c16", b"True", b"-1", b"9" * 18, b"(" * 300, b"1e9", b"'a':1,"))
+    kinds = st.sampled_from(
+        (
+            b"(",
+            b")",
+            b"'",
+            b"|O",
+            b"<f8",
+            b"V8",
+            b"<U9",
+            b"<c16",
+            b"True",
+            b"-1",
+            b"9" * 18,
+            b"(" * 300,
+            b"1e9",
+            b"'a':1,",
+        )
+    )
     head = head[: one.start()] + draw(kinds) + head[one.end() :]
     return data[:8] + len(head).to_bytes(2, "little") + head + data[10 + length :]
 

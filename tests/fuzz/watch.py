@@ -22,7 +22,19 @@ SECRET = "outside/secret.png"
 """A file beside the folder of the case, which an archive must not lead to."""
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-CHANGES = frozenset({"os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.symlink", "os.link", "os.chmod", "os.truncate", "shutil.rmtree"})
+CHANGES = frozenset(
+    {
+        "os.remove",
+        "os.rename",
+        "os.mkdir",
+        "os.rmdir",
+        "os.symlink",
+        "os.link",
+        "os.chmod",
+        "os.truncate",
+        "shutil.rmtree",
+    }
+)
 RUNS = frozenset(
     {"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.fork", "os.forkpty", "pickle.find_class", "socket.connect", "socket.bind"}
 )  # fmt: skip
@@ -57,7 +69,8 @@ class Watch:
 
     def _judge(self, what: str, path: Any) -> None:
         """Note a path that leads out of the folder; nothing but a secret is forbidden to read."""
-        place = os.path.abspath(os.fsdecode(path)) if isinstance(path, str | bytes | os.PathLike) else ""
+        known = isinstance(path, str | bytes | os.PathLike)
+        place = os.path.abspath(os.fsdecode(path)) if known else ""  # noqa: PTH100 - raises no audit events of its own
         if what == "reads":
             self.seen.append(f"reads {place}")
         elif place and not (place + "/").startswith(self.folder + "/") and place != os.devnull:
@@ -79,7 +92,7 @@ class Watch:
         """
         self.seen = []
         pages = int(Path("/proc/self/statm").read_text().split()[0])
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY, hard))
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         self.active = True
@@ -88,4 +101,4 @@ class Watch:
         finally:
             self.active = False
             signal.setitimer(signal.ITIMER_PROF, 0)
-            resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
