@@ -442,9 +442,13 @@ def evaluation_run(folder: Path) -> Path:
         json.dumps({"format": FORMAT, "version": VERSION, "machine": {"cpu": "a"}, "results": [result]})
     )
     scene = write_scene(folder / "scene", 3)
+    place = folder / "predictions/N2/scene"
+    place.mkdir(parents=True)
     for index in range(3):
-        place = folder / "predictions/N2/scene"
-        write_png(place / f"{index:03d}.png", label_map(index)) if place.is_dir() else place.mkdir(parents=True)
+        write_png(place / f"{index:03d}.png", label_map(index))
+        write_png(place / f"{index:03d}.colour.png", np.full((36, 48, 3), 90, np.uint8))
+        np.save(place / f"{index:03d}.depth.npy", np.full((36, 48), 2.0, np.float32))
+    (folder / "predictions/N2/timing.json").write_text(json.dumps({"seconds_encode": 0.5, "seconds_render": 0.1}))
     assert len(scene) == 3
     return folder
 
@@ -522,14 +526,17 @@ def segmenter(folder: Path) -> Path:
 def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.segmenters.exported import read_description
     from semgs.segmenters.feature_files import FeatureFiles
-    from semgs.segmenters.files import MapFiles
-    from semgs.segmenters.fitting import read_fit
+    from semgs.segmenters.files import MadeBy, MapFiles, save_map, save_table
+    from semgs.segmenters.fitting import read_fit, save_fit
 
     for name in changed:
         if name == "network.json":
-            read_description(path / name)
+            described = read_description(path / name)
+            height, width = described.size or (24, 32)
+            if height * width < 1 << 16:
+                assert np.isfinite(described.input_of(np.full((height, width, 3), 90, np.uint8))).all()
         elif name == "fit.json":
-            read_fit(path / name)
+            save_fit(out / "again.json", read_fit(path / name))
         else:
             scene = open_scene(path / "scene")
             if name.startswith("features"):
@@ -542,6 +549,13 @@ def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
                 found = maps.of(frame, (24, 32))
                 assert torch.isfinite(found).all()
                 torch.testing.assert_close(found.sum(0), torch.ones(24, 32), atol=1e-3, rtol=0, check_dtype=False)
+            save_table(out / "maps", maps.classes, MadeBy("net", "0"))
+            save_map(
+                out / "maps",
+                scene.frames[0],
+                np.full((len(maps.classes), 6, 8), 1 / len(maps.classes), np.float32),
+                "0f",
+            )
 
 
 def small_files(folder: Path) -> Path:
@@ -636,8 +650,8 @@ FORMATS = {
             ("semgs/evaluation/tables/evaluation_report.py", "semgs/evaluation/frames/saved.py", "semgs/bench/bench_file.py"),
         ),
         Format(
-            "segmenters", (segmenter,), ("maps/*", "*.json", "features/*"), read_segmenter,
-            ("semgs/segmenters/files.py", "semgs/segmenters/exported.py", "semgs/segmenters/fitting.py", "semgs/segmenters/feature_files.py"),
+            "segmenters", (segmenter,), ("maps/*", "*.json", "features/*", "scene/transforms.json"), read_segmenter,
+            ("semgs/segmenters/files.py",  "semgs/segmenters/fitting.py", "semgs/segmenters/feature_files.py"),
         ),
         Format(
             "small-files", (small_files,), ("*",), read_small_files,
