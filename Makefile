@@ -86,6 +86,7 @@ audit: setup
 
 release: setup
 	scripts/release.sh
+
 fuzz: setup
 	PYTHONPATH=tests $(BIN)/python -m fuzz $(FUZZ)
 

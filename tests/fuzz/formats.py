@@ -408,16 +408,17 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     settings = run.read_settings(path)
     scenes_of(path / run_record())
     data_terms_of(path / run_record())
-    (out / "log.jsonl").write_bytes((path / "log.jsonl").read_bytes() if (path / "log.jsonl").exists() else b"")
-    with RunLog(out, 6, 12, None) as log:
-        log.say("on")
+    if "run/log.jsonl" in changed and (path / "log.jsonl").exists():
+        (out / "log.jsonl").write_bytes((path / "log.jsonl").read_bytes())
+        with RunLog(out, 6, 12, None) as log:
+            log.say("on")
     newest = newest_checkpoint(path / "checkpoints")
     best_checkpoint(path / "checkpoints")
     run.finished(path)
     if newest is not None:
         state = TrainingState.begin(nn.Linear(3, 2), supervision_of(settings), 1e-3, 0.9)  # type: ignore[arg-type]
         state.restore(newest.tensors, newest.numbers)
-    if any(name in ("run/network.json", "run/settings.json") for name in changed):
+    if "run/network.json" in changed:
         run.network(path, settings)
 
 

@@ -15,6 +15,8 @@ from fuzz.watch import SECRET, TooLong, Watch
 from semgs.files.errors import InputError
 
 CASES = 30
+SLOW = ("training", "scannetpp", "weights")
+"""Formats whose readers take seconds to import or to begin."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +33,9 @@ def place(watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return tmp_path
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name in SLOW else name for name in FORMATS]
+)
 def test_damaged_files_are_read_or_refused(watch: Watch, place: Path, name: str):
     bench = Bench(FORMATS[name], 0, place / "bench", watch)
     assert bench.run({})[0] == "read"
