@@ -14,7 +14,7 @@ SCENEZOO := .venv/scenezoo
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
 
-.PHONY: help setup demo test long docs gpu bench mutants check format anew audit release
+.PHONY: help setup demo test long docs gpu bench mutants fuzz check format anew audit release
 .DEFAULT_GOAL := help
 
 help:
@@ -28,6 +28,7 @@ help:
 	@echo 'make docs    set up, then build the documentation into docs/_build/html'
 	@echo 'make audit   set up, then look up vulnerabilities, hashes and licences of what is installed'
 	@echo 'make release set up, then build wheel and sdist, and run the demo from the wheel in an empty environment'
+	@echo 'make fuzz    set up, then damage 10,000 files of each format that SemGS reads (under an hour)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
 
@@ -85,6 +86,9 @@ audit: setup
 
 release: setup
 	scripts/release.sh
+
+fuzz: setup
+	PYTHONPATH=tests $(BIN)/python -m fuzz $(FUZZ)
 
 check: setup
 	$(BIN)/ruff format --check .

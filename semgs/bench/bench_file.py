@@ -84,7 +84,7 @@ def read_bench(path: Path) -> BenchReport:
         raise InputError(path, f"a file of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")
     try:
         return BenchReport(dict(content["machine"]), tuple(_result(entry) for entry in content["results"]))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise InputError(path, "a complete file of semgs bench", f"{type(error).__name__}: {error}") from error
 
 

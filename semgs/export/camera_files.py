@@ -10,7 +10,7 @@ Poses are camera to world with OpenGL axes (x right, y up, z backward), in the c
 
 from __future__ import annotations
 
-from math import radians, tan
+from math import isfinite, radians, tan
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +102,10 @@ def _camera(
     entry: dict[str, Any], key: str, pinhole: tuple[float, float, float, float], size: tuple[int, int]
 ) -> Cameras:
     """A camera with a pose under `key`, and (fx, fy, cx, cy) [px]."""
-    pose = np.asarray(entry.get(key), dtype=np.float64)
+    try:
+        pose = np.asarray(entry.get(key), dtype=np.float64)
+    except (TypeError, OverflowError) as error:
+        raise ValueError(f"{key} is {entry.get(key)!r:.40}; expected 16 numbers") from error
     if pose.size != 16:
         raise ValueError(f"{key} has {pose.size} numbers; expected 16")
     fx, fy, cx, cy = pinhole
@@ -112,7 +115,7 @@ def _camera(
 def _number(of: dict[str, Any], key: str, default: float | None = None) -> float:
     """A finite number under a key."""
     value = of.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise ValueError(f"{key} is {value!r}; expected a number")
     return float(value)
 

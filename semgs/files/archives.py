@@ -120,11 +120,13 @@ def members(archive: Path) -> dict[str, Member]:
     """
     try:
         with zipfile.ZipFile(archive) as opened:
-            listed = [one for one in opened.infolist() if not one.is_dir()]
+            listed = [one for one in opened.infolist() if not one.filename.endswith("/")]
             end = archive.stat().st_size
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
     for one in listed:
+        if not one.filename:
+            raise InputError(archive, "members with names", "one without")
         if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
             fault = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
             raise InputError(archive, "members that are stored or deflated", f"one {fault}", one.filename)

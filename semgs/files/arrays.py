@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
 
 import numpy as np
 
@@ -27,7 +28,10 @@ def read_array(path: Stored) -> np.ndarray:
     with input_error(path, "an array of numbers"):
         version = np.lib.format.read_magic(file)
         read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, in_columns, dtype = read_header(file)
+        try:
+            shape, in_columns, dtype = read_header(file)
+        except (tokenize.TokenError, SyntaxError, TypeError, RecursionError, MemoryError) as error:
+            raise ValueError(f"a header that cannot be parsed: {error}") from error
     length = math.prod(shape) * dtype.itemsize
     if dtype.kind not in KINDS or min(shape, default=0) < 0 or length != len(data) - file.tell():
         found = f"a header of {shape} of {dtype} and {len(data) - file.tell()} bytes"

@@ -42,7 +42,16 @@ _PANORAMA = 6
 _MM = {2: 25.4, 3: 10.0}
 """Millimetres of FocalPlaneResolutionUnit: inches, centimetres."""
 _SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
-_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
+_DAMAGE = (
+    OSError,
+    SyntaxError,
+    ValueError,
+    EOFError,
+    IndexError,
+    struct.error,
+    zlib.error,
+    Image.DecompressionBombError,
+)
 """What Pillow raises for damaged files, depending on the format and the damage."""
 
 

@@ -174,12 +174,18 @@ def file_of(folder: Path, frame: Frame, stems: Counter[str], endings: Sequence[s
         stems: of the scene, as from `stems_of`. Files in the folder itself count for names that are unique.
         endings: that the file may have, the preferred one first.
     """
-    name = PurePosixPath(frame.name)
+    name = place_of(frame)
     places = [folder / name.parent / name.stem]
     if stems[name.stem] == 1:
         places.append(folder / name.stem)
     candidates = (place.parent / f"{place.name}{ending}" for place in places for ending in endings)
     return next((path for path in candidates if path.is_file()), None)
+
+
+def place_of(frame: Frame) -> PurePosixPath:
+    """The name of a frame as a path inside a folder: `_` replaces a root and each step up, as scenes may list photos outside their folder."""
+    parts = PurePosixPath(frame.name).parts
+    return PurePosixPath(*("_" if part == ".." or part.startswith("/") else part for part in parts))
 
 
 def only_array(path: Path, expected: str) -> np.ndarray:
@@ -243,7 +249,7 @@ def save_map(folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "cla
     """
     record = _record(folder)
     write_json(folder / RECORD, {**record, "photos": {**record["photos"], frame.name: photo}})
-    path = folder / PurePosixPath(frame.name).with_suffix(".npz")
+    path = folder / place_of(frame).with_suffix(".npz")
     path.parent.mkdir(parents=True, exist_ok=True)
     file = io.BytesIO()
     np.savez_compressed(file, probabilities=probabilities.astype(np.float16))

@@ -156,7 +156,7 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
         return model
     try:
         return untrained(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, classes)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
         raise InputError(
             record, "the settings of a network", f"{type(error).__name__}: {error}",
             advice="another version of semgs wrote it; resume with that version, or name a new folder",

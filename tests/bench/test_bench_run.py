@@ -101,6 +101,10 @@ def test_a_file_of_an_older_version_is_read_without_what_is_no_longer_measured(t
         ('{"format": "semgs.report.evaluate", "version": 1}', "semgs.bench, version 1"),
         ('{"format": "semgs.bench", "version": 1, "machine": {}}', "complete file"),
         ('{"format": "semgs.bench", "version": 1, "machine": {}, "results": [{"name": "a"}]}', "complete file"),
+        (
+            '{"format": "semgs.bench", "version": 1, "machine": {}, "results": [{"name": "a", "repeats": Infinity}]}',
+            "complete file",
+        ),
     ],
 )
 def test_another_file_is_refused(tmp_path: Path, text: str, told: str) -> None:

@@ -68,6 +68,8 @@ def test_what_is_written_is_read_to_the_bit(tmp_path: Path) -> None:
         (PATH | {"camera_path": [3]}, r"camera_path\[0\]: expected a camera, found 3, which is no object"),
         (PATH | {"camera_type": "fisheye", "camera_path": [{"camera_to_world": POSE, "fov": 50}]}, "camera_type is 'fisheye'"),
         (SHARED | {"frames": [{"transform_matrix": SQUARE}, 3]}, r"frames\[1\]"),
+        (SHARED | {"frames": [{"transform_matrix": {"a": 1}}]}, r"transform_matrix is \{'a': 1\}; expected 16 numbers"),
+        (SHARED | {"fl_x": 10**400, "frames": [{"transform_matrix": SQUARE}]}, "expected a number"),
         (SHARED | {"frames": [{}]}, "transform_matrix has 1 numbers; expected 16"),
         (SHARED | {"h": 0.5, "frames": [{"transform_matrix": SQUARE}]}, "h is 0.5; expected 1 to 16384 pixels"),
         (SHARED | {"fl_x": True, "frames": [{"transform_matrix": SQUARE}]}, "fl_x is True; expected a number"),
@@ -88,3 +90,8 @@ def test_missing_and_damaged_files_are_named(tmp_path: Path) -> None:
     (tmp_path / "cut.json").write_text('{"frames": [')
     with pytest.raises(InputError, match=r"cut\.json"):
         read_camera_file(tmp_path / "cut.json")
+
+
+def test_a_whole_number_too_long_for_numpy_is_a_number(tmp_path: Path) -> None:
+    content = SHARED | {"fl_x": 10**20, "fl_y": 10**20, "frames": [{"transform_matrix": SQUARE}]}
+    assert float(read_camera_file(write(tmp_path, content)).intrinsics[0, 0, 0]) == 1e20

@@ -115,3 +115,12 @@ def test_two_members_of_one_name_are_refused(tmp_path: Path):
             file.writestr("images/0.png", b"b")
     with pytest.raises(InputError, match=r"scene\.zip: images/0\.png: expected one member of each name, found 2"):
         members(path)
+
+
+def test_a_member_without_a_name_is_refused(tmp_path: Path):
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("b", b"abc")
+        file.infolist()[0].filename = ""
+    with pytest.raises(InputError, match=r"scene\.zip: expected members with names, found one without"):
+        members(path)

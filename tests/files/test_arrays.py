@@ -43,6 +43,26 @@ def test_headers_that_lie_are_found_out_before_anything_is_allocated(tmp_path: P
     tracemalloc.stop()
 
 
+def headed(header: bytes) -> bytes:
+    """A file with a header of any text."""
+    return b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header + bytes(60)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (3, 5), ",  # NumPy takes it for one of Python 2, and stumbles over its end
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': " + b"(" * 300,
+        b"{'descr': '<f4', 'fortran_order': False, 1: (3, 5)}",
+        b"-" * 5000 + b"1",
+    ],
+)
+def test_headers_that_numpy_stumbles_over_are_refused(tmp_path: Path, header: bytes):
+    (tmp_path / "a.npy").write_bytes(headed(header))
+    with pytest.raises(InputError, match=r"a\.npy: expected an array of numbers, found "):
+        read_array(tmp_path / "a.npy")
+
+
 @pytest.mark.parametrize(
     "content",
     [

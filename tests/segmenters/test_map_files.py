@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,16 @@ def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scen
         found = sources(str(tmp_path / "out"), classes)(scene).of(scene.frames[2], SIZE)
         assert found.shape[0] == count
         torch.testing.assert_close(found[place], torch.full(SIZE, 0.75))
+
+
+@pytest.mark.parametrize("name", ["../../photos/a.png", "/photos/a.png", "x/../../../a.png"])
+def test_maps_of_photos_outside_the_scene_stay_in_their_folder(tmp_path: Path, scene: Scene, name: str):
+    frame = replace(scene.frames[0], name=name)
+    out = tmp_path / "a/b/out"
+    save_table(out, table_of("net", ("wall", "chair")), MadeBy("net.onnx", "abc"))
+    save_map(out, frame, np.full((2, 6, 8), 0.5, np.float32), "0f")
+    assert [path for path in tmp_path.rglob("*.npz") if not path.is_relative_to(out)] == []
+    assert MapFiles.opened(out, replace(scene, frames=(frame, *scene.frames[1:]))).path_of(frame) is not None
 
 
 def test_names_of_scannet_have_its_table(folder: Path, scene: Scene):

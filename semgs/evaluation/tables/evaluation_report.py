@@ -248,7 +248,7 @@ def read_report(path: str | Path) -> SavedReport:
         raise InputError(path, f"a report of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")
     try:
         return saved_report(path, content)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise InputError(path, "a complete report of semgs evaluate", f"{type(error).__name__}: {error}") from error
 
 
@@ -260,7 +260,7 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
         content: made by `evaluation_numbers`.
 
     Raises:
-        KeyError, TypeError, ValueError, IndexError, AttributeError: the content is no complete report.
+        LookupError, TypeError, ValueError, OverflowError, AttributeError: the content is no complete report.
     """
     classes = content["classes"]
     count = len(classes["names"]) if classes else 0
@@ -269,7 +269,11 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
             for name in METRICS:
                 # Reports of older versions have neither metrics of the seen pixels nor of confidence.
                 number(row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name])
+            for low, high in row.get("intervals", {}).values():
+                number(low)
+                number(high)
         number(entry["fps_encoding_each"])
+        _check_shown(entry)
         if entry["intervals_over"] not in ("scenes", "frames"):
             raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
     results = {
@@ -293,6 +297,23 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
         hardware=dict(content.get("hardware", {})),
         sha256=content["method"].get("sha256"),
     )
+
+
+def _check_shown(entry: Mapping[str, Any]) -> None:
+    """See that what tables show of an entry, besides its metrics, is of the right kind.
+
+    Raises:
+        KeyError, TypeError, ValueError, AttributeError: it is not.
+    """
+    texts = [*entry["below_copy"], *(one["name"] for one in entry["per_class"])]
+    if wrong := [text for text in texts if not isinstance(text, str)]:
+        raise TypeError(f"{wrong[0]!r:.40} is not a name")
+    for one in entry["per_class"]:
+        number(one["pixels"])
+        number(one["iou"])
+    for point in entry.get("risk_coverage") or ():
+        for name in ("coverage", "risk", "low", "high", "confidence"):
+            number(point[name])
 
 
 def data_name(path: str, scenes: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from semgs.cli.main import main
 from semgs.evaluation.tables.card import card_grids
 from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.evaluation.tables.grid import printed
+from semgs.files.errors import InputError
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 REPORTS = sorted((DOCS / "scores").glob("*.json"))
@@ -44,3 +45,21 @@ def test_layouts_that_need_single_targets_refuse_a_reduced_report(capsys: pytest
     assert "one with totals only; --layout data and card can show it" in capsys.readouterr().err
     assert main(["compare", first, "--layout", "card", "--format", "markdown"]) == 0
     assert "**Classes**" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"intervals": {"psnr": ["25", "26"]}},
+        {"intervals": {"psnr": [25.0]}},
+        {"below_copy": [3]},
+        {"per_class": [{"name": 0.5, "pixels": 3, "iou": 0.5}]},
+        {"per_class": [{"name": "wall", "pixels": "3", "iou": 0.5}]},
+        {"risk_coverage": [{"coverage": None}]},
+        {"views": float("inf")},
+    ],
+)
+def test_a_report_that_no_table_could_show_is_refused_when_it_is_read(content: dict, tmp_path: Path, change: dict):
+    (tmp_path / "a.json").write_text(json.dumps({**content, "results": [{**content["results"][0], **change}]}))
+    with pytest.raises(InputError, match=r"a\.json: expected a complete report of semgs evaluate"):
+        read_report(tmp_path / "a.json")

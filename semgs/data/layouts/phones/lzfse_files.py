@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import io
 from dataclasses import dataclass
@@ -10,6 +11,9 @@ from importlib.util import find_spec
 import numpy as np
 
 from semgs.files.stored import Stored
+
+_END = b"bvx$"
+"""The last bytes of LZFSE data."""
 
 _FRAMING = 64
 """More bytes than LZFSE adds to a map that it cannot compress."""
@@ -49,15 +53,12 @@ class LzfseFile:
         Raises:
             OSError: it cannot be read, is damaged, or has another size.
         """
-        import lzfse
-
         expected = self.size[0] * self.size[1] * np.dtype(self.dtype).itemsize
-        try:
-            data = self.compressed.read_bytes()
-            # A longer file than its content is none of ours, and might inflate to any length.
-            content = lzfse.decompress(data) if len(data) < expected + _FRAMING else b""
-        except lzfse.error as error:
-            raise OSError(errno.EIO, "damaged: it is not LZFSE") from error
+        data = self.compressed.read_bytes()
+        # A longer file than its content is none of ours.
+        content = _inflated(data, expected + 1) if len(data) < expected + _FRAMING else data
+        if not content and expected:
+            raise OSError(errno.EIO, "damaged: it is not LZFSE")
         if len(content) != expected:
             said = f"not a map of {self.size[1]}x{self.size[0]} (width x height), which has {expected} bytes"
             raise OSError(errno.EIO, said)
@@ -67,6 +68,25 @@ class LzfseFile:
 
     def __str__(self) -> str:
         return str(self.compressed)
+
+
+def _inflated(data: bytes, most: int) -> bytes:
+    """The first bytes that LZFSE data become, at most `most` of them; none if they are not LZFSE."""
+    import lzfse
+
+    try:
+        # `lzfse.decompress` doubles its buffer until damaged data fit, which they may never do. The function below it has a limit.
+        decode = ctypes.CDLL(lzfse.__file__).lzfse_decode_buffer
+    except (AttributeError, OSError):  # a build that hides the function
+        try:
+            return bytes(lzfse.decompress(data)[:most]) if data.endswith(_END) else b""
+        except lzfse.error:
+            return b""
+    decode.restype, size, place = ctypes.c_size_t, ctypes.c_size_t, ctypes.c_void_p
+    decode.argtypes = [place, size, ctypes.c_char_p, size, place]
+    buffer = ctypes.create_string_buffer(most)
+    length = decode(buffer, most, data, len(data), None)
+    return buffer.raw[:length]
 
 
 def can_inflate() -> bool:

@@ -95,7 +95,10 @@ class Bag:
         for one in self._reader.connections:
             if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML
                 raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", "metadata.yaml")
-        self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
+        try:
+            self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
+        except TypeError as error:
+            raise InputError(path, "numbers of messages", f"something else: {error}", "metadata.yaml") from error
 
     def of(self, *types: str) -> list[str]:
         """The topics of some types, sorted."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import resource
 import shutil
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from phone_captures import as_jpegs, record3d_metadata, write_record3d, zipped
 
 from semgs.cli.main import main
 from semgs.data.layouts.phones import record3d
+from semgs.data.layouts.phones.lzfse_files import LzfseFile
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 
@@ -132,6 +134,22 @@ def test_noise_that_lzfse_cannot_compress_is_read(tmp_path: Path):
     noise = np.random.default_rng(0).uniform(0.5, 5, (64, 48)).astype("<f4")
     (tmp_path / "rgbd/1.depth").write_bytes(lzfse.compress(noise.tobytes()))
     np.testing.assert_array_equal(open_scene(tmp_path).read([1], "native").depths[0].numpy(), noise)
+
+
+@pytest.mark.parametrize("kept", range(1, 54, 4))
+def test_a_map_that_is_cut_off_is_refused_and_takes_no_memory(tmp_path: Path, kept: int):
+    # lzfse's own function doubles its buffer without end for such a file.
+    packed = lzfse.compress(bytes([2]) * 3072)
+    assert packed.startswith(b"bvxn")
+    (tmp_path / "a").write_bytes(packed[:kept])
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (1 << 28), limits[1]))
+    try:
+        with pytest.raises(OSError, match=r"damaged|not a map of 64x48"):
+            LzfseFile(tmp_path / "a", (48, 64), "u1").read_bytes()
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)
 
 
 @pytest.mark.parametrize(

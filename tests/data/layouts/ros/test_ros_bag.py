@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import re
 import struct
 import threading
 from pathlib import Path
@@ -441,6 +442,14 @@ def test_a_topic_whose_name_is_a_number_is_refused(tmp_path: Path, topics: list[
     with pytest.raises(
         InputError, match=r"bag: metadata\.yaml: expected names of topics, found [56], which is not text"
     ):
+        open_scene(path)
+
+
+def test_numbers_of_messages_that_are_text_are_refused(tmp_path: Path):
+    path = pictures_alone().write(tmp_path / "bag")
+    file = path / "metadata.yaml"
+    file.write_text(re.sub(r"message_count: \d+", "message_count: some", file.read_text()))
+    with pytest.raises(InputError, match=r"bag: (metadata\.yaml: expected numbers of messages|expected a ROS bag)"):
         open_scene(path)
 
 
