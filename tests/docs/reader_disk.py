@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import shutil
 from pathlib import Path
 
 import bags
 import cv2
+import litert_writer
 import miniatures
 import numpy as np
 import onnx_writer
 import scannet_writer
+import tiny_models
+import torch
+from golden import golden_tensor
 
 from semgs.bench.bench_file import BenchReport, BenchResult, numbers
 from semgs.cli.main import main
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
+from semgs.rooms.assets.lock import make_lock, write_lock
 from semgs.rooms.sets.demo import demo_scene
 from semgs.rooms.sets.scenes import write_views
 from semgs.weights.index import shipped_folder
@@ -31,6 +37,8 @@ SCENE_SETS = (
 """Folders of labelled scenes."""
 SCANS = ("scene0160_00",)
 """Scans as they are downloaded, and in the list `some.txt`."""
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
+"""Of the models in the cache of the hub."""
 REPORTS = ("before", "after", "segformer", "scannet", "replica", "robot")
 """Evaluations in `eval/` beside `small`."""
 
@@ -137,6 +145,60 @@ def _write_results(disk: Path) -> None:
     pose = [0.0, 0, 1, 4, 1, 0, 0, 5, 0, 1, 0, 6, 0, 0, 0, 1]
     path = {"render_height": 100, "render_width": 160, "camera_path": [{"camera_to_world": pose, "fov": 90.0}] * 2}
     (disk / "camera_path.json").write_text(json.dumps(path))
+
+
+def add_what_long_tests_need(disk: Path, assets: Path) -> None:
+    """Add furniture, models of the hub and the scripts of the repository.
+
+    Args:
+        disk: the folder.
+        assets: a folder of meshes and pictures without a lock.
+    """
+    for name in ("scripts", "tests"):
+        (disk / name).symlink_to(ROOT / name)
+    for name in ("small_house", "fox", "hololens_office"):
+        shutil.copytree(disk / "scans" / "office", disk / name)
+    for model, kind in (
+        ("nvidia--segformer-b0-finetuned-ade-512-512", "segformer"),
+        ("CIDAS--clipseg-rd64-refined", "clipseg"),
+    ):
+        cache = disk / "hub" / f"models--{model}"
+        tiny_models.write_model(cache / "snapshots" / COMMIT, kind)
+        (cache / "refs").mkdir()
+        (cache / "refs" / "main").write_text(COMMIT)
+        shutil.copytree(cache / "snapshots" / COMMIT, disk / "models" / kind)
+    litert_writer.write_pixelwise(disk / "mosaic.tflite", np.array([[20.0, 0, 0], [0, 20, 0]]), np.zeros(2), SIZE)
+    described = json.loads((disk / "segformer.json").read_text()) | {
+        "size": SIZE,
+        "layout": "NHWC",
+        "output": "numbers",
+    }
+    (disk / "mosaic.json").write_text(json.dumps(described))
+    run(
+        "segmenters",
+        "fit",
+        "mosaic.tflite",
+        "--data",
+        "scans",
+        "--weights",
+        "small",
+        "--size",
+        "48x64",
+        "--out",
+        "mosaic.fit.json",
+    )
+    shutil.copytree(assets, disk / "assets")
+    write_lock(disk / "assets" / "lock.json", make_lock(disk / "assets"))
+
+
+def add_published_files(disk: Path, shared: Path) -> None:
+    """Add networks that others have published, and a checkpoint with the names of MVSplat's tensors."""
+    for name in ("deeplabv3plus_mobilenet_v2_ade32.safetensors", "mosaic_ade32.tflite"):
+        (disk / name).symlink_to(shared / "pretrained" / name)
+    lines = (shared / "reference" / "mvsplat_state_dict.txt").read_text().splitlines()
+    shapes = dict(line.split(None, 1) for line in lines if line and not line.startswith("#"))
+    state = {f"encoder.{key}": golden_tensor(key, ast.literal_eval(shape)) for key, shape in shapes.items()}
+    torch.save({"state_dict": state, "epoch": 3}, disk / "re10k.ckpt")
 
 
 def run(*words: str) -> None:
