@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 import shlex
 import shutil
 import signal
@@ -19,6 +20,7 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
+import pytest
 import reader_disk
 from sybil import Document, Example, Region
 from sybil.parsers.markdown import CodeBlockParser
@@ -56,9 +58,10 @@ SMALLER = {
     "segmenters fit": "--size 48x64",
     "train": "--steps 1 --size 32x48 --batch 1 --workers 0 --devices 1 --nodes 1 --accumulate 1",
     "weights calibrate": "--size 48x64",
+    "examples/train_on_a_folder.py": "1 32 48",
     "scripts/sensor_depth.py": "--rooms 1",
     "tests/doctor_table.py": "--cases 2",
-    "tools.release failures": "--out failures.jpg",
+    "tools.release": "--out failures.jpg",
 }
 """Options that a command gets here: they replace those of the same name in the line, or are added."""
 
@@ -77,6 +80,7 @@ SMALLER_IN_PYTHON = {
 SLOW = (
     "ablate", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
+    "examples/train", "examples/score", "docs/example_pictures.py",
 )  # fmt: skip
 """Words of lines that run in `make long`; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
@@ -264,8 +268,13 @@ def run_python(words: Sequence[str]) -> None:
 
         parse(Furniture, "python -m tools.furniture", words[2:])
         return
-    name = " ".join(words[1:3]) if words[0] == "-m" else words[0]
+    name = words[1] if words[0] == "-m" else words[0]
     assert words[0] == "-m" or (ROOT / name).is_file(), f"there is no {name}"
+    if name.startswith("examples/"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", [name, *words[1:], *SMALLER.get(name, "").split()])
+            runpy.run_path(str(ROOT / name), run_name="__main__")
+        return
     command = [sys.executable, *smaller(words, SMALLER.get(name, ""))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

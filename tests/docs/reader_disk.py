@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import bags
@@ -28,6 +29,9 @@ from semgs.rooms.sets.scenes import write_views
 from semgs.weights.index import shipped_folder
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "docs"))
+import example_pictures  # noqa: E402
+
 SIZE = (48, 64)
 FRAMES = 6
 SCENE_SETS = (
@@ -63,7 +67,8 @@ def build(disk: Path) -> None:
         (disk / scene).mkdir(parents=True)
         write_views(disk / scene, views)
     bags.robot(miniatures.miniature()).write(disk / "recording")
-    _write_for_a_reader_of_ones_own(disk / "mine" / "kitchen")
+    _write_for_the_short_reader(disk / "mine" / "kitchen")
+    example_pictures.write_for_the_new_reader(disk / "mine" / "hall", open_scene(demo_scene()))
     for name in SCANS:
         scannet_writer.write_raw(disk / "scannet", scannet_writer.scan(lost=()), name)
     (disk / "some.txt").write_text("\n".join(SCANS))
@@ -72,8 +77,8 @@ def build(disk: Path) -> None:
     _write_results(disk)
 
 
-def _write_for_a_reader_of_ones_own(folder: Path) -> None:
-    """Pictures, depth and poses as the example of a reader expects them."""
+def _write_for_the_short_reader(folder: Path) -> None:
+    """Pictures, depth and poses as the ten lines of docs/data.md expect them."""
     room = miniatures.miniature().first(FRAMES)
     for number, pose in enumerate(room.poses):
         miniatures.write_picture(folder / f"rgb/{number}.png", cv2.resize(room.images[number], (640, 480)))
