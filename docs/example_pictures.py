@@ -77,7 +77,7 @@ def main() -> None:
 
         shutil.copytree(demo_scene(), work / "scenes" / "demo")
         run("train_on_a_folder", work / "scenes", work / "run", "30")
-        (last,) = sorted((work / "run" / "validation").glob("*.png"))[-1:]
+        last = max((work / "run" / "validation").glob("*.png"))
         Image.open(last).convert("RGB").save(IMAGES / "example_train_on_a_folder.jpg", quality=85)
 
         sys.path.insert(0, str(ROOT / "examples"))

@@ -73,14 +73,14 @@ SMALLER_IN_PYTHON = {
     "views=[2])": "views=[2], size=(48, 64))",
     "scenes=100": "scenes=1",
     "workers=4": "workers=0",
-    "steps=4000": "steps=1, size=(32, 48), batch=1, workers=0",
+    "steps=4000": "steps=1, size=(32, 48), batch=1",
 }
 """The same for blocks of Python."""
 
 SLOW = (
     "ablate", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
-    "examples/train", "examples/score", "docs/example_pictures.py",
+    "examples/train", "examples/score",
 )  # fmt: skip
 """Words of lines that run in `make long`; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")

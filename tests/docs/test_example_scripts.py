@@ -35,7 +35,8 @@ def test_a_script_is_short_says_what_it_shows_and_has_a_page_with_an_image(scrip
     assert script.stem in (ROOT / "docs" / "examples" / "index.md").read_text()
     image = ROOT / "docs" / "images" / f"example_{script.stem}.jpg"
     assert image.stat().st_size <= LARGEST
-    assert Image.open(image).format == "JPEG"
+    with Image.open(image) as opened:
+        assert opened.format == "JPEG"
 
 
 def test_the_training_has_settings_that_a_training_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
