@@ -92,7 +92,7 @@ def main() -> None:
         save("new_reader", [as_bytes(views.images[0]), *maps])
 
         run("score_another_method", work / "scenes", work / "scores")
-        found = [next((work / "scores" / name).rglob("002.png")) for name in ("low is floor", "small")]
+        found = [next((work / "scores" / name).glob("**/N2/*/002.png")) for name in ("low is floor", "small")]
         truth = scene.read([2], (120, 160))
         assert truth.labels is not None
         maps = [truth.labels[0].numpy(), *(np.array(Image.open(path)) for path in found)]

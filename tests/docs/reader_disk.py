@@ -176,7 +176,7 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
     described = json.loads((disk / "segformer.json").read_text()) | {
         "size": SIZE,
         "layout": "NHWC",
-        "output": "numbers",
+        "output": "class numbers",
     }
     (disk / "mosaic.json").write_text(json.dumps(described))
     run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,9 @@ from doc_examples import (
     words_of,
 )
 from sybil import Example
+
+from semgs.cli.errors import UsageError
+from semgs.files.errors import InputError
 
 __all__ = ["asset_folder", "box_mesh", "write_mesh"]
 
@@ -116,28 +120,40 @@ def test_every_block_of_a_page_has_a_language_and_is_read(page: Path):
 
 
 PLANTED = {
-    "a wrong option": ("semgs reconstruct SCENE --out out", "semgs reconstruct SCENE --uot out"),
-    "a wrong value": ("--views 2 3 4", "--views two"),
-    "an option that only train has": ("semgs prepare SCENES data/mine", "semgs prepare SCENES data/mine --steps 3"),
-    "a file that no reader has": ("semgs compare eval/*/report.json", "semgs compare evaluations/*/report.json"),
-    "a target that make lacks": ("make demo ", "make dmeo "),
-    "a name that semgs lacks": ("from semgs import SavedScene, load", "from semgs import SavedScene, laod"),
-    "an argument that a function lacks": ("unit=scene.unit)", "units=scene.unit)"),
+    "a wrong option": ("viewer.md", "--html office.html", "--htlm office.html"),
+    "a wrong value": ("evaluate.md", "--views 2 3 4", "--views two"),
+    "an option of another command": ("data.md", "--every 2", "--steps 2"),
+    "a file that is not there": (
+        "evaluate.md",
+        "semgs compare eval/*/report.json\n",
+        "semgs compare evil/*/report.json\n",
+    ),
+    "a target that make lacks": ("testing.md", "make gpu    ", "make gup    "),
+    "a name that semgs lacks": (
+        "segmenters.md",
+        "from semgs import load, open_scene",
+        "from semgs import laod, open_scene",
+    ),
+    "an argument that a function lacks": (
+        "export.md",
+        'save_gltf("room.glb", scene)',
+        'save_gltf("room.glb", scene, up="y")',
+    ),
 }
-"""Mistakes in the README: what is there, and what is planted."""
+"""Mistakes: the page, what is there, and what is planted."""
 
 
 @pytest.mark.parametrize("mistake", PLANTED)
 def test_a_planted_mistake_is_found(mistake: str, disk: Path, tmp_path: Path):
-    right, wrong = PLANTED[mistake]
-    text = (reader_disk.ROOT / "README.md").read_text()
+    name, right, wrong = PLANTED[mistake]
+    original, copy = reader_disk.ROOT / "docs" / name, tmp_path / name
+    text = original.read_text()
     assert text.count(right) == 1
-    page = tmp_path / "README.md"
-    page.write_text(text.replace(right, wrong))
-    old, new = ({example.parsed: example for example in read(path)} for path in (reader_disk.ROOT / "README.md", page))
-    (changed,) = new.keys() - old.keys()
-    with pytest.raises(Exception, match=r"."):
-        new[changed].evaluate()
+    copy.write_text(text.replace(right, wrong))
+    known = {example.parsed for example in read(original)}
+    (changed,) = (example for example in read(copy) if example.parsed not in known)
+    with pytest.raises((AssertionError, ImportError, TypeError, InputError, UsageError, subprocess.CalledProcessError)):
+        changed.evaluate()
 
 
 @pytest.mark.parametrize(
