@@ -98,7 +98,7 @@ def _write_networks(disk: Path) -> None:
         disk / "segformer.onnx", weight, np.zeros(2), shape=(1, 3, "height", "width"), outputs={"logits": "float32"}
     )
     (disk / "segformer.json").write_text(json.dumps(described))
-    for run in ("runs/small", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
+    for run in ("runs/small", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
         (disk / run).mkdir(parents=True)
         shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
 
@@ -123,6 +123,7 @@ def _write_results(disk: Path) -> None:
     small = "x".join(map(str, SIZE))
     run("reconstruct", "scans/office", "--out", "out", "--features", "clip")
     shutil.copytree(disk / "out", disk / "done")
+    shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")
     run("export", "out/office", "--out", "office", "--as", "ply")
     run("evaluate", "small", "--data", "data/rooms", "--views", "2", "--size", small, "--out", "eval/small")
