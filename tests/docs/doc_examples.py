@@ -141,9 +141,27 @@ def slow(example: Example) -> bool:
     return any(word in words[:2] if word.isalpha() else word in example.parsed for word in SLOW)
 
 
+def form(example: Example) -> str:
+    """What examples have in common that show the same: the command with the names of its options; else all words."""
+    if example.region.evaluator is not shell:
+        return example.parsed
+    words = words_of(example)
+    named = [word for word in words if word.startswith("--")]
+    return " ".join(("semgs", command_of(words[1:])[0], *sorted(named)) if words[0] == "semgs" else words)
+
+
+def quick(examples: Iterable[Example]) -> Iterator[Example]:
+    """The examples that run in `make test`: of those with the same form the first."""
+    forms = set()
+    for example in examples:
+        if not slow(example) and form(example) not in forms:
+            forms.add(form(example))
+            yield example
+
+
 def words_of(example: Example) -> list[str]:
     """The words of a command line, as a shell hands them to the program of somebody who replaced the words in capitals."""
-    words = [reader_disk.filled(word) for word in shlex.split(example.parsed, comments=True)]
+    words = [reader_disk.filled(word) for word in shlex.split(example.parsed.replace("\\\n", " "), comments=True)]
     found = [sorted(map(str, Path().glob(word))) or [word] if "*" in word else [word] for word in words]
     return [word.removeprefix(".venv/bin/") for several in found for word in several]
 

@@ -38,11 +38,9 @@ PUBLISHED = ("re10k.ckpt", "deeplabv3plus", "mosaic_ade32")
 LONG = [pytest.mark.long, pytest.mark.timeout(900)]
 
 EXAMPLES = [example for page in PAGES for example in read(page)]
-RUN = [
-    pytest.param(example, id=name(example), marks=LONG if slow(example) else [])
-    for example in EXAMPLES
-    if not skipped(example)
-]
+CHECKED = [example for example in EXAMPLES if not skipped(example)]
+QUICK = {name(example) for example in quick(CHECKED)}
+RUN = [pytest.param(example, id=name(example), marks=[] if name(example) in QUICK else LONG) for example in CHECKED]
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +89,9 @@ def test_it_runs(example: Example, disk: Path):
     example.evaluate()
 
 
-def test_the_options_of_what_takes_long_are_right():
-    for example in EXAMPLES:
-        if example.region.evaluator is shell and slow(example) and not skipped(example):
+def test_the_options_of_what_runs_only_in_make_long_are_right():
+    for example in CHECKED:
+        if example.region.evaluator is shell and name(example) not in QUICK:
             words = words_of(example)
             if words[0] == "semgs":
                 parse_semgs(words[1:])
