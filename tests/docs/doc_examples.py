@@ -45,7 +45,7 @@ SKIPPED = {
 """Lines that no test runs, by how they begin, and why."""
 
 SMALLER = {
-    "ablate": "--steps 1 --size 32x48 --views 2 --workers 0",
+    "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24",
     "bench": "--quick",
     "evaluate": "--size 48x64 --views 2",
     "figure": "--size 48x64 --views 2",
@@ -82,7 +82,7 @@ SLOW = (
     "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score",
 )  # fmt: skip
-"""Words of lines that run in `make long`; in `make test` their options are parsed."""
+"""Words of lines that run in `make long` only; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
 
 OUTPUTS = ("--out", "--html", "--json", "--page", "--fix", "--sheet")
@@ -119,7 +119,7 @@ def command_lines(document: Document) -> Iterator[Region]:
 
 def name(example: Example) -> str:
     """Page and line."""
-    return f"{Path(example.path).name}:{example.line}"
+    return f"{Path(example.path).relative_to(ROOT)}:{example.line}"
 
 
 def skipped(example: Example) -> str | None:

@@ -17,6 +17,7 @@ from doc_examples import (
     SMALLER_LISTS,
     name,
     parse_semgs,
+    quick,
     read,
     shell,
     skipped,
