@@ -80,7 +80,7 @@ SMALLER_IN_PYTHON = {
 SLOW = (
     "ablate", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
-    "examples/train", "examples/score",
+    "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
 )  # fmt: skip
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
@@ -135,8 +135,6 @@ def slow(example: Example) -> bool:
         return any(word in example.parsed for word in SLOW_IN_PYTHON)
     words = words_of(example)
     if "--help" in words or words[0] in {*CARRIERS, "make", "pip"} or words[:3] == ["python", "-m", "tools.furniture"]:
-        return False
-    if words[:2] == ["semgs", "view"] and "--html" in words:
         return False
     return any(word in words[:2] if word.isalpha() else word in example.parsed for word in SLOW)
 
