@@ -73,7 +73,7 @@ def published(full: Path, shared: Path) -> Path:
 @pytest.fixture
 def disk(built: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The reader's disk as the current folder, for an example with what it needs, and without a network."""
-    example = request.node.callspec.params.get("example")
+    example = request.node.callspec.params.get("example") if hasattr(request.node, "callspec") else None
     if example is not None and slow(example):
         from huggingface_hub import constants
 
@@ -90,7 +90,7 @@ def test_it_runs(example: Example, disk: Path):
     example.evaluate()
 
 
-def test_the_options_of_what_runs_only_in_make_long_are_right():
+def test_the_options_of_what_runs_only_in_make_long_are_right(disk: Path):
     for example in CHECKED:
         if example.region.evaluator is shell and name(example) not in QUICK:
             words = words_of(example)
