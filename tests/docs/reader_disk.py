@@ -109,7 +109,8 @@ def _write_answers(disk: Path, labels: np.ndarray) -> None:
     (disk / "clip" / "images").mkdir(parents=True)
     wall, rest = ({"name": name, "colour": [level] * 3} for name, level in (("wall", 90), ("rest", 180)))
     table = {"name": "two", "classes": [wall | {"ids": [0]}, rest | {"ids": list(range(1, 20))}]}
-    (disk / "maps" / "classes.json").write_text(json.dumps(table))
+    for file in ("maps/classes.json", "table.json"):
+        (disk / file).write_text(json.dumps(table))
     rng = np.random.default_rng(0)
     for number, one in enumerate(labels):
         miniatures.write_picture(disk / "maps" / f"{number:03d}.png", one)
