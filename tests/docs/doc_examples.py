@@ -1,0 +1,321 @@
+"""Reads the pages with sybil, and evaluates each of their examples: a command line, a block of Python, a block of JSON.
+
+Everything runs on the disk of `reader_disk`, in the current folder. What would take long gets smaller numbers by the tables below, and nothing else changes.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+import reader_disk
+from sybil import Document, Example, Region
+from sybil.parsers.markdown import CodeBlockParser
+
+from semgs.cli.arguments import parse
+from semgs.cli.main import COMMANDS, main
+from semgs.data.class_files import read_class_file
+from semgs.data.scenes import open_scenes
+from semgs.evaluation.frames.frame_plan import pinned_plan
+from semgs.segmenters.exported import read_description
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+
+SKIPPED = {
+    "python train.py": "the trainer of 3D Gaussian splatting's authors needs CUDA, and is on no index",
+    "python simple_trainer.py": "gsplat's example needs CUDA, and is on no index",
+    "ns-train": "nerfstudio needs CUDA",
+    "npm install -g": "needs the network; `make long` installs the same program below tests/node",
+    "scripts/recipe_small.sh": "six hours; its stages are those of semgs recipe, which runs",
+}
+"""Lines that no test runs, by how they begin, and why."""
+
+SMALLER = {
+    "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24",
+    "bench": "--quick",
+    "evaluate": "--size 48x64 --views 2",
+    "figure": "--size 48x64 --views 2",
+    "label": "--size 48x64",
+    "prepare": "--size 48x64 --workers 0",
+    "reconstruct": "--size 48x64",
+    "recipe": "--share 0.0001 --size 32x48 --workers 0 --validation val24",
+    "render": "--size 32x48 --frames 2",
+    "rooms": "--scenes 1 --frames 2 --size 32x48 --workers 0",
+    "segmenters fit": "--size 48x64",
+    "train": "--steps 1 --size 32x48 --batch 1 --workers 0 --devices 1 --nodes 1 --accumulate 1",
+    "weights calibrate": "--size 48x64",
+    "examples/train_on_a_folder.py": "1 32 48",
+    "scripts/sensor_depth.py": "--rooms 1",
+    "tests/doctor_table.py": "--cases 2",
+    "tools.release": "--out failures.jpg",
+}
+"""Options that a command gets here: they replace those of the same name in the line, or are added."""
+
+SMALLER_LISTS = {"scannet-sray-test": "some.txt", "scannet-1000-without-sray": "some.txt"}
+"""Lists of scans that are replaced by one with fewer."""
+
+SMALLER_IN_PYTHON = {
+    "size=(240, 320)": "size=(32, 48)",
+    "views=[2])": "views=[2], size=(48, 64))",
+    "scenes=100": "scenes=1",
+    "workers=4": "workers=0",
+    "steps=4000": "steps=1, size=(32, 48), batch=1",
+}
+"""The same for blocks of Python."""
+
+SLOW = (
+    "ablate", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
+    "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
+)  # fmt: skip
+"""Words of lines that run in `make long` only; in `make test` their options are parsed."""
+SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
+
+OUTPUTS = ("--out", "--html", "--json", "--page", "--fix", "--sheet")
+"""Options whose file or folder is made by the command, so that it is not there before."""
+SECOND_WORD_IS_OUTPUT, FIRST_WORD_IS_OUTPUT = ("prepare", "label"), ("rooms",)
+OUTPUTS_IN_PYTHON = {"write_dataset(": "data/rooms", "train(": "runs/small"}
+
+CARRIERS = ("ssh", "torchrun", "srun")
+"""Programs that start a semgs command, whose options are parsed."""
+
+
+def the_other_method(*inputs: object) -> np.ndarray:
+    """A stand-in for the network of somebody else that a page names `their_model`: 21 logits for each pixel."""
+    height, width = inputs[-2:]
+    assert isinstance(height, int)
+    assert isinstance(width, int)
+    return np.broadcast_to(np.arange(21) % 21 == 5, (height, width, 21))
+
+
+def read(path: Path) -> list[Example]:
+    """The examples of a page, in its order."""
+    parsers = (command_lines, CodeBlockParser("python", python), CodeBlockParser("json", described))
+    return list(Document.parse(str(path), *parsers))
+
+
+def command_lines(document: Document) -> Iterator[Region]:
+    """Each command line of the blocks of shell; comments are no commands, and a backslash joins two lines."""
+    for block in CodeBlockParser("sh", shell)(document):
+        start = document.text.index(block.parsed, block.start)
+        for line in re.finditer(r"(?:[^\n]*\\\n)*[^\n]*\n?", block.parsed):
+            if shlex.split(line[0], comments=True):
+                yield Region(start + line.start(), start + line.end(), line[0], shell)
+
+
+def name(example: Example) -> str:
+    """Page and line."""
+    return f"{Path(example.path).relative_to(ROOT)}:{example.line}"
+
+
+def skipped(example: Example) -> str | None:
+    """Which entry of the list an example falls under."""
+    return next(
+        (start for start in SKIPPED if example.region.evaluator is shell and example.parsed.startswith(start)), None
+    )
+
+
+def slow(example: Example) -> bool:
+    """Whether an example runs in `make long` only."""
+    if example.region.evaluator is python:
+        return any(word in example.parsed for word in SLOW_IN_PYTHON)
+    words = words_of(example)
+    if "--help" in words or words[0] in {*CARRIERS, "make", "pip"} or words[:3] == ["python", "-m", "tools.furniture"]:
+        return False
+    return any(word in words[:2] if word.isalpha() else word in example.parsed for word in SLOW)
+
+
+def form(example: Example) -> str:
+    """What examples have in common that show the same: the command with the names of its options; else all words."""
+    if example.region.evaluator is not shell:
+        return example.parsed
+    words = words_of(example)
+    named = [word for word in words if word.startswith("--")]
+    return " ".join(("semgs", command_of(words[1:])[0], *sorted(named)) if words[0] == "semgs" else words)
+
+
+def quick(examples: Iterable[Example]) -> Iterator[Example]:
+    """The examples that run in `make test`: of those with the same form the first."""
+    forms = set()
+    for example in examples:
+        if not slow(example) and form(example) not in forms:
+            forms.add(form(example))
+            yield example
+
+
+def words_of(example: Example) -> list[str]:
+    """The words of a command line, as a shell hands them to the program of somebody who replaced the words in capitals."""
+    words = [reader_disk.filled(word) for word in shlex.split(example.parsed.replace("\\\n", " "), comments=True)]
+    found = [sorted(map(str, Path().glob(word))) or [word] if "*" in word else [word] for word in words]
+    return [word.removeprefix(".venv/bin/") for several in found for word in several]
+
+
+def shell(example: Example) -> None:
+    """Run a command line, or check as much of it as can be checked without what it needs."""
+    program, *rest = words = words_of(example)
+    if program == "semgs":
+        run_semgs(rest)
+    elif program in CARRIERS:
+        parse_semgs(words[words.index("semgs") + 1 :])
+    elif program == "make":
+        subprocess.run(["make", "-n", *rest], cwd=ROOT, check=True, capture_output=True)
+    elif program == "pip":
+        check_pip(rest)
+    elif program == "python":
+        run_python(rest)
+    elif program == "splat-transform":
+        import node_tools
+
+        node_tools.splat_transform(*rest)
+    else:
+        raise AssertionError(f"{program}: no rule says how to check this program")
+
+
+def command_of(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The command's name, of one or two words, and the rest."""
+    count = 2 if " ".join(words[:2]) in COMMANDS else 1
+    return " ".join(words[:count]), list(words[count:])
+
+
+def parse_semgs(words: Sequence[str]) -> None:
+    """Parse the options of a semgs command."""
+    name, rest = command_of(words)
+    command = COMMANDS[name]
+    parse(getattr(import_module(command.module), command.options), f"semgs {name}", rest)
+
+
+def run_semgs(words: Sequence[str]) -> None:
+    """Run a semgs command with smaller numbers."""
+    name, rest = command_of(words)
+    if "--help" not in rest:
+        parse_semgs(words)
+    if name == "view" and "--html" not in rest:
+        view(rest)
+        return
+    rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, SMALLER.get(name, ""))]
+    if "camera_path.json" in rest:  # it says how many frames there are
+        del rest[rest.index("--frames") :]
+    if name == "rooms" and "--sheet" in rest:
+        rest = list(words[1:])
+    position = 1 if name in SECOND_WORD_IS_OUTPUT else 0 if name in FIRST_WORD_IS_OUTPUT else None
+    made = [] if position is None else rest[position : position + 1]
+    made += [rest[place + 1] for place, word in enumerate(rest) if word in OUTPUTS]
+    with set_aside(made):
+        code = main([*name.split(), *rest])
+    assert code == 0, f"semgs {name} {shlex.join(rest)} ended with {code}"
+
+
+def smaller(words: Sequence[str], options: str) -> list[str]:
+    """Replace options with their values, or add them."""
+    words = list(words)
+    for option in re.findall(r"--\S+(?: [^-]\S*)*", options):
+        first, *values = option.split()
+        if first in words:
+            place = words.index(first)
+            end = next((n for n in range(place + 1, len(words)) if words[n].startswith("--")), len(words))
+            words[place:end] = [first, *values]
+        else:
+            words += [first, *values]
+    return words
+
+
+@contextmanager
+def set_aside(paths: Iterable[str]) -> Iterator[None]:
+    """Let a command make files that are there already; afterwards they are as before."""
+    kept = {Path(path): Path(f"{path}.aside") for path in paths if not path.startswith("-")}
+    for path, aside in kept.items():
+        if path.exists():
+            path.rename(aside)
+    try:
+        yield
+    finally:
+        for path, aside in kept.items():
+            if path.is_dir():
+                shutil.rmtree(path)
+            path.unlink(missing_ok=True)
+            if aside.exists():
+                aside.rename(path)
+
+
+def view(words: Sequence[str]) -> None:
+    """Start the viewer, and stop it as soon as it can be opened."""
+    command = [sys.executable, "-u", "-m", "semgs", "view", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert any(line.startswith("Open http://") for line in process.stdout)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert process.returncode == 0
+
+
+def check_pip(words: Sequence[str]) -> None:
+    """Extras exist, and what they and the line name is pinned."""
+    assert words[0] == "install"
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    pinned = {line.split("==")[0].lower() for line in (ROOT / "constraints.txt").read_text().split()}
+    for word in words[1:]:
+        if word == "-e":
+            continue
+        extras = re.fullmatch(r"\.(?:\[(.+)\])?", word)
+        if extras is None:
+            assert word.lower() in pinned, f"{word} is not in constraints.txt"
+        for extra in extras[1].split(",") if extras and extras[1] else ():
+            assert extra in project["optional-dependencies"], f"there is no extra {extra}"
+
+
+def run_python(words: Sequence[str]) -> None:
+    """Run a script, or a module of the repository, with smaller numbers."""
+    if words[:2] == ["-m", "tools.furniture"]:  # it needs Infinigen, so its options are parsed
+        from tools.furniture.__main__ import Furniture
+
+        parse(Furniture, "python -m tools.furniture", words[2:])
+        return
+    name = words[1] if words[0] == "-m" else words[0]
+    assert words[0] == "-m" or (ROOT / name).is_file(), f"there is no {name}"
+    if name.startswith("examples/"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", [name, *words[1:], *SMALLER.get(name, "").split()])
+            runpy.run_path(str(ROOT / name), run_name="__main__")
+        return
+    command = [sys.executable, *smaller(words, SMALLER.get(name, ""))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def python(example: Example) -> None:
+    """Run a block of Python; blocks of a page share their names."""
+    text = example.parsed
+    for usual, small in SMALLER_IN_PYTHON.items():
+        text = text.replace(usual, small)
+    example.namespace.setdefault("their_model", the_other_method)
+    example.namespace["__name__"] = "__main__"
+    with set_aside(path for word, path in OUTPUTS_IN_PYTHON.items() if word in text):
+        exec(compile("\n" * example.line + text, example.path, "exec"), example.namespace)
+
+
+def described(example: Example) -> None:
+    """Read a block of JSON as the files that it shows are read."""
+    content, file = json.loads(example.parsed), Path("example.json")
+    file.write_text(example.parsed)
+    if content.get("format") == "semgs.frames":
+        assert pinned_plan(file, open_scenes(Path("data/rooms"))).tasks
+    elif "scaling" in content:
+        read_description(file)
+    elif "classes" in content:
+        read_class_file(file)
+    else:
+        raise AssertionError("no reader of ours is known for this JSON")

@@ -1,0 +1,193 @@
+"""The disk of somebody who reads the docs: every file that their examples name, as small as possible, and as it is once all examples have run."""
+
+from __future__ import annotations
+
+import ast
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import bags
+import cv2
+import litert_writer
+import miniatures
+import numpy as np
+import onnx_writer
+import scannet_writer
+import tiny_models
+import torch
+from golden import golden_tensor
+
+from semgs.bench.bench_file import BenchReport, BenchResult, numbers
+from semgs.cli.main import main
+from semgs.data.resampling import resized
+from semgs.data.scenes import open_scene
+from semgs.rooms.assets.lock import make_lock, write_lock
+from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.scenes import write_views
+from semgs.weights.index import shipped_folder
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "docs"))
+import example_pictures  # noqa: E402
+
+SIZE = (48, 64)
+FRAMES = 6
+SCENE_SETS = (
+    "scenes", "other", "train_rooms", "val24", "data/rooms", "data/wide", "data/taught", "data/scannet", "scannet/train",
+    "scannet/test", "replica", "robot",
+)  # fmt: skip
+"""Folders of labelled scenes."""
+SCANS = ("scene0160_00",)
+"""Scans as they are downloaded, and in the list `some.txt`."""
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
+"""Of the models in the cache of the hub."""
+REPORTS = ("before", "after", "segformer", "scannet", "replica", "robot")
+"""Evaluations in `eval/` beside `small`."""
+
+PLACEHOLDERS = {
+    "SCENE": "scans/office", "FILE": "runs/small/weights.safetensors", "FILE.onnx": "segformer.onnx", "DIR": "data/rooms",
+    "SCENES": "scans", "ROOMS": "data/rooms", "ROOMS60": "data/rooms", "TEACHER": "data/teacher", "ASSETS": "assets",
+    "WORK": "work", "SCANNET": "scannet", "W": "runs/small/weights.safetensors", "OUT": "out",
+}  # fmt: skip
+"""What a reader puts for the words in capitals."""
+
+
+def filled(word: str) -> str:
+    """A word of a command line with its placeholder replaced: all of it, or what is before the first slash."""
+    first, slash, rest = word.partition("/")
+    return PLACEHOLDERS.get(word) or PLACEHOLDERS.get(first, first) + slash + rest
+
+
+def build(disk: Path) -> None:
+    """Fill a folder, to be run in that folder."""
+    views = resized(open_scene(demo_scene()).read(range(FRAMES), "native"), SIZE)
+    for scene in ("scans/office", *(f"{folder}/living" for folder in SCENE_SETS)):
+        (disk / scene).mkdir(parents=True)
+        write_views(disk / scene, views)
+    bags.robot(miniatures.miniature()).write(disk / "recording")
+    _write_for_the_short_reader(disk / "mine" / "kitchen")
+    example_pictures.write_for_the_new_reader(disk / "mine" / "hall", open_scene(demo_scene()))
+    for name in SCANS:
+        scannet_writer.write_raw(disk / "scannet", scannet_writer.scan(lost=()), name)
+    (disk / "some.txt").write_text("\n".join(SCANS))
+    _write_networks(disk)
+    _write_answers(disk, views.labels.numpy())
+    _write_results(disk)
+
+
+def _write_for_the_short_reader(folder: Path) -> None:
+    """Pictures, depth and poses as the ten lines of docs/data.md expect them."""
+    room = miniatures.miniature().first(FRAMES)
+    for number, pose in enumerate(room.poses):
+        miniatures.write_picture(folder / f"rgb/{number}.png", cv2.resize(room.images[number], (640, 480)))
+        miniatures.write_picture(folder / f"depth/{number}.png", room.depths[number])
+        (folder / "pose").mkdir(exist_ok=True)
+        (folder / f"pose/{number}.txt").write_text(miniatures.text(pose))
+
+
+def _write_networks(disk: Path) -> None:
+    """Segmenters that know two classes, what was fitted for them, and weights of a run."""
+    weight = np.array([[20.0, 0, 0], [0, 20, 0]])
+    described = {
+        "size": "any", "scaling": {"offset": 0, "scale": 255}, "layout": "NCHW", "dtype": "float32", "classes": ["floor", "chair"],
+        "output": "logits", "licence": "MIT",
+    }  # fmt: skip
+    onnx_writer.write_pixelwise(
+        disk / "segformer.onnx", weight, np.zeros(2), shape=(1, 3, "height", "width"), outputs={"logits": "float32"}
+    )
+    (disk / "segformer.json").write_text(json.dumps(described))
+    for run in ("runs/small", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
+        (disk / run).mkdir(parents=True)
+        shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
+
+
+def _write_answers(disk: Path, labels: np.ndarray) -> None:
+    """Class maps and features of the photos of the office, an embedding and a table of classes."""
+    (disk / "maps").mkdir()
+    (disk / "clip" / "images").mkdir(parents=True)
+    wall, rest = ({"name": name, "colour": [level] * 3} for name, level in (("wall", 90), ("rest", 180)))
+    table = {"name": "two", "classes": [wall | {"ids": [0]}, rest | {"ids": list(range(1, 20))}]}
+    for file in ("maps/classes.json", "table.json"):
+        (disk / file).write_text(json.dumps(table))
+    rng = np.random.default_rng(0)
+    for number, one in enumerate(labels):
+        miniatures.write_picture(disk / "maps" / f"{number:03d}.png", one)
+        np.save(disk / "clip" / "images" / f"{number:03d}.npy", rng.normal(size=(8, 6, 8)).astype(np.float16))
+    np.save(disk / "mug.npy", rng.normal(size=8))
+
+
+def _write_results(disk: Path) -> None:
+    """What reconstruct, export, evaluate and fit leave."""
+    shutil.copytree(ROOT / "docs" / "scores", disk / "docs" / "scores")
+    small = "x".join(map(str, SIZE))
+    run("reconstruct", "scans/office", "--out", "out", "--features", "clip")
+    shutil.copytree(disk / "out", disk / "done")
+    shutil.copytree(disk / "done", disk / "demo")
+    shutil.move(disk / "done", disk / "out" / "office")
+    run("export", "out/office", "--out", "office", "--as", "ply")
+    run("evaluate", "small", "--data", "data/rooms", "--views", "2", "--size", small, "--out", "eval/small")
+    for name in REPORTS:
+        shutil.copytree(disk / "eval" / "small", disk / "eval" / name)
+    shutil.copytree(disk / "eval" / "small", disk / "work" / "eval" / "scannet")
+    for method in ("theirs", "methods/sray", "methods/gsnerf"):
+        shutil.copytree(disk / "eval" / "small" / "predictions", disk / method)
+    for moment, seconds in (("before", 0.2), ("after", 0.1)):
+        measured = BenchReport({}, (BenchResult("render_n2", seconds),))
+        (disk / f"{moment}.json").write_text(json.dumps(numbers(measured)))
+    pose = [0.0, 0, 1, 4, 1, 0, 0, 5, 0, 1, 0, 6, 0, 0, 0, 1]
+    path = {"render_height": 100, "render_width": 160, "camera_path": [{"camera_to_world": pose, "fov": 90.0}] * 2}
+    (disk / "camera_path.json").write_text(json.dumps(path))
+
+
+def add_what_long_tests_need(disk: Path, assets: Path) -> None:
+    """Add furniture, models of the hub and the scripts of the repository.
+
+    Args:
+        disk: the folder.
+        assets: a folder of meshes and pictures without a lock.
+    """
+    for name in ("scripts", "tests"):
+        (disk / name).symlink_to(ROOT / name)
+    for name in ("small_house", "fox", "hololens_office"):
+        shutil.copytree(disk / "scans" / "office", disk / name)
+    for model, kind in (
+        ("nvidia--segformer-b0-finetuned-ade-512-512", "segformer"),
+        ("CIDAS--clipseg-rd64-refined", "clipseg"),
+    ):
+        cache = disk / "hub" / f"models--{model}"
+        tiny_models.write_model(cache / "snapshots" / COMMIT, kind)
+        (cache / "refs").mkdir()
+        (cache / "refs" / "main").write_text(COMMIT)
+        shutil.copytree(cache / "snapshots" / COMMIT, disk / "models" / kind)
+    litert_writer.write_pixelwise(disk / "mosaic.tflite", np.array([[20.0, 0, 0], [0, 20, 0]]), np.zeros(2), SIZE)
+    described = json.loads((disk / "segformer.json").read_text()) | {
+        "size": SIZE,
+        "layout": "NHWC",
+        "output": "class numbers",
+    }
+    (disk / "mosaic.json").write_text(json.dumps(described))
+    for network in ("segformer.onnx", "mosaic.tflite"):
+        fitted = f"{Path(network).stem}.fit.json"
+        run("segmenters", "fit", network, "--data", "scans", "--weights", "small", "--size", "48x64", "--out", fitted)
+    (disk / "data" / "teacher" / "wide").mkdir(parents=True)
+    np.save(disk / "data" / "teacher" / "wide" / "living.npy", np.full((FRAMES, 6, 8, 31), 1 / 31, np.float16))
+    shutil.copytree(assets, disk / "assets")
+    write_lock(disk / "assets" / "lock.json", make_lock(disk / "assets"))
+
+
+def add_published_files(disk: Path, shared: Path) -> None:
+    """Add networks that others have published, and a checkpoint with the names of MVSplat's tensors."""
+    for name in ("deeplabv3plus_mobilenet_v2_ade32.safetensors", "mosaic_ade32.tflite"):
+        (disk / name).symlink_to(shared / "pretrained" / name)
+    lines = (shared / "reference" / "mvsplat_state_dict.txt").read_text().splitlines()
+    shapes = dict(line.split(None, 1) for line in lines if line and not line.startswith("#"))
+    state = {f"encoder.{key}": golden_tensor(key, ast.literal_eval(shape)) for key, shape in shapes.items()}
+    torch.save({"state_dict": state, "epoch": 3}, disk / "re10k.ckpt")
+
+
+def run(*words: str) -> None:
+    """Run a semgs command."""
+    code = main(words)
+    assert code == 0, f"semgs {' '.join(words)} ended with {code}"

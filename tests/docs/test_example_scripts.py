@@ -1,0 +1,81 @@
+"""The scripts and the notebook in examples/: short, explained, each with a page and an image. What they print is tested with the pages' lines."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
+MOST, LONGEST = 5, 40
+LARGEST = 150_000
+"""Bytes of an image."""
+
+
+def test_there_are_five():
+    assert 0 < len(SCRIPTS) <= MOST
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_is_short_says_what_it_shows_and_has_a_page_with_an_image(script: Path):
+    text = script.read_text()
+    assert len(text.splitlines()) <= LONGEST
+    explained = ast.get_docstring(ast.parse(text))
+    assert explained is not None
+    assert f"python examples/{script.name} " in explained
+    page = (ROOT / "docs" / "examples" / f"{script.stem}.md").read_text()
+    assert f"```{{literalinclude}} ../../examples/{script.name}\n" in page
+    assert f"](../images/example_{script.stem}.jpg)" in page
+    assert "python docs/example_pictures.py" in page
+    assert script.stem in (ROOT / "docs" / "examples" / "index.md").read_text()
+    image = ROOT / "docs" / "images" / f"example_{script.stem}.jpg"
+    assert image.stat().st_size <= LARGEST
+    with Image.open(image) as opened:
+        assert opened.format == "JPEG"
+
+
+def test_the_training_has_settings_that_a_training_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    spec = importlib.util.spec_from_file_location("train_on_a_folder", ROOT / "examples" / "train_on_a_folder.py")
+    assert spec is not None
+    assert spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    given = []
+    monkeypatch.setattr(example, "train", lambda *arguments: given.append(arguments))
+    example.main("scans", str(tmp_path), 7, 48, 64)
+    ((settings, folder, execution),) = given
+    assert (settings.data, settings.steps, settings.size, settings.init) == (("scans",), 7, (48, 64), "small")
+    assert (folder, execution.workers) == (tmp_path, 0)
+
+
+def cells(kind: str) -> list[dict]:
+    """The cells of a kind in the notebook."""
+    notebook = json.loads((ROOT / "examples" / "first_scene.ipynb").read_text())
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == kind]
+
+
+def test_the_notebook_has_no_outputs_and_a_sentence_before_each_cell_of_code():
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells("code"))
+    assert len(cells("markdown")) == len(cells("code")) > 3
+
+
+@pytest.mark.long
+def test_the_notebook_runs_from_top_to_bottom_and_shows_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "__main__"}
+    shown = []
+    for cell in cells("code"):
+        *lines, last = ast.parse("".join(cell["source"])).body
+        exec(compile(ast.Module(lines, []), "first_scene.ipynb", "exec"), names)
+        assert isinstance(last, ast.Expr)
+        shown.append(eval(compile(ast.Expression(last.value), "first_scene.ipynb", "eval"), names))
+    pages = [value._repr_html_() for value in shown if hasattr(value, "_repr_html_")]
+    assert len(pages) == 4
+    assert all("data:image/png" in page for page in pages)
+    assert shown[-1] == 38_400
+    assert (tmp_path / "room.ply").is_file()
