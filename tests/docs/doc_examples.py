@@ -6,6 +6,7 @@ Everything runs on the disk of `reader_disk`, in the current folder. What would 
 from __future__ import annotations
 
 import json
+import math
 import re
 import runpy
 import shlex
@@ -317,5 +318,8 @@ def described(example: Example) -> None:
         read_description(file)
     elif "classes" in content:
         read_class_file(file)
+    elif "instance" in content:
+        w, _, _, z = content["quaternion"]
+        assert math.degrees(2 * math.atan2(z, w)) == pytest.approx(content["yaw_degrees"], abs=0.1)
     else:
         raise AssertionError("no reader of ours is known for this JSON")

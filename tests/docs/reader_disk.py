@@ -126,7 +126,9 @@ def _write_results(disk: Path) -> None:
     shutil.copytree(disk / "out", disk / "done")
     shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")
+    shutil.copytree(disk / "out" / "office", disk / "out" / "robot")
     run("export", "out/office", "--out", "office", "--as", "ply")
+    run("export", "out/office", "--out", "map", "--as", "objects")
     run("evaluate", "small", "--data", "data/rooms", "--views", "2", "--size", small, "--out", "eval/small")
     for name in REPORTS:
         shutil.copytree(disk / "eval" / "small", disk / "eval" / name)

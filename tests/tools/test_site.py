@@ -12,11 +12,18 @@ DOCS = ROOT / "docs"
 
 
 def listed() -> list[str]:
-    """The pages of all tables of contents on the front page, in order."""
-    trees = re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL)
-    return [
-        line for tree in trees for line in tree.splitlines() if line and not line.startswith(":") and "<" not in line
-    ]
+    """The pages of all tables of contents, in order."""
+    found = []
+    for index in (DOCS / "index.md", *sorted(DOCS.glob("*/index.md"))):
+        trees = re.findall(r"```\{toctree\}\n(.*?)```", index.read_text(), re.DOTALL)
+        lines = [
+            line
+            for tree in trees
+            for line in tree.splitlines()
+            if line and not line.startswith(":") and "<" not in line
+        ]
+        found += [(index.parent / line).relative_to(DOCS).as_posix() for line in lines]
+    return found
 
 
 def test_every_page_is_listed_once():
