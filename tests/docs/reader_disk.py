@@ -47,7 +47,7 @@ REPORTS = ("before", "after", "segformer", "scannet", "replica", "robot")
 """Evaluations in `eval/` beside `small`."""
 
 PLACEHOLDERS = {
-    "SCENE": "scans/office", "FILE": "runs/small/weights.safetensors", "FILE.onnx": "segformer.onnx", "DIR": "data/rooms",
+    "SCENE": "scans/office", "RECORDING": "recording", "PHOTOS": "photos", "FILE": "runs/small/weights.safetensors", "FILE.onnx": "segformer.onnx", "DIR": "data/rooms",
     "SCENES": "scans", "ROOMS": "data/rooms", "ROOMS60": "data/rooms", "TEACHER": "data/teacher", "ASSETS": "assets",
     "WORK": "work", "SCANNET": "scannet", "W": "runs/small/weights.safetensors", "OUT": "out",
 }  # fmt: skip
