@@ -6,7 +6,7 @@ Linux records the peak memory of a process (`VmHWM`) and lets the process reset 
 from __future__ import annotations
 
 import json
-import resource
+import math
 import subprocess
 import sys
 import tempfile
@@ -23,11 +23,15 @@ CHILD_SECONDS = 3600
 
 
 def peak_mb() -> float:
-    """Peak memory of this process since its start, or since `forget_peak` [10^6 bytes]."""
+    """Peak memory of this process since its start, or since `forget_peak` [10^6 bytes]; NaN on Windows."""
     try:
         lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")) / MEGABYTE
     except (OSError, StopIteration):
+        try:
+            import resource
+        except ImportError:  # Windows
+            return math.nan
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / MEGABYTE
 

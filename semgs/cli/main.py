@@ -142,7 +142,9 @@ def _settle_output() -> None:
 
 
 def _closed(output: int) -> bool:
-    """Whether the pipe has no reader any more."""
+    """Whether the pipe has no reader any more. Windows cannot say; there a broken pipe is believed."""
+    if not hasattr(select, "poll"):
+        return True
     poll = select.poll()
     poll.register(output, select.POLLERR)
     return bool(poll.poll(0))

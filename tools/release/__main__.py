@@ -8,6 +8,7 @@
     python -m tools.release notice ROOMS/ATTRIBUTION.md [...]                update NOTICE for the rooms that weights are trained on
     python -m tools.release demo OUT                                         update docs/images/demo.png from `semgs demo --out OUT`
     python -m tools.release audit                                            vulnerabilities, hashes, licences of what is installed
+    python -m tools.release platforms                                        where every package of the base set has a wheel
 
 For a release, run them in this order from the root.
 """
@@ -55,6 +56,10 @@ def _run(given: argparse.Namespace) -> int | None:
         from tools.release.audit import audit
 
         return audit(given.lock)
+    elif given.task == "platforms":
+        from tools.release.platforms import check_platforms
+
+        return check_platforms()
     else:
         from tools.release.demo import write_picture
 
@@ -82,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     failures.add_argument("--out", type=Path, metavar="FILE.jpg")
     notice = tasks.add_parser("notice")
     notice.add_argument("attributions", nargs="+", type=Path, metavar="ATTRIBUTION.md")
+    tasks.add_parser("platforms")
     audit = tasks.add_parser("audit")
     audit.add_argument("--lock", type=Path, default=Path("requirements.lock"), metavar="FILE")
     demo = tasks.add_parser("demo")
