@@ -55,7 +55,7 @@ def seconds(*code):
 
 
 base, torchs = closure("semgs"), closure("torch") | {"torch"}
-print(f"packages of the base set       {len(base)}")
+print(f"packages, without torch's      {len(base - torchs)}")
 print(f"on disk, without torch's       {megabytes(base - torchs):.0f} MB")
 print(f"on disk, semgs itself          {megabytes({'semgs'}):.1f} MB")
 print(f"semgs --help                   {seconds('-m', 'semgs', '--help'):.2f} s")

@@ -1,0 +1,39 @@
+"""What an install costs stays what docs/benchmarks.md says."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools.release.audit import base_set
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "benchmarks.md"
+
+
+def stated(row: str) -> float:
+    """A number of the table."""
+    (number,) = re.findall(rf"^\| {re.escape(row)} \| ([\d.]+)", PAGE.read_text(), re.MULTILINE)
+    return float(number)
+
+
+NAMES = base_set() - base_set("torch") - {"torch"}
+"""The base set without torch, whose own requirements depend on the build."""
+
+
+def test_the_base_set_has_as_many_packages_as_the_page_says():
+    assert len(NAMES) == stated("packages of the base set, without torch and what it requires")
+
+
+@pytest.mark.skipif(
+    (sys.version_info[:2], platform.system(), platform.machine()) != ((3, 11), "Linux", "x86_64"),
+    reason="sizes are of Python 3.11 on Linux x86-64",
+)
+def test_the_base_set_is_as_large_as_the_page_says_within_2_percent():
+    files = [Path(file.locate()) for name in NAMES for file in importlib.metadata.files(name) or []]
+    megabytes = sum(file.stat().st_size for file in files if file.exists()) / 1e6
+    assert megabytes == pytest.approx(stated("their size on disk"), rel=0.02)
