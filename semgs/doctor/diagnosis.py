@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from semgs.data.scene import Scene
 from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth
 from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES, MISTAKES, Given, Mistake, plausible
+from semgs.doctor.registered import unregistered
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
 from semgs.sfm.matches import FEATURES, Matches, find_matches
@@ -109,6 +110,7 @@ class Diagnosis:
         given: the cameras as given.
         evidence: what they were tested on.
         far: the median distance at which the cameras put what both images of a pair show, if that is what is wrong [m]; NaN otherwise.
+        depth_focal: the focal length of the depth camera over that of the images, if depth maps are not registered; NaN otherwise.
     """
 
     verdict: Verdict
@@ -118,6 +120,7 @@ class Diagnosis:
     given: Rig = field(repr=False)
     evidence: Evidence = field(repr=False)
     far: float = np.nan
+    depth_focal: float = np.nan
 
     @property
     def finding(self) -> Finding | None:
@@ -136,6 +139,12 @@ class Diagnosis:
             return "Cannot tell: too few points are seen in two frames, or the camera does not move."
         if self.finding is not None and np.isfinite(self.far):
             return f"The cameras fit the images, but put what they show {self.far:,.0f} m away. Likely mistake: {self.finding.mistake.name}."
+        if np.isfinite(self.depth_focal):
+            return (
+                f"The depth maps do not fit the images: they fit best as those of a camera with {self.depth_focal:.2f} times the focal length. "
+                f"Likely mistake: {BAD_DEPTH.name}. Register them to the images first, for example with the sensor's aligned depth stream or "
+                "depth_image_proc/register of ROS."
+            )
         by = self.amount(self.error)
         matched = self.evidence.unit == "px"
         if self.verdict == "good":
@@ -178,8 +187,14 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str], *, m
         return Diagnosis("cannot tell", np.nan, (), MISTAKES, rig, evidence)
     given = Given(rig, FileConvention.of(layout), tuple(names), rig.depth_unit * evidence.depth, evidence.error)
     before = given.error(rig)
+    findings = _findings(given, evidence) if before > FITS else ()
+    rival = min((one.error for one in findings if one.mistake is not BAD_DEPTH), default=np.inf)
+    zoom = unregistered(rig, evidence.matches, evidence.depth_views, rival)
+    if zoom is not None:
+        ignored = replace(rig, depth_unit=np.nan)
+        finding = Finding(BAD_DEPTH, given.error(ignored), ignored)
+        return Diagnosis("suspicious", before, (finding,), (), rig, evidence, depth_focal=zoom.ratio)
     if before > FITS:
-        findings = _findings(given, evidence)
         if findings or (before > BAD and evidence.depth_error(rig) > FITS):
             return Diagnosis("suspicious", before, findings, (), rig, evidence)
     far = triangulated_depth(rig, evidence.matches) if metric and not evidence.matches.measured else np.nan
