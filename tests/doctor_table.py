@@ -156,6 +156,8 @@ def counted(paths: list[Path], cases: int) -> Counts:
         if counts.intact < cases:
             _count_intact(counts, one, depth, case)
         for planted in (ALL[case % len(ALL)], ALL[(case + 7) % len(ALL)]):
+            if planted is SORTED_AS_TEXT and len(one.scene) <= 10:
+                continue  # 0 to 9 have the same order both ways
             if planted is not BAD:
                 _count_planted(counts, one, planted, depth, case, cases)
             elif one.evidence.matches.measured:

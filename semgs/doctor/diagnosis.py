@@ -22,6 +22,9 @@ FITS = 1.0
 BAD = 5.0
 """Cameras with a larger error are wrong, even if no usual mistake explains it."""
 
+MANY, MOST = 20, 0.75
+"""An error that nothing explains is believed if this share of the pairs with this many matches has one."""
+
 EXPLAINS = 0.5
 """A mistake explains the data if undoing it leaves at most this share of the error."""
 
@@ -74,6 +77,17 @@ class Evidence:
             return self.error(rig)
         posed = np.isfinite(other.poses).all((1, 2))[self.matches.pairs].all(1)
         return float(pair_misses(rig, self.matches)[posed].mean()) if posed.any() else np.inf
+
+    def contradicts(self, rig: Rig) -> bool:
+        """Whether most pairs of frames with many matches speak against cameras, or, without matches, depth maps do.
+
+        Matches of repeated texture are wrong in some pairs and right in others, or few.
+        """
+        if not len(self.matches):
+            return True
+        many = np.bincount(self.matches.pair, minlength=len(self.matches.pairs)) >= MANY
+        each = pair_misses(rig, self.matches)[many]
+        return len(each) > 0 and float((each > FITS).mean()) >= MOST
 
     def depth_error(self, rig: Rig) -> float:
         """By how much depth maps disagree [%]; infinite without depth maps."""
@@ -136,6 +150,8 @@ class Diagnosis:
     def sentence(self) -> str:
         """The verdict in a sentence or two."""
         if self.verdict == "cannot tell":
+            if np.isfinite(self.error):
+                return f"Cannot tell: the cameras miss matches by {self.amount(self.error)}, but the matches may be wrong, as those of repeated texture."
             return "Cannot tell: too few points are seen in two frames, or the camera does not move."
         if self.finding is not None and np.isfinite(self.far):
             return f"The cameras fit the images, but put what they show {self.far:,.0f} m away. Likely mistake: {self.finding.mistake.name}."
@@ -194,9 +210,12 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str], *, m
         ignored = replace(rig, depth_unit=np.nan)
         finding = Finding(BAD_DEPTH, given.error(ignored), ignored)
         return Diagnosis("suspicious", before, (finding,), (), rig, evidence, depth_focal=zoom.ratio)
-    if before > FITS:
-        if findings or (before > BAD and evidence.depth_error(rig) > FITS):
-            return Diagnosis("suspicious", before, findings, (), rig, evidence)
+    if findings:
+        return Diagnosis("suspicious", before, findings, (), rig, evidence)
+    if before > BAD and evidence.depth_error(rig) > FITS:
+        if evidence.contradicts(rig):
+            return Diagnosis("suspicious", before, (), (), rig, evidence)
+        return Diagnosis("cannot tell", before, (), MISTAKES, rig, evidence)
     far = triangulated_depth(rig, evidence.matches) if metric and not evidence.matches.measured else np.nan
     if np.isfinite(far) and not plausible(far):
         metres = [one for one in MILLIMETRES.corrected(given) if plausible(triangulated_depth(one, evidence.matches))]
