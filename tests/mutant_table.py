@@ -1527,7 +1527,7 @@ MUTANTS = (
         ("tests/doctor/test_warps.py::test_depth_twice_as_large_disagrees_by_how_the_cameras_approach",),
     ),
     Mutant(
-        "depth of another camera is read at the inverse zoom", "semgs/doctor/matches.py",
+        "depth of another camera is read at the inverse zoom", "semgs/sfm/matches.py",
         "zooms[:, None] * offsets[:, None]", "offsets[:, None] / zooms[:, None]",
         ("tests/doctor/test_registered.py::test_depth_of_another_camera_in_the_included_room_is_named",),
     ),

@@ -13,10 +13,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.doctor.matches import ZOOMS, Matches
 from semgs.doctor.misses import miss, misses
 from semgs.doctor.rig import Rig
 from semgs.doctor.warps import DepthView, warp_errors
+from semgs.sfm.matches import ZOOMS, Matches
 
 FEWEST_PAIRS = 4
 """With fewer pairs of frames, nothing can be said."""

@@ -12,11 +12,11 @@ from test_warps import corner, small_walk
 
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Evidence, diagnose, judged
-from semgs.doctor.matches import ZOOMS, Matches, find_matches
 from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.registered import Zoom, unregistered, zooms_of_matches, zooms_of_warps
 from semgs.doctor.rig import Rig, rig_of
 from semgs.rooms.sets.demo import demo_scene
+from semgs.sfm.matches import ZOOMS, Matches, find_matches
 
 
 def best(zooms: list[Zoom]) -> Zoom:
