@@ -156,12 +156,24 @@ def counted(paths: list[Path], cases: int) -> Counts:
         if counts.intact < cases:
             _count_intact(counts, one, depth, case)
         for planted in (ALL[case % len(ALL)], ALL[(case + 7) % len(ALL)]):
+            if planted is SORTED_AS_TEXT and len(one.scene) <= 10:
+                continue  # 0 to 9 have the same order both ways
             if planted is not BAD:
                 _count_planted(counts, one, planted, depth, case, cases)
             elif one.evidence.matches.measured:
                 wrong = unregistered(paths[order[case % len(paths)]], UNREGISTERED[case // len(ALL) % 2])
                 _count_planted(counts, wrong, planted, True, case, cases)
         case += 1
+    return counts
+
+
+def counted_unregistered(paths: list[Path]) -> Counts:
+    """Count every scene as it is and with depth of each sensor that is not registered."""
+    counts = Counts()
+    for path in paths:
+        _count_intact(counts, tested(path), True, 0)
+        for focal in UNREGISTERED:
+            _count_planted(counts, unregistered(path, focal), BAD, True, 0, 2 * len(paths))
     return counts
 
 
@@ -207,6 +219,7 @@ def main() -> None:
         "folders", nargs="+", type=Path, help="scenes, or folders of scenes, with a transforms.json each"
     )
     parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--unregistered", action="store_true", help="count only depth that is not registered")
     options = parser.parse_args()
     cv2.setRNGSeed(0)
     folders = [
@@ -214,7 +227,8 @@ def main() -> None:
         for folder in options.folders
         for path in ([folder] if (folder / "transforms.json").exists() else sorted(folder.iterdir()))
     ]
-    counts = counted([path for path in folders if (path / "transforms.json").exists()], options.cases)
+    paths = [path for path in folders if (path / "transforms.json").exists()]
+    counts = counted_unregistered(paths) if options.unregistered else counted(paths, options.cases)
     print("\n".join(counts.lines))
     print(f"decidable: {counts.right} of {counts.decidable} named")
     print(f"undecidable: {counts.told} of {counts.undecidable} not excluded")

@@ -1527,6 +1527,21 @@ MUTANTS = (
         ("tests/doctor/test_warps.py::test_depth_twice_as_large_disagrees_by_how_the_cameras_approach",),
     ),
     Mutant(
+        "depth of another camera is read at the inverse zoom", "semgs/sfm/matches.py",
+        "zooms[:, None] * offsets[:, None]", "offsets[:, None] / zooms[:, None]",
+        ("tests/doctor/test_registered.py::test_depth_of_another_camera_in_the_included_room_is_named",),
+    ),
+    Mutant(
+        "the gain of a zoom is not a mean of ratios", "semgs/doctor/registered.py",
+        "falls = np.log(before / after)", "falls = before - after",
+        ("tests/doctor/test_registered.py::test_the_gain_is_the_geometric_mean_over_pairs",),
+    ),
+    Mutant(
+        "depth maps are compared at the inverse zoom", "semgs/doctor/registered.py",
+        "focal=rig.focal * zoom)", "focal=rig.focal / zoom)",
+        ("tests/doctor/test_registered.py::test_depth_maps_alone_show_another_focal_length_and_matches_whose",),
+    ),
+    Mutant(
         "corrected cameras are written with OpenCV's axes", "semgs/doctor/fix.py",
         "(rig.poses[index] @ FLIP).tolist()", "rig.poses[index].tolist()",
         ("tests/cli/test_doctor_command.py::test_inverted_poses_end_with_3_and_are_corrected",),

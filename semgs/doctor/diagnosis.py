@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from semgs.data.scene import Scene
 from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth
 from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES, MISTAKES, Given, Mistake, plausible
+from semgs.doctor.registered import unregistered
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
 from semgs.sfm.matches import FEATURES, Matches, find_matches
@@ -20,6 +21,9 @@ FITS = 1.0
 
 BAD = 5.0
 """Cameras with a larger error are wrong, even if no usual mistake explains it."""
+
+MANY, MOST = 20, 0.75
+"""An error that nothing explains is believed if this share of the pairs with this many matches has one."""
 
 EXPLAINS = 0.5
 """A mistake explains the data if undoing it leaves at most this share of the error."""
@@ -74,6 +78,17 @@ class Evidence:
         posed = np.isfinite(other.poses).all((1, 2))[self.matches.pairs].all(1)
         return float(pair_misses(rig, self.matches)[posed].mean()) if posed.any() else np.inf
 
+    def contradicts(self, rig: Rig) -> bool:
+        """Whether most pairs of frames with many matches speak against cameras, or, without matches, depth maps do.
+
+        Matches of repeated texture are wrong in some pairs and right in others, or few.
+        """
+        if not len(self.matches):
+            return True
+        many = np.bincount(self.matches.pair, minlength=len(self.matches.pairs)) >= MANY
+        each = pair_misses(rig, self.matches)[many]
+        return len(each) > 0 and float((each > FITS).mean()) >= MOST
+
     def depth_error(self, rig: Rig) -> float:
         """By how much depth maps disagree [%]; infinite without depth maps."""
         return warp_error(rig, self.depth_views) if len(self.depth_views) > 1 else np.inf
@@ -109,6 +124,7 @@ class Diagnosis:
         given: the cameras as given.
         evidence: what they were tested on.
         far: the median distance at which the cameras put what both images of a pair show, if that is what is wrong [m]; NaN otherwise.
+        depth_focal: the focal length of the depth camera over that of the images, if depth maps are not registered; NaN otherwise.
     """
 
     verdict: Verdict
@@ -118,6 +134,7 @@ class Diagnosis:
     given: Rig = field(repr=False)
     evidence: Evidence = field(repr=False)
     far: float = np.nan
+    depth_focal: float = np.nan
 
     @property
     def finding(self) -> Finding | None:
@@ -133,9 +150,17 @@ class Diagnosis:
     def sentence(self) -> str:
         """The verdict in a sentence or two."""
         if self.verdict == "cannot tell":
+            if np.isfinite(self.error):
+                return f"Cannot tell: the cameras miss matches by {self.amount(self.error)}, but the matches may be wrong, as those of repeated texture."
             return "Cannot tell: too few points are seen in two frames, or the camera does not move."
         if self.finding is not None and np.isfinite(self.far):
             return f"The cameras fit the images, but put what they show {self.far:,.0f} m away. Likely mistake: {self.finding.mistake.name}."
+        if np.isfinite(self.depth_focal):
+            return (
+                f"The depth maps do not fit the images: they fit best as those of a camera with {self.depth_focal:.2f} times the focal length. "
+                f"Likely mistake: {BAD_DEPTH.name}. Register them to the images first, for example with the sensor's aligned depth stream or "
+                "depth_image_proc/register of ROS."
+            )
         by = self.amount(self.error)
         matched = self.evidence.unit == "px"
         if self.verdict == "good":
@@ -178,10 +203,19 @@ def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str], *, m
         return Diagnosis("cannot tell", np.nan, (), MISTAKES, rig, evidence)
     given = Given(rig, FileConvention.of(layout), tuple(names), rig.depth_unit * evidence.depth, evidence.error)
     before = given.error(rig)
-    if before > FITS:
-        findings = _findings(given, evidence)
-        if findings or (before > BAD and evidence.depth_error(rig) > FITS):
-            return Diagnosis("suspicious", before, findings, (), rig, evidence)
+    findings = _findings(given, evidence) if before > FITS else ()
+    rival = min((one.error for one in findings if one.mistake is not BAD_DEPTH), default=np.inf)
+    zoom = unregistered(rig, evidence.matches, evidence.depth_views, rival)
+    if zoom is not None:
+        ignored = replace(rig, depth_unit=np.nan)
+        finding = Finding(BAD_DEPTH, given.error(ignored), ignored)
+        return Diagnosis("suspicious", before, (finding,), (), rig, evidence, depth_focal=zoom.ratio)
+    if findings:
+        return Diagnosis("suspicious", before, findings, (), rig, evidence)
+    if before > BAD and evidence.depth_error(rig) > FITS:
+        if evidence.contradicts(rig):
+            return Diagnosis("suspicious", before, (), (), rig, evidence)
+        return Diagnosis("cannot tell", before, (), MISTAKES, rig, evidence)
     far = triangulated_depth(rig, evidence.matches) if metric and not evidence.matches.measured else np.nan
     if np.isfinite(far) and not plausible(far):
         metres = [one for one in MILLIMETRES.corrected(given) if plausible(triangulated_depth(one, evidence.matches))]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from semgs.data.scene import Scene
 from semgs.doctor.diagnosis import diagnose
 
@@ -12,7 +14,7 @@ FEATURES = 400
 
 
 def warnings_of(scene: Scene, frames: Sequence[int]) -> list[str]:
-    """A warning for the user if the cameras do not fit the images; none if they fit or nothing can be said.
+    """A warning for the user if the cameras or depth maps do not fit the images; none if they fit or nothing can be said.
 
     Args:
         scene: the scene.
@@ -24,4 +26,5 @@ def warnings_of(scene: Scene, frames: Sequence[int]) -> list[str]:
     found = diagnose(scene, tuple(frames[:MOST_FRAMES]), FEATURES)
     if found.verdict != "suspicious":
         return []
-    return [f"The cameras may be wrong. {found.sentence} semgs doctor tests all of the scene."]
+    wrong = "depth maps" if np.isfinite(found.depth_focal) else "cameras"
+    return [f"The {wrong} may be wrong. {found.sentence} semgs doctor tests all of the scene."]

@@ -80,10 +80,15 @@ def warp_error(rig: Rig, views: Sequence[DepthView]) -> float:
     A point that one frame measured is at some depth in the other frame, which measured its own there. Infinite if more than half of the pairs
     have no poses.
     """
-    pairs = [pair for first, second in pairwise(views) for pair in ((first, second), (second, first))]
-    each = np.array([_disagreement(rig, *pair) for pair in pairs])
+    each = warp_errors(rig, views)
     known = each[np.isfinite(each)]
     return float(known.mean()) if len(known) and 2 * len(known) >= len(each) else np.inf
+
+
+def warp_errors(rig: Rig, views: Sequence[DepthView]) -> Float64[np.ndarray, " p"]:
+    """The median disagreement of each pair of neighbouring frames, both ways [%], at most `CAP_PERCENT`; NaN without poses."""
+    pairs = [pair for first, second in pairwise(views) for pair in ((first, second), (second, first))]
+    return np.array([_disagreement(rig, *pair) for pair in pairs], dtype=np.float64)
 
 
 def _disagreement(rig: Rig, first: DepthView, second: DepthView) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import final
 
@@ -50,6 +50,10 @@ MEASURED = 0.3
 MOST_MATCHES = 200
 """Of a pair; more do not say more."""
 
+ZOOMS = 1.03 ** np.arange(-20.0, 10.0)
+"""Focal lengths that a depth camera may have, over that of the images: from 0.55 to 1.3. It is about 0.7 for a RealSense and 1.1
+for the first Kinect."""
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,7 @@ class Matches:
         depths: measured z-depth of each match in both frames; NaN if unknown [m].
         shrink: reduced size of the images over full size, for the frames of each match.
         frames: positions of the frames whose features were found.
+        zoomed: as `depths`, if the depth camera's focal length is one of `ZOOMS` times that of the images; empty if nothing was measured.
     """
 
     pairs: Int64[np.ndarray, "p 2"]
@@ -72,6 +77,7 @@ class Matches:
     depths: Float64[np.ndarray, "m 2"]
     shrink: Float64[np.ndarray, "m 2"]
     frames: tuple[int, ...] = ()
+    zoomed: Float64[np.ndarray, "k 2 z"] = field(default_factory=lambda: np.zeros((0, 2, len(ZOOMS))))
 
     def __len__(self) -> int:
         """The number of matches."""
@@ -90,11 +96,12 @@ class Matches:
 @final
 @dataclass(frozen=True, eq=False)
 class _Features:
-    """The features of a frame: undistorted positions [n 2, px], descriptors, measured depths, and reduced over full size."""
+    """The features of a frame: undistorted positions [n 2, px], descriptors, measured depths, also at `ZOOMS` [n z], and reduced over full size."""
 
     points: np.ndarray
     descriptors: np.ndarray
     depths: np.ndarray
+    zoomed: np.ndarray
     shrink: float
 
 
@@ -119,10 +126,11 @@ def find_matches(scene: Scene, frames: Sequence[int] | None = None, features: in
             pairs.append((i, j))
             parts.append((found[i], found[j], *kept))
     counts = [len(part[2]) for part in parts]
+    shapes = {"points": (2,), "depths": (), "zoomed": (len(ZOOMS),)}
 
     def stacked(of: int, name: str) -> np.ndarray:
         columns = [getattr(part[of], name)[part[2 + of]] for part in parts]
-        return np.concatenate(columns) if columns else np.zeros((0, 2) if name == "points" else 0)
+        return np.concatenate(columns) if columns else np.zeros((0, *shapes[name]))
 
     shrinks = np.array([[part[0].shrink, part[1].shrink] for part in parts]).reshape(-1, 2)
     return Matches(
@@ -132,6 +140,7 @@ def find_matches(scene: Scene, frames: Sequence[int] | None = None, features: in
         np.stack((stacked(0, "depths"), stacked(1, "depths")), axis=1),
         np.repeat(shrinks, counts, axis=0),
         tuple(used),
+        np.stack((stacked(0, "zoomed"), stacked(1, "zoomed")), axis=1),
     )
 
 
@@ -151,29 +160,34 @@ def _features(frame: Frame, most: int) -> _Features:
     # OpenCV's positions have the first pixel's centre at 0.
     positions = (np.array([point.pt for point in keypoints], dtype=np.float64).reshape(-1, 2) + 0.5) * scale
     directions = frame.lens.directions(positions)
+    depths = _depths(frame, directions, np.concatenate(([1.0], ZOOMS)))
     return _Features(
         points=directions[:, :2] * frame.lens.focal + frame.lens.centre,
         descriptors=np.zeros((0, 128), np.float32) if descriptors is None else descriptors,
-        depths=_depths(frame, directions),
+        depths=depths[:, 0],
+        zoomed=depths[:, 1:],
         shrink=float(1 / scale.max()),
     )
 
 
-def _depths(frame: Frame, directions: np.ndarray) -> np.ndarray:
-    """The measured z-depth along some directions of a frame, NaN if unknown."""
+def _depths(frame: Frame, directions: np.ndarray, zooms: np.ndarray) -> np.ndarray:
+    """The measured z-depth along some directions of a frame, if the depth camera had these focal lengths over the images' [n z]; NaN if unknown."""
     depths = frame.measured()
     if depths is None or not len(directions):
-        return np.full(len(directions), np.nan)
+        return np.full((len(directions), len(zooms)), np.nan)
     height, width = depths.shape
-    column, row = np.floor((directions @ frame.lens.intrinsics.T)[:, :2].T).astype(np.int64)
+    middle = frame.lens.intrinsics[:2, 2]
+    offsets = (directions @ frame.lens.intrinsics.T)[:, :2] - middle
+    places = middle + zooms[:, None] * offsets[:, None]
+    column, row = np.moveaxis(np.floor(places).astype(np.int64), -1, 0)
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     rows, columns = (
-        (place[:, None] + AROUND[axis]).clip(0, side - 1)
+        (place[..., None] + AROUND[axis]).clip(0, side - 1)
         for axis, place, side in ((0, row, height), (1, column, width))
     )
     around = depths[rows, columns].astype(np.float64)
-    smooth = around.max(1) <= EDGE * around.min(1)
-    return np.where(inside & (around[:, 0] > 0) & smooth, around[:, 0], np.nan)
+    smooth = around.max(-1) <= EDGE * around.min(-1)
+    return np.where(inside & (around[..., 0] > 0) & smooth, around[..., 0], np.nan)
 
 
 def _pair(first: _Features, second: _Features) -> tuple[np.ndarray, np.ndarray] | None:

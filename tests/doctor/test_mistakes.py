@@ -34,23 +34,23 @@ def walk(step: float = 0.3, turn: float = 0.12) -> Rig:
     )  # fmt: skip
 
 
-def seen(rig: Rig, *, depth: bool = True, seed: int = 0) -> Matches:
+def seen(rig: Rig, *, depth: bool = True, seed: int = 0, count: int = POINTS) -> Matches:
     """True matches of all pairs: points 1.5 to 4 m in front of the first camera, wherever they are in the other."""
     rng = np.random.default_rng(seed)
     pairs = np.array(list(combinations(range(len(rig.poses)), 2)))
     points, depths = [], []
     for i, j in pairs:
-        a = rng.uniform(0, 1, (POINTS, 2)) * rig.sizes[i]
-        z = rng.uniform(1.5, 4, POINTS)
-        there = np.column_stack(((a - rig.centre[i]) / rig.focal[i], np.ones(POINTS))) * z[:, None]
+        a = rng.uniform(0, 1, (count, 2)) * rig.sizes[i]
+        z = rng.uniform(1.5, 4, count)
+        there = np.column_stack(((a - rig.centre[i]) / rig.focal[i], np.ones(count))) * z[:, None]
         motion = np.linalg.inv(rig.poses[j]) @ rig.poses[i]
         there = there @ motion[:3, :3].T + motion[:3, 3]
         b = there[:, :2] / there[:, 2:] * rig.focal[j] + rig.centre[j]
         points.append(np.stack((a, b), axis=1))
         depths.append(np.column_stack((z, there[:, 2])))
-    measured = np.concatenate(depths) if depth else np.full((len(pairs) * POINTS, 2), np.nan)
+    measured = np.concatenate(depths) if depth else np.full((len(pairs) * count, 2), np.nan)
     return Matches(
-        pairs, np.repeat(np.arange(len(pairs)), POINTS), np.concatenate(points), measured, np.ones((len(pairs) * POINTS, 2))
+        pairs, np.repeat(np.arange(len(pairs)), count), np.concatenate(points), measured, np.ones((len(pairs) * count, 2))
     )  # fmt: skip
 
 
@@ -196,9 +196,22 @@ def test_cameras_that_nothing_explains_are_suspicious():
     rig = walk()
     poses = rig.poses.copy()
     poses[:, :3, :3] = Rotation.random(len(NAMES), random_state=1).as_matrix()
-    found = judged(replace(rig, poses=poses), seen(rig))
+    found = judged(replace(rig, poses=poses), seen(rig, count=20))
     assert (found.verdict, found.finding) == ("suspicious", None)
     assert "no usual mistake explains it" in found.sentence
+    few = judged(replace(rig, poses=poses), seen(rig, count=19))
+    assert few.verdict == "cannot tell"
+    assert "the matches may be wrong" in few.sentence
+
+
+def test_matches_that_are_wrong_in_some_pairs_only_raise_no_alarm():
+    """Of 15 pairs 4 fit the cameras: 11 of 15 is less than three quarters. If one more does not, the cameras are suspicious."""
+    rig = walk()
+    matches = seen(rig, depth=False, count=20)
+    shuffled = np.random.default_rng(5).permuted(matches.points, axis=0)
+    for right, verdict in ((4, "cannot tell"), (3, "suspicious")):
+        points = np.where((matches.pair < right)[:, None, None], matches.points, shuffled)
+        assert judged(rig, replace(matches, points=points)).verdict == verdict
 
 
 def test_camera_to_world_poses_in_a_colmap_model_are_named():
