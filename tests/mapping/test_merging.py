@@ -55,31 +55,31 @@ def merged(parts: list[Part]) -> list[Part]:
     return kept
 
 
-def photos_by_loops(part: Part, others: list[Sheet], g: int) -> list[tuple[float, float]]:
-    """For each depth that is tried for a Gaussian, how many photos fit it and how many contradict."""
+def photos_by_loops(part: Part, others: list[Sheet]) -> list[list[list[float]]]:
+    """For each Gaussian and each depth that is tried for it, how many photos fit it and how many contradict."""
     centre = part.sheet.camera.centres
-    ray, spread, found = part.gaussians.means[g].double() - centre, float(part.spread[g]), []
-    row, column = divmod(int(part.index[g]), SIZE[1])
-    own = part.sheet.colours[row, column].tolist()
-    for step in range(STEPS):
-        move = REACH * (2 * step / (STEPS - 1) - 1) * (spread + SPREAD)
-        fits = clashes = 0.0
-        for other in others:
-            x, y, z = project((centre + ray * math.exp(move))[None], other.camera)[0].tolist()
+    rays, spreads = part.gaussians.means.double() - centre, part.spread.tolist()
+    moves = [[REACH * (2 * step / (STEPS - 1) - 1) * (spread + SPREAD) for step in range(STEPS)] for spread in spreads]
+    points = torch.stack([centre + rays * torch.tensor(moves).double()[:, [step]].exp() for step in range(STEPS)], 1)
+    own = part.sheet.colours.flatten(0, 1)[part.index].tolist()
+    found = [[[0.0, 0.0] for _ in range(STEPS)] for _ in own]
+    for other in others:
+        places, tolerance = project(points.flatten(0, 1), other.camera).tolist(), exposure(part.sheet, other)
+        depths, noises, colours = other.depths.tolist(), other.spread.tolist(), other.colours.tolist()
+        for number, (x, y, z) in enumerate(places):
+            g, step = divmod(number, STEPS)
             if not (z > 0 and 0 <= x < SIZE[1] and 0 <= y < SIZE[0]):
                 continue
             row, column = int(y), int(x)
-            sigma = math.hypot(spread, float(other.spread[row, column])) + SPREAD
-            if math.log(z / float(other.depths[row, column])) > TOLERANCE * sigma:
+            sigma = math.hypot(spreads[g], noises[row][column]) + SPREAD
+            if math.log(z / depths[row][column]) > TOLERANCE * sigma:
                 continue
-            around = other.colours[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].flatten(0, 1)
+            around = [one for line in colours[max(row - 1, 0) : row + 2] for one in line[max(column - 1, 0) : column + 2]]
             beyond = max(
-                max(one - float(around[:, channel].max()), float(around[:, channel].min()) - one)
-                for channel, one in enumerate(own)
+                max(own[g][channel] - max(values), min(values) - own[g][channel])
+                for channel, values in enumerate(zip(*around, strict=True))
             )
-            same = beyond <= SAME_COLOUR + exposure(part.sheet, other)
-            fits, clashes = fits + same, clashes + (not same)
-        found.append((fits, clashes))
+            found[g][step][beyond > SAME_COLOUR + tolerance] += 1
     return found
 
 
@@ -88,6 +88,7 @@ def by_loops(parts: list[Part], part: Part) -> dict[int, tuple[float, list[float
     some = {}
     others = [one.sheet for one in parts if one.sheet.number != part.sheet.number]
     seen_in = [project(part.gaussians.means.double(), other.camera).tolist() for other in others]
+    photos = photos_by_loops(part, others)
     for g in range(len(part)):
         agree = through = before = weight = shift = 0.0
         spread = float(part.spread[g])
@@ -112,8 +113,7 @@ def by_loops(parts: list[Part], part: Part) -> dict[int, tuple[float, list[float
         if before < LAYERS:
             odds = [math.exp(one / (1 + agree)) for one in logs]
             mean = shift / (1 / (spread**2 + SPREAD**2) + weight)
-            votes = photos_by_loops(part, others, g)
-            some[int(part.index[g])] = mean, spread, votes, through > agree, [one / sum(odds) for one in odds]
+            some[int(part.index[g])] = mean, spread, photos[g], through > agree, [one / sum(odds) for one in odds]
     found = {}
     for place, (mean, spread, votes, floats, shares) in some.items():
         row, column = divmod(place, SIZE[1])
@@ -197,6 +197,40 @@ def test_a_floater_that_as_many_keyframes_see_stays():
     cameras = cameras_at(0.0, 0.0, 0.0)
     parts = merged(parts_of(encoded(cameras, flat(2.0, 2.0, 4.0)), seen_at(cameras), (0, 1, 2)))
     assert [len(settled(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 3
+
+
+def test_gaussians_go_to_a_depth_that_photos_agree_with():
+    """A line on a wall at 4 m that both keyframes believe to be at 4 e^0.5 = 6.6 m, to a factor e^0.5; the next depth that is tried is 4 e^0.25 = 5.1 m.
+
+    The second camera is 1.5 m farther right and sees the line 16 * 1.5 / 4 = 6 pixels farther left, in column 4. At 6.6 m, the line of the first one would
+    be in column 10.5 - 3.6 = 6.9, two pixels beside it. At 5.1 m it would be in column 5.8, next to it.
+    """
+    cameras, images = cameras_at(0.0, 1.5), torch.zeros(2, 3, *SIZE)
+    images[0, ..., 10] = images[1, ..., 4] = 1
+    depth = 4 * math.exp(0.5)
+    encoding = encoded(cameras, flat(depth, depth), spread=0.48)
+    found = settled(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
+    column = found.index % SIZE[1]
+    for place, expected in ((10, 4 * math.exp(0.25)), (14, depth)):
+        z = found.gaussians.means[column == place, 2]
+        torch.testing.assert_close(z, torch.full((SIZE[0],), expected))
+
+
+def test_gaussians_that_no_photo_shows_are_dropped():
+    """The first photo has a white line, the second one does not, and both keyframes are sure of the depth."""
+    cameras, images = cameras_at(0.0, 0.0), torch.zeros(2, 3, *SIZE)
+    images[0, ..., 10] = 1
+    encoding = encoded(cameras, flat(4.0, 4.0))
+    found = settled(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
+    assert sorted({*range(SIZE[1])} - {*(found.index % SIZE[1]).tolist()}) == [10]
+
+
+def test_a_photo_with_another_exposure_contradicts_nothing():
+    cameras, images = cameras_at(0.0, 0.0), torch.full((2, 3, *SIZE), 0.8)
+    images[1] -= 0.3
+    parts = merged(parts_of(encoded(cameras, flat(4.0, 4.0)), seen_at(cameras, images), (0, 1)))
+    assert [len(settled(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 2
+    assert exposure(parts[0].sheet, parts[1].sheet) == pytest.approx(0.3)
 
 
 def test_the_first_four_of_six_equal_keyframes_stay_and_get_thinner():
