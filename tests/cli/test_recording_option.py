@@ -12,6 +12,7 @@ from conftest import write_scene
 import semgs
 from semgs.cli.main import main
 from semgs.export.own_views import own_images, own_points
+from semgs.rooms.sets.demo import demo_scene
 from semgs.viewer.splats import SceneSplats
 
 
@@ -72,6 +73,24 @@ def test_other_commands_take_the_folder(done: Path, tmp_path: Path) -> None:
     splats = SceneSplats.of(scene)
     assert len(splats.colours) == len(scene.gaussians)
     assert own_images(scene).shape[:3] == own_points(scene).shape[:3]
+
+
+def test_upright_files_objects_occupancy_and_the_viewer_take_a_merged_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The included room by the included weights, without `--up`: the way up is found, and with it the floor."""
+    folder = tmp_path / "out"
+    assert main(["reconstruct", str(demo_scene()), "--out", str(folder), "--all", "--size", "96x128"]) == 0
+    assert semgs.load_scene(folder).places is not None
+    for name in ("ply", "objects", "occupancy"):
+        assert main(["export", str(folder), "--out", str(tmp_path / name), "--as", name]) == 0
+    things = json.loads((tmp_path / "objects" / "objects.json").read_text())
+    assert len(things["objects"]) >= 1
+    assert (tmp_path / "occupancy" / "map.pgm").is_file()
+    page = tmp_path / "room.html"
+    assert main(["view", str(folder), "--html", str(page)]) == 0
+    assert page.stat().st_size > 100_000
+    assert "error" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,9 @@ def photos_by_loops(part: Part, others: list[Sheet]) -> list[list[list[float]]]:
             sigma = math.hypot(spreads[g], noises[row][column]) + SPREAD
             if math.log(z / depths[row][column]) > TOLERANCE * sigma:
                 continue
-            around = [one for line in colours[max(row - 1, 0) : row + 2] for one in line[max(column - 1, 0) : column + 2]]
+            around = [
+                one for line in colours[max(row - 1, 0) : row + 2] for one in line[max(column - 1, 0) : column + 2]
+            ]
             beyond = max(
                 max(own[g][channel] - max(values), min(values) - own[g][channel])
                 for channel, values in enumerate(zip(*around, strict=True))
