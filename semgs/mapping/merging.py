@@ -196,9 +196,19 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Pa
         if gaussians.semantic is not None:
             logs = (gaussians.semantic.features + LEAST).log().reshape(rows, columns, -1)
         nearest = -torch.nn.functional.max_pool2d(-depths[view][None], 3, 1, 1)[0]
-        points = gaussians.means.reshape(rows, columns, 3)
+        own, darkest_own, brightest_own = photos[view].unbind()
         sheet = Sheet(
-            number, cameras[view], stride, depths[view], nearest, spreads[view], logs, *photos[view].unbind(), points
+            number,
+            cameras[view],
+            stride,
+            depths[view],
+            nearest,
+            spreads[view],
+            logs,
+            own,
+            darkest_own,
+            brightest_own,
+            gaussians.means.reshape(rows, columns, 3),
         )
         zeros, tried = torch.zeros(count), torch.zeros(count, STEPS)
         none = None if logs is None else torch.zeros(count, logs.shape[-1])
