@@ -33,6 +33,12 @@ def cameras_at(*places: float, size: tuple[int, int] = SIZE) -> Cameras:
     return Cameras(torch.stack([pose(x) for x in places]), INTRINSICS.repeat(len(places), 1, 1), size)
 
 
+def seen_at(cameras: Cameras, images: Tensor | None = None) -> Views:
+    """What cameras see: these images, or grey."""
+    grey = torch.full((len(cameras.world_from_camera), 3, *SIZE), 0.5)
+    return Views(grey if images is None else images, cameras, [[0.5, 10.0]] * len(grey))
+
+
 def encoded(
     cameras: Cameras, depths: Tensor, spread: float | Tensor = 0.01, classes: Sequence[float] | Tensor = (0.8, 0.1, 0.1)
 ) -> Encoding:

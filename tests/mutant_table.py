@@ -1687,6 +1687,23 @@ MUTANTS = (
         (f"{OF_MERGING}what_another_keyframe_looks_through_is_a_floater_and_what_it_cannot_see_is_not",),
     ),
     Mutant(
+        "merging: photos are compared at one depth", MERGING,
+        "torch.linspace(-REACH, REACH, STEPS)", "torch.linspace(0, 0, STEPS)", (f"{OF_MERGING}gaussians_go_to_a_depth_that_photos_agree_with",),
+    ),
+    Mutant(
+        "merging: what photos contradict stays", MERGING,
+        "keep = allowed & (part", "keep = (part", (f"{OF_MERGING}gaussians_that_no_photo_shows_are_dropped",),
+    ),
+    Mutant(
+        "merging: exposure is that of the first photo", MERGING,
+        "SAME_COLOUR + exposure(part.sheet, other)", "SAME_COLOUR", (f"{OF_MERGING}a_photo_with_another_exposure_contradicts_nothing",),
+    ),
+    Mutant(
+        "merging: hidden Gaussians are compared with what hides them", MERGING,
+        "visible = within & (apart <= TOLERANCE)", "visible = within",
+        (f"{OF_MERGING}keyframes_added_one_by_one_are_all_windows_merged_at_once",),
+    ),
+    Mutant(
         "merging: all keyframes pull alike", MERGING,
         "weight = agrees / (spread.square() + SPREAD**2)", "weight = agrees / (0 * spread + SPREAD**2)", (f"{OF_MERGING}the_surer_keyframe_pulls_more",),
     ),

@@ -8,6 +8,9 @@ other keyframes, and each of those votes on it, by the depth that it sees there 
 - it sees a surface behind, all around: it looks freely through the Gaussian, which then is a floater;
 - it sees a surface in front: the Gaussian is hidden, and it does not vote.
 
+Where depth is uncertain, the photos decide: a Gaussian is tried at `STEPS` depths along its ray, and each keyframe that would see it there says whether its
+photo has that colour there. The Gaussian goes to the depth that most photos agree with, and is dropped if more contradict than agree even there.
+
 All votes are sums over pairs of a Gaussian and a keyframe. So the result does not depend on the order of the keyframes, and adding keyframes one by one
 gives the same as merging all at once, which is what the tests do by loops.
 """
@@ -23,6 +26,7 @@ import torch
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
+from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.encoding import Encoding, Places, per_gaussian
@@ -39,6 +43,15 @@ SHRINK = 0.5
 SHARPER = 1.5
 """Keyframes see a surface equally sharply if their pixels on it differ by less than about this factor. Then the earlier one goes first."""
 
+STEPS, REACH = 9, 2.0
+"""Photos are compared at so many depths, evenly spaced in the log, up to `REACH` standard deviations of log depth to both sides."""
+
+SAME_COLOUR = 0.08
+"""A colour, 0..1, fits a photo if it is at most this far outside the range of the pixels around; more between photos that differ in exposure."""
+
+STAY = 0.3
+"""Share of photos that must speak for a depth that is `REACH` away from the mean depth of the keyframes."""
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -52,6 +65,9 @@ class Sheet:
         nearest: the smallest z-depth of a place and its eight neighbours [m].
         spread: standard deviation of log depth.
         logs: log probabilities of the classes; None without classes.
+        colours: of the photo, 0..1.
+        darkest, brightest: the range of the colours of a place and its eight neighbours, for each channel.
+        points: of the places, in the world [m].
     """
 
     number: int
@@ -61,6 +77,10 @@ class Sheet:
     nearest: Float[Tensor, "rows columns"]
     spread: Float[Tensor, "rows columns"]
     logs: Float[Tensor, "rows columns class"] | None
+    colours: Float[Tensor, "rows columns 3"]
+    darkest: Float[Tensor, "rows columns 3"]
+    brightest: Float[Tensor, "rows columns 3"]
+    points: Float[Tensor, "rows columns 3"]
 
     @property
     def focal_px(self) -> float:
@@ -79,6 +99,7 @@ class Votes:
         weight: sum of the weights 1 / variance of log depth of those that agree.
         shift: sum of these weights times the log of their depth over that of the Gaussian.
         logs: sum of the log probabilities of the classes of those that agree; None without classes.
+        fits, clashes: how many would see it at each of the depths that are tried, with and against their photo.
     """
 
     agree: Float[Tensor, " g"]
@@ -87,6 +108,8 @@ class Votes:
     weight: Float[Tensor, " g"]
     shift: Float[Tensor, " g"]
     logs: Float[Tensor, "g class"] | None
+    fits: Float[Tensor, "g step"]
+    clashes: Float[Tensor, "g step"]
 
     def map(self, function: Callable[[Tensor], Tensor]) -> Votes:
         """These votes with `function` applied to each array."""
@@ -142,15 +165,15 @@ class Part:
         return voted[voted.votes.before < LAYERS]
 
 
-def parts_of(encoding: Encoding, cameras: Cameras, numbers: Sequence[int]) -> list[Part]:
+def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Part]:
     """The Gaussians of each view of a window, without votes of others.
 
     Args:
         encoding: of the window.
-        cameras: of its views [v].
+        seen: its views [v].
         numbers: of the keyframes.
     """
-    views = len(numbers)
+    views, cameras = len(numbers), seen.cameras
     count = len(encoding.gaussians) // views
     stride = encoding.stride
     rows, columns = (-(-side // stride) for side in cameras.size)
@@ -160,9 +183,12 @@ def parts_of(encoding: Encoding, cameras: Cameras, numbers: Sequence[int]) -> li
         views, rows, columns
     )
     if views > PAIR:  # the network made them smaller because of the other views of the window
-        seen = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
-        grown = every.colour.scales / shrinkage(seen.to(every.means), SHRINK)[..., None]
+        times = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
+        grown = every.colour.scales / shrinkage(times.to(every.means), SHRINK)[..., None]
         every = replace(every, colour=replace(every.colour, scales=grown))
+    colours = torch.nn.functional.avg_pool2d(seen.images.to(depths), stride, ceil_mode=True)
+    brightest, darkest = (sign * torch.nn.functional.max_pool2d(sign * colours, 3, 1, 1) for sign in (1, -1))
+    photos = torch.stack((colours, darkest, brightest)).permute(1, 0, 3, 4, 2)
     found = []
     for view, number in enumerate(numbers):
         gaussians = every.map(lambda tensor, view=view: tensor[view].clone())  # not a view: the window goes
@@ -170,9 +196,23 @@ def parts_of(encoding: Encoding, cameras: Cameras, numbers: Sequence[int]) -> li
         if gaussians.semantic is not None:
             logs = (gaussians.semantic.features + LEAST).log().reshape(rows, columns, -1)
         nearest = -torch.nn.functional.max_pool2d(-depths[view][None], 3, 1, 1)[0]
-        sheet = Sheet(number, cameras[view], stride, depths[view], nearest, spreads[view], logs)
-        zeros = torch.zeros(count)
-        votes = Votes(zeros, zeros, zeros, zeros, zeros, None if logs is None else torch.zeros(count, logs.shape[-1]))
+        own, darkest_own, brightest_own = photos[view].unbind()
+        sheet = Sheet(
+            number,
+            cameras[view],
+            stride,
+            depths[view],
+            nearest,
+            spreads[view],
+            logs,
+            own,
+            darkest_own,
+            brightest_own,
+            gaussians.means.reshape(rows, columns, 3),
+        )
+        zeros, tried = torch.zeros(count), torch.zeros(count, STEPS)
+        none = None if logs is None else torch.zeros(count, logs.shape[-1])
+        votes = Votes(zeros, zeros, zeros, zeros, zeros, none, tried, tried)
         level = sharpness(depths[view].flatten(), sheet.focal_px)
         found.append(Part(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes))
     return found
@@ -205,6 +245,7 @@ def votes_of(part: Part, other: Sheet) -> Votes:
         return values.new_zeros((len(means), *values.shape[1:])).index_copy_(0, within, values)
 
     logs = None if other.logs is None else other.logs.flatten(0, 1)[place] * agrees[:, None]
+    fits, clashes = compared(part, other)
     return Votes(
         agree=spread_out(agrees.to(means)),
         through=spread_out(free.to(means)),
@@ -212,18 +253,93 @@ def votes_of(part: Part, other: Sheet) -> Votes:
         weight=spread_out(weight),
         shift=spread_out(weight * (seen / z).log()),
         logs=None if logs is None else spread_out(logs),
+        fits=fits,
+        clashes=clashes,
     )
 
 
-def settled(part: Part) -> Part:
-    """The Gaussians that stay, moved to the depth and with the classes that the keyframes agree on.
+def steps(spread: Float[Tensor, " g"]) -> Float[Tensor, "g step"]:
+    """The depths at which Gaussians are compared with photos: logs, relative to their own depth."""
+    return torch.linspace(-REACH, REACH, STEPS).to(spread) * (spread + SPREAD)[:, None]
 
-    Those that more of the other keyframes look through than agree with are floaters and go.
+
+def compared(part: Part, other: Sheet) -> tuple[Float[Tensor, "g step"], Float[Tensor, "g step"]]:
+    """At which depths a keyframe would see Gaussians of another with the colour of its own photo, and at which with another colour; 1 or 0."""
+    camera, centre = other.camera, part.sheet.camera.centres
+    pixel_from_world = camera.intrinsics @ camera.world_from_camera[:3, :3].T
+    start = pixel_from_world @ (centre - camera.centres)
+    rays = (part.gaussians.means.double() - centre) @ pixel_from_world.T
+    points = start + steps(part.spread).double().exp()[..., None] * rays[:, None]
+    z = points[..., 2].to(part.spread)
+    x, y = (points[..., axis].to(z) / z for axis in (0, 1))
+    height, width = camera.size
+    within = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    column, row = ((torch.where(within, one, 0) / other.stride).long() for one in (x, y))
+    place = row * other.depths.shape[1] + column
+    spread = part.spread[:, None].expand_as(z)
+    apart = deviation(torch.where(within, z, 1), other.depths.flatten()[place], spread, other.spread.flatten()[place])
+    visible = within & (apart <= TOLERANCE)
+    own = part.sheet.colours.flatten(0, 1)[part.index][:, None].expand(-1, STEPS, -1)
+    same = outside(own, other, place) <= SAME_COLOUR + exposure(part.sheet, other)
+    return (visible & same).to(z), (visible & ~same).to(z)
+
+
+def outside(colours: Float[Tensor, "*n 3"], other: Sheet, place: Int64[Tensor, "*n"]) -> Float[Tensor, "*n"]:
+    """How far colours are outside the range of a photo around some places, in the channel where that is most."""
+    darkest, brightest = (one.flatten(0, 1)[place] for one in (other.darkest, other.brightest))
+    return torch.maximum(colours - brightest, darkest - colours).amax(-1).clamp(min=0)
+
+
+def exposure(one: Sheet, other: Sheet) -> float:
+    """By how much the photos of two keyframes differ where their depths agree: the third quartile; 1 if they agree nowhere."""
+    x, y, z = project(one.points.flatten(0, 1).double(), other.camera).to(one.depths).unbind(-1)
+    height, width = other.camera.size
+    within = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
+    column, row = ((side[within] / other.stride).long() for side in (x, y))
+    place = row * other.depths.shape[1] + column
+    apart = deviation(
+        z[within], other.depths.flatten()[place], one.spread.flatten()[within], other.spread.flatten()[place]
+    )
+    agree = apart.abs() <= TOLERANCE
+    differences = outside(one.colours.flatten(0, 1)[within][agree], other, place[agree])
+    return float(differences.quantile(0.75)) if len(differences) else 1.0
+
+
+def placed(part: Part) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
+    """The log of how much farther each Gaussian goes, and whether photos allow it there.
+
+    It goes to the mean depth of the keyframes, weighted by certainty, unless clearly more photos speak for another of the depths that were tried. The
+    photos' votes are smoothed over neighbouring places. It is allowed if no more photos speak against it than for it.
     """
-    part = part[(part.votes.before < LAYERS) & (part.votes.through <= part.votes.agree)]
+    votes, (rows, columns) = part.votes, part.sheet.depths.shape
+    mean = votes.shift / (1 / (part.spread.square() + SPREAD**2) + votes.weight)
+
+    def smooth(values: Tensor) -> Tensor:
+        """Each place takes the mean of itself and its eight neighbours."""
+        maps = values.new_zeros(rows * columns, STEPS).index_copy_(0, part.index, values)
+        pooled = torch.nn.functional.avg_pool2d(maps.T.reshape(1, STEPS, rows, columns), 3, 1, 1)
+        return pooled.flatten(2)[0].T[part.index]
+
+    fits, clashes = smooth(votes.fits), smooth(votes.clashes)
+    tried = steps(part.spread)
+    moves = ((tried - mean[:, None]) / (REACH * (part.spread[:, None] + SPREAD))).square()
+    best = (clashes / (fits + clashes).clamp(min=LEAST) + STAY * moves).argmin(1, keepdim=True)
+    found = tried.gather(1, best)[:, 0]
+    stays = best[:, 0] == moves.argmin(1)
+    allowed = votes.clashes.gather(1, best) <= votes.fits.gather(1, best)
+    return torch.where(stays, mean, found), allowed[:, 0]
+
+
+def settled(part: Part) -> Part:
+    """The Gaussians that stay, at the depth and with the classes that the keyframes agree on.
+
+    Those that more of the other keyframes look through than agree with are floaters and go, and so do those that more photos contradict than show.
+    """
+    part = part[part.votes.before < LAYERS]
+    shift, allowed = placed(part)
+    keep = allowed & (part.votes.through <= part.votes.agree)
+    part, ratio = part[keep], shift[keep].exp()[:, None]
     gaussians, votes = part.gaussians, part.votes
-    own = 1 / (part.spread.square() + SPREAD**2)
-    ratio = (votes.shift / (own + votes.weight)).exp()[:, None]
     centre = part.sheet.camera.centres.to(gaussians.means)
     semantic = gaussians.semantic
     if semantic is not None and votes.logs is not None:

@@ -12,6 +12,8 @@ from conftest import write_scene
 import semgs
 from semgs.cli.main import main
 from semgs.export.own_views import own_images, own_points
+from semgs.geometry.cameras import project
+from semgs.rooms.sets.demo import demo_scene
 from semgs.viewer.splats import SceneSplats
 
 
@@ -57,10 +59,14 @@ def test_a_merged_scene_is_saved_and_read_again(done: Path, tmp_path: Path) -> N
     assert len(scene.own_views) == len(scene.gaussians)
     semgs.save_scene(tmp_path / "again.safetensors", scene)
     assert (tmp_path / "again.safetensors").read_bytes() == (done / "scene.safetensors").read_bytes()
-    # Each Gaussian is in front of its own camera, about where that camera's depth map has a surface.
-    cameras = scene.cameras[scene.own_views]
-    ahead = ((scene.gaussians.means.double() - cameras.centres) * cameras.world_from_camera[:, :3, 2]).sum(-1)
-    assert (ahead / scene.per_gaussian(scene.depths)).log().abs().median() < 0.2
+    # Gaussians move along the rays of their places only; joined ones are near them.
+    own = zip(scene.gaussians.means.double(), scene.cameras[scene.own_views], strict=True)
+    x, y, z = torch.cat([project(mean[None], camera) for mean, camera in own]).unbind(-1)
+    height, width = scene.cameras.size
+    rows, columns = (-(-side // scene.stride) for side in (height, width))
+    place = (y / scene.stride).long() * columns + (x / scene.stride).long()
+    assert (z > 0).all()
+    assert (place == scene.places.index % (rows * columns)).double().mean() > 0.9
 
 
 def test_other_commands_take_the_folder(done: Path, tmp_path: Path) -> None:
@@ -72,6 +78,24 @@ def test_other_commands_take_the_folder(done: Path, tmp_path: Path) -> None:
     splats = SceneSplats.of(scene)
     assert len(splats.colours) == len(scene.gaussians)
     assert own_images(scene).shape[:3] == own_points(scene).shape[:3]
+
+
+def test_upright_files_objects_occupancy_and_the_viewer_take_a_merged_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The included room by the included weights, without `--up`: the way up is found, and with it the floor."""
+    folder = tmp_path / "out"
+    assert main(["reconstruct", str(demo_scene()), "--out", str(folder), "--all", "--size", "96x128"]) == 0
+    assert semgs.load_scene(folder).places is not None
+    for name in ("ply", "objects", "occupancy"):
+        assert main(["export", str(folder), "--out", str(tmp_path / name), "--as", name]) == 0
+    things = json.loads((tmp_path / "objects" / "objects.json").read_text())
+    assert len(things["objects"]) >= 1
+    assert (tmp_path / "occupancy" / "map.pgm").is_file()
+    page = tmp_path / "room.html"
+    assert main(["view", str(folder), "--html", str(page)]) == 0
+    assert page.stat().st_size > 100_000
+    assert "error" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

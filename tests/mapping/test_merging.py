@@ -7,10 +7,24 @@ from dataclasses import replace
 
 import pytest
 import torch
-from mapping_walls import SIZE, WALL, cameras_at, encoded
+from mapping_walls import SIZE, WALL, cameras_at, encoded, seen_at
 
 from semgs.geometry.cameras import Cameras, project
-from semgs.mapping.merging import LAYERS, SHARPER, SHRINK, Part, joined, parts_of, settled
+from semgs.mapping.merging import (
+    LAYERS,
+    REACH,
+    SAME_COLOUR,
+    SHARPER,
+    SHRINK,
+    STAY,
+    STEPS,
+    Part,
+    Sheet,
+    exposure,
+    joined,
+    parts_of,
+    settled,
+)
 from semgs.model.encoding import Encoding
 from semgs.segmenters.fusion import LEAST, SPREAD, TOLERANCE
 
@@ -23,7 +37,7 @@ def flat(*depths: float) -> torch.Tensor:
 def alone(encoding: Encoding, cameras: Cameras) -> list[Part]:
     """The views as keyframes 0, 1, ..., each of a window of its own."""
     found = []
-    for view, part in enumerate(parts_of(encoding, cameras, range(len(encoding.depths)))):
+    for view, part in enumerate(parts_of(encoding, seen_at(cameras), range(len(encoding.depths)))):
         own = encoded(cameras[view : view + 1], encoding.depths[view : view + 1])
         colour = replace(part.gaussians.colour, scales=own.gaussians.colour.scales)
         found.append(replace(part, gaussians=replace(part.gaussians, colour=colour)))
@@ -41,16 +55,47 @@ def merged(parts: list[Part]) -> list[Part]:
     return kept
 
 
+def photos_by_loops(part: Part, others: list[Sheet]) -> list[list[list[float]]]:
+    """For each Gaussian and each depth that is tried for it, how many photos fit it and how many contradict."""
+    centre = part.sheet.camera.centres
+    rays, spreads = part.gaussians.means.double() - centre, part.spread.tolist()
+    moves = [[REACH * (2 * step / (STEPS - 1) - 1) * (spread + SPREAD) for step in range(STEPS)] for spread in spreads]
+    points = torch.stack([centre + rays * torch.tensor(moves).double()[:, [step]].exp() for step in range(STEPS)], 1)
+    own = part.sheet.colours.flatten(0, 1)[part.index].tolist()
+    found = [[[0.0, 0.0] for _ in range(STEPS)] for _ in own]
+    for other in others:
+        places, tolerance = project(points.flatten(0, 1), other.camera).tolist(), exposure(part.sheet, other)
+        depths, noises, colours = other.depths.tolist(), other.spread.tolist(), other.colours.tolist()
+        for number, (x, y, z) in enumerate(places):
+            g, step = divmod(number, STEPS)
+            if not (z > 0 and 0 <= x < SIZE[1] and 0 <= y < SIZE[0]):
+                continue
+            row, column = int(y), int(x)
+            sigma = math.hypot(spreads[g], noises[row][column]) + SPREAD
+            if math.log(z / depths[row][column]) > TOLERANCE * sigma:
+                continue
+            around = [
+                one for line in colours[max(row - 1, 0) : row + 2] for one in line[max(column - 1, 0) : column + 2]
+            ]
+            beyond = max(
+                max(own[g][channel] - max(values), min(values) - own[g][channel])
+                for channel, values in enumerate(zip(*around, strict=True))
+            )
+            found[g][step][beyond > SAME_COLOUR + tolerance] += 1
+    return found
+
+
 def by_loops(parts: list[Part], part: Part) -> dict[int, tuple[float, list[float]]]:
     """The specification: depth ratio and class distribution of each Gaussian of a part that stays, by its place; all keyframes at once."""
-    found = {}
+    some = {}
     others = [one.sheet for one in parts if one.sheet.number != part.sheet.number]
-    seen_at = [project(part.gaussians.means.double(), other.camera).tolist() for other in others]
+    seen_in = [project(part.gaussians.means.double(), other.camera).tolist() for other in others]
+    photos = photos_by_loops(part, others)
     for g in range(len(part)):
         agree = through = before = weight = shift = 0.0
         spread = float(part.spread[g])
         logs = [math.log(float(p) + LEAST) for p in part.gaussians.semantic.features[g]]
-        for other, places in zip(others, seen_at, strict=True):
+        for other, places in zip(others, seen_in, strict=True):
             x, y, z = places[g]
             if not (z > 0 and 0 <= x < SIZE[1] and 0 <= y < SIZE[0]):
                 continue
@@ -67,11 +112,29 @@ def by_loops(parts: list[Part], part: Part) -> dict[int, tuple[float, list[float
             weight += 1 / (noise**2 + SPREAD**2)
             shift += math.log(seen / z) / (noise**2 + SPREAD**2)
             logs = [one + float(more) for one, more in zip(logs, other.logs[row, column], strict=True)]
-        if before >= LAYERS or through > agree:
+        if before < LAYERS:
+            odds = [math.exp(one / (1 + agree)) for one in logs]
+            mean = shift / (1 / (spread**2 + SPREAD**2) + weight)
+            some[int(part.index[g])] = mean, spread, photos[g], through > agree, [one / sum(odds) for one in odds]
+    found = {}
+    for place, (mean, spread, votes, floats, shares) in some.items():
+        row, column = divmod(place, SIZE[1])
+        around = [
+            some[one * SIZE[1] + other][2]
+            for one in range(max(row - 1, 0), min(row + 2, SIZE[0]))
+            for other in range(max(column - 1, 0), min(column + 2, SIZE[1]))
+            if one * SIZE[1] + other in some
+        ]
+        moves, costs = [], []
+        for step in range(STEPS):
+            fits, clashes = (sum(one[step][which] for one in around) for which in (0, 1))
+            moves.append((2 * step / (STEPS - 1) - 1 - mean / (REACH * (spread + SPREAD))) ** 2)
+            costs.append((clashes / (fits + clashes) if fits + clashes else 0.0) + STAY * moves[-1])
+        best = costs.index(min(costs))
+        if floats or votes[best][1] > votes[best][0]:
             continue
-        odds = [math.exp(one / (1 + agree)) for one in logs]
-        ratio = math.exp(shift / (1 / (spread**2 + SPREAD**2) + weight))
-        found[int(part.index[g])] = ratio, [one / sum(odds) for one in odds]
+        elsewhere = REACH * (2 * best / (STEPS - 1) - 1) * (spread + SPREAD)
+        found[place] = math.exp(mean if moves[best] == min(moves) else elsewhere), shares
     return found
 
 
@@ -87,7 +150,9 @@ def test_keyframes_added_one_by_one_are_all_windows_merged_at_once():
     classes = torch.rand(7 * SIZE[0] * SIZE[1], 3, generator=draw)
     spread = 0.005 + 0.03 * torch.rand(7, *SIZE, generator=draw)
     encoding = encoded(cameras, depths, spread, classes / classes.sum(-1, keepdim=True))
-    parts = parts_of(encoding, cameras, range(7))
+    images = 0.5 + 0.2 * (torch.rand(7, 3, *SIZE, generator=draw) - 0.5)
+    images[..., 9:] += 0.3
+    parts = parts_of(encoding, seen_at(cameras, images), range(7))
     removed = 0
     for part, whole in zip(merged(parts), parts, strict=True):
         expected, found = by_loops(parts, whole), settled(part)
@@ -107,7 +172,7 @@ def test_keyframes_added_one_by_one_are_all_windows_merged_at_once():
 def test_two_keyframes_that_are_equally_sure_meet_in_the_middle():
     """4 m and 4.1 m in the log: sqrt(4 * 4.1) = 4.0497 m, and Gaussians grow with their depth."""
     cameras = cameras_at(0.0, 0.0)
-    parts = [settled(part) for part in merged(parts_of(encoded(cameras, flat(4.0, 4.1)), cameras, (0, 1)))]
+    parts = [settled(part) for part in merged(parts_of(encoded(cameras, flat(4.0, 4.1)), seen_at(cameras), (0, 1)))]
     for part, own in zip(parts, (4.0, 4.1), strict=True):
         torch.testing.assert_close(part.gaussians.means[:, 2], torch.full((len(part),), math.sqrt(4.0 * 4.1)))
         scales = torch.full((len(part), 3), 0.1 * math.sqrt(4.0 * 4.1) / own)
@@ -118,7 +183,7 @@ def test_the_surer_keyframe_pulls_more():
     """Variances of 0.04^2 + 0.02^2 and 0.01^2 + 0.02^2: weights of 1 to 4, so the log moves by 4/5 of the way or by 1/5."""
     cameras = cameras_at(0.0, 0.0)
     spread = torch.stack((torch.full(SIZE, 0.04), torch.full(SIZE, 0.01)))
-    unsure, sure = merged(parts_of(encoded(cameras, flat(4.0, 4.2), spread), cameras, (0, 1)))
+    unsure, sure = merged(parts_of(encoded(cameras, flat(4.0, 4.2), spread), seen_at(cameras), (0, 1)))
     expected = 4.0 * (4.2 / 4.0) ** 0.8
     torch.testing.assert_close(settled(unsure).gaussians.means[:, 2], torch.full((len(unsure),), expected))
     torch.testing.assert_close(settled(sure).gaussians.means[:, 2], torch.full((len(sure),), expected))
@@ -126,14 +191,48 @@ def test_the_surer_keyframe_pulls_more():
 
 def test_what_another_keyframe_looks_through_is_a_floater_and_what_it_cannot_see_is_not():
     cameras = cameras_at(0.0, 0.0)
-    front, back = merged(parts_of(encoded(cameras, flat(2.0, 4.0)), cameras, (0, 1)))
+    front, back = merged(parts_of(encoded(cameras, flat(2.0, 4.0)), seen_at(cameras), (0, 1)))
     assert (len(settled(front)), len(settled(back))) == (0, SIZE[0] * SIZE[1])
 
 
 def test_a_floater_that_as_many_keyframes_see_stays():
     cameras = cameras_at(0.0, 0.0, 0.0)
-    parts = merged(parts_of(encoded(cameras, flat(2.0, 2.0, 4.0)), cameras, (0, 1, 2)))
+    parts = merged(parts_of(encoded(cameras, flat(2.0, 2.0, 4.0)), seen_at(cameras), (0, 1, 2)))
     assert [len(settled(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 3
+
+
+def test_gaussians_go_to_a_depth_that_photos_agree_with():
+    """A line on a wall at 4 m that both keyframes believe to be at 4 e^0.5 = 6.6 m, to a factor e^0.5; the next depth that is tried is 4 e^0.25 = 5.1 m.
+
+    The second camera is 1.5 m farther right and sees the line 16 * 1.5 / 4 = 6 pixels farther left, in column 4. At 6.6 m, the line of the first one would
+    be in column 10.5 - 3.6 = 6.9, two pixels beside it. At 5.1 m it would be in column 5.8, next to it.
+    """
+    cameras, images = cameras_at(0.0, 1.5), torch.zeros(2, 3, *SIZE)
+    images[0, ..., 10] = images[1, ..., 4] = 1
+    depth = 4 * math.exp(0.5)
+    encoding = encoded(cameras, flat(depth, depth), spread=0.48)
+    found = settled(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
+    column = found.index % SIZE[1]
+    for place, expected in ((10, 4 * math.exp(0.25)), (14, depth)):
+        z = found.gaussians.means[column == place, 2]
+        torch.testing.assert_close(z, torch.full((SIZE[0],), expected))
+
+
+def test_gaussians_that_no_photo_shows_are_dropped():
+    """The first photo has a white line, the second one does not, and both keyframes are sure of the depth."""
+    cameras, images = cameras_at(0.0, 0.0), torch.zeros(2, 3, *SIZE)
+    images[0, ..., 10] = 1
+    encoding = encoded(cameras, flat(4.0, 4.0))
+    found = settled(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
+    assert sorted({*range(SIZE[1])} - {*(found.index % SIZE[1]).tolist()}) == [10]
+
+
+def test_a_photo_with_another_exposure_contradicts_nothing():
+    cameras, images = cameras_at(0.0, 0.0), torch.full((2, 3, *SIZE), 0.8)
+    images[1] -= 0.3
+    parts = merged(parts_of(encoded(cameras, flat(4.0, 4.0)), seen_at(cameras, images), (0, 1)))
+    assert [len(settled(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 2
+    assert exposure(parts[0].sheet, parts[1].sheet) == pytest.approx(0.3)
 
 
 def test_the_first_four_of_six_equal_keyframes_stay_and_get_thinner():
@@ -160,7 +259,7 @@ def test_keyframes_that_come_closer_replace_those_from_afar():
 
 def test_places_count_over_the_views_in_order():
     cameras = cameras_at(0.0, 0.3)
-    parts = parts_of(encoded(cameras, flat(4.0, 4.0)), cameras, (3, 8))
+    parts = parts_of(encoded(cameras, flat(4.0, 4.0)), seen_at(cameras), (3, 8))
     some = [parts[0][parts[0].index % 2 == 0], parts[1][parts[1].index < 5]]
     gaussians, places = joined(some)
     blocks = SIZE[0] * SIZE[1]
@@ -174,7 +273,7 @@ def test_sizes_that_a_window_of_three_has_shrunk_are_undone():
     cameras = cameras_at(0.0, 0.0, 0.0)
     pair, three = (encoded(cameras[:views], flat(*[4.0] * views)) for views in (2, 3))
     sizes = [
-        parts_of(one, cameras[: len(one.depths)], range(len(one.depths)))[0].gaussians.colour.scales
+        parts_of(one, seen_at(cameras[: len(one.depths)]), range(len(one.depths)))[0].gaussians.colour.scales
         for one in (pair, three)
     ]
     torch.testing.assert_close(sizes[1], sizes[0] * 1.5**0.5)
