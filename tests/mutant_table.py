@@ -1574,7 +1574,7 @@ MUTANTS = (
     ),
     Mutant(
         "nothing holds the cameras where they are", "semgs/sfm/refine.py",
-        "np.sqrt(np.log1p(distance**2)), step])", "np.sqrt(np.log1p(distance**2)), 0 * step])",
+        "np.sqrt(np.log1p(distance**2)), step))", "np.sqrt(np.log1p(distance**2)), 0 * step))",
         (f"{OF_REFINE}test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_moves_it_by_a_pixel",),
     ),
     Mutant(
