@@ -62,7 +62,7 @@ LEAST_POINTS = 30
 LEAST_ANGLE_DEG = 1.0
 """Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
 
-SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.8, 0.15
+SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.5, 0.07
 """On one core, for photos of `LARGEST_SIDE`; less for smaller ones."""
 
 
