@@ -208,8 +208,12 @@ def main() -> None:
     parser.add_argument("--views", nargs="+", type=int, default=[2, 4])
     parser.add_argument("--scenes", type=int, default=8, help="the first so many of each set")
     parser.add_argument("--targets", type=int, default=2, help="of each scene")
-    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--rows", nargs="+", help="only rows of the table with one of these words in their names")
+    parser.add_argument("--plot", type=Path, help="needs all rows")
     arguments = parser.parse_args()
+    conditions = [one for one in CONDITIONS if any(word in str(one) for word in arguments.rows or [""])]
+    if arguments.plot is not None and len(conditions) < len(CONDITIONS):
+        parser.error("--plot needs all rows")
     found: dict[str, dict[int, dict[Condition, dict[str, float]]]] = {}
     for one in arguments.data:
         name, _, folder = one.partition("=")
@@ -225,11 +229,11 @@ def main() -> None:
             )
             each = []
             for number, task in enumerate(plan.tasks, 1):
-                each.append(scores(method, task, CONDITIONS))
+                each.append(scores(method, task, conditions))
                 print(f"{name}, N = {views}: {number} of {len(plan.tasks)}", file=sys.stderr)
             found[name][views] = {
                 condition: summary(frames)
-                for condition, frames in zip(CONDITIONS, zip(*each, strict=True), strict=True)
+                for condition, frames in zip(conditions, zip(*each, strict=True), strict=True)
             }
         print(table(name, found[name]), end="\n\n", flush=True)
     if arguments.plot is not None:

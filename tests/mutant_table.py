@@ -1573,6 +1573,16 @@ MUTANTS = (
         (f"{OF_REFINE}test_a_third_of_wrong_matches_does_little_harm",),
     ),
     Mutant(
+        "nothing holds the cameras where they are", "semgs/sfm/refine.py",
+        "np.sqrt(np.log1p(distance**2)), step))", "np.sqrt(np.log1p(distance**2)), 0 * step))",
+        (f"{OF_REFINE}test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_moves_it_by_a_pixel",),
+    ),
+    Mutant(
+        "cameras are usually off by one radian", "semgs/sfm/refine.py",
+        "np.radians(TURN_DEG) * turn", "TURN_DEG * turn",
+        (f"{OF_REFINE}test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_moves_it_by_a_pixel",),
+    ),
+    Mutant(
         "frames are taken in the order of the file", "semgs/sfm/refine.py",
         "for camera, index in enumerate(frames)}", "for camera, index in enumerate(sorted(frames))}",
         (f"{OF_REFINE}test_matches_become_rays_of_the_frames_in_the_order_given",),
@@ -1586,6 +1596,31 @@ MUTANTS = (
         "any improvement is taken", "semgs/sfm/refine.py",
         "accepted = after <= FALLS_TO * before", "accepted = True",
         (f"{OF_REFINE}test_good_cameras_stay_and_slightly_wrong_ones_are_corrected",),
+    ),
+    Mutant(
+        "the median of the motion counts", "semgs/sfm/clips.py",
+        "axis=1), 1 - MOVING)", "axis=1), 0.5)",
+        (f"{OF_SFM}photos.py::test_walking_around_something_moves_what_is_in_front_of_it",),
+    ),
+    Mutant(
+        "the rotation flag of a clip is ignored", "semgs/sfm/clips.py",
+        "video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)", "video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)",
+        (f"{OF_SFM}photos.py::test_frames_are_turned_as_the_rotation_flag_says",),
+    ),
+    Mutant(
+        "models of any error fit equally well", "semgs/sfm/solving.py",
+        "<= EQUAL * least]", "<= np.inf]",
+        (f"{OF_SFM}solving.py::test_the_best_model_has_the_most_photos_then_the_smallest_error_unless_it_explains_little",),
+    ),
+    Mutant(
+        "a model of a few observations counts", "semgs/sfm/solving.py",
+        ">= SHARE * seen", ">= 0",
+        (f"{OF_SFM}solving.py::test_the_best_model_has_the_most_photos_then_the_smallest_error_unless_it_explains_little",),
+    ),
+    Mutant(
+        "the least usual focal length comes first", "semgs/sfm/solving.py",
+        "abs(np.log(_ratio(model) / GUESS))", "-abs(np.log(_ratio(model) / GUESS))",
+        (f"{OF_SFM}solving.py::test_of_models_that_fit_equally_well_the_usual_focal_length_comes_first",),
     ),
     Mutant(
         "estimated poses are world to camera", "semgs/sfm/solving.py",

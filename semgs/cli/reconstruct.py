@@ -105,7 +105,7 @@ class Reconstruct:
     the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
-    images. Cameras that fit already stay as they are; the report says what moved. See docs/refine.md."""
+    images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
     hatched and 255. Scores do not change."""

@@ -23,6 +23,9 @@ LEAST_MOTION = 0.02
 CORNERS, TRACKED = 200, 0.3
 """Corners that are followed from one frame to the next. If fewer than this share can be followed, the picture has moved enough."""
 
+MOVING = 0.2
+"""This share of the corners has to move: when you walk around something, most of the picture stays where it is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Judged:
@@ -91,7 +94,7 @@ def moving(frames: list[Judged]) -> list[Judged]:
 
 
 def motion(first: np.ndarray, second: np.ndarray) -> float:
-    """How far the picture moved between two frames in grey: the median over corners [share of the longer side]; infinite if it is lost."""
+    """By how much a share `MOVING` of the corners moved at least between two frames in grey [share of the longer side]; infinite if they are lost."""
     corners = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
     if corners is None:
         return 0.0
@@ -99,7 +102,7 @@ def motion(first: np.ndarray, second: np.ndarray) -> float:
     found = found.ravel() == 1
     if found.mean() < TRACKED:
         return np.inf
-    return float(np.median(np.linalg.norm((there - corners)[found, 0], axis=1)) / max(first.shape))
+    return float(np.quantile(np.linalg.norm((there - corners)[found, 0], axis=1), 1 - MOVING) / max(first.shape))
 
 
 def _judged(path: Path) -> Iterator[Judged]:

@@ -31,6 +31,19 @@ CONTRAST = 0.002
 GUESS = 0.8
 """Focal length of photos that do not say it, over the longer side: 64 degrees across, a phone's main camera."""
 
+STARTS = (0.5, 0.65, GUESS, 1.0, 1.3)
+"""Where to start if few photos have an unknown focal length, over the longer side: 90 to 42 degrees across. From one start alone, one in four sets of six photos
+ends at a wrong focal length, which another start does not."""
+
+SHARE = 1 / 3
+"""Models with fewer than this share of the observations of the largest one do not count: few observations can fit anything."""
+
+EQUAL = 1.05
+"""Models whose reprojection errors differ by less than this factor fit equally well."""
+
+UNSURE = 1.25
+"""If the focal lengths of models that fit equally well differ by more than this factor, the photos do not show it."""
+
 PLAUSIBLE = (0.4, 3.0)
 """Solved focal lengths over the longer side: 103 to 19 degrees across."""
 
@@ -49,7 +62,7 @@ LEAST_POINTS = 30
 LEAST_ANGLE_DEG = 1.0
 """Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
 
-SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.8, 0.15
+SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.5, 0.07
 """On one core, for photos of `LARGEST_SIDE`; less for smaller ones."""
 
 
@@ -112,19 +125,28 @@ def solve(photos: PhotoSet, listed: Sequence[Photo], focal_given: bool = False) 
     library = pycolmap()
     check_utf8(photos.folder, "pycolmap")
     held = focal_given or len(listed) == 2
+    known = all(photo.focal_px is not None for photo in listed)
     with TemporaryDirectory(prefix="semgs-") as temporary:
         work = Path(temporary)
         database = work / "features.db"
         library.set_random_seed(SEED)
         _extract(database, photos.folder, listed)
         _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in listed)))
-        model = _mapped(database, photos.folder, work, held, len(listed))
+        if held or known or len(listed) >= DISTORTED:
+            models = _models(database, photos.folder, work, held, len(listed))
+        else:
+            models = []
+            for start in STARTS:
+                _start_at(database, start)
+                models += _models(database, photos.folder, work, held, len(listed))
+        equal = best(models)
+        model = equal[0] if equal else None
         if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:
             registered = 0 if model is None else model.num_reg_images()
             raise InputError(
                 photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(listed))
             )
-    return _solution(model, photos, listed, held, focal_given)
+    return _solution(equal, photos, listed, held, focal_given)
 
 
 def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
@@ -170,8 +192,34 @@ def _match(database: Path, ordered: bool, longer: int) -> None:
     match(database, matching, verification_options=verifying, device=library.Device.cpu)
 
 
-def _mapped(database: Path, folder: Path, work: Path, held: bool, count: int) -> Any | None:
-    """The model with the most photos; None if no camera could be estimated."""
+def best(models: Sequence[Any]) -> list[Any]:
+    """Of the models with the most photos, those that fit their observations best, within `EQUAL`; the one with the most usual focal length first."""
+    photos = max((model.num_reg_images() for model in models), default=0)
+    most = [model for model in models if model.num_reg_images() == photos]
+    seen = max((model.compute_num_observations() for model in most), default=0)
+    large = [model for model in most if model.compute_num_observations() >= SHARE * seen]
+    least = min((model.compute_mean_reprojection_error() for model in large), default=0.0)
+    equal = [model for model in large if model.compute_mean_reprojection_error() <= EQUAL * least]
+    return sorted(equal, key=lambda model: abs(np.log(_ratio(model) / GUESS)))
+
+
+def _ratio(model: Any) -> float:
+    """The focal length of a model's first camera over the longer side."""
+    camera = min(model.cameras.values(), key=lambda one: one.camera_id)
+    return float(camera.params[0] / max(camera.width, camera.height))
+
+
+def _start_at(database: Path, ratio: float) -> None:
+    """Set the focal lengths that are unknown, over the longer side."""
+    with pycolmap().Database.open(database) as opened:
+        for camera in opened.read_all_cameras():
+            if not camera.has_prior_focal_length:
+                camera.params = [ratio * max(camera.width, camera.height), *camera.params[1:]]
+                opened.update_camera(camera)
+
+
+def _models(database: Path, folder: Path, work: Path, held: bool, count: int) -> list[Any]:
+    """The models that can be used; none if no camera could be estimated."""
     library = pycolmap()
     least = min(count, 3)
     options = library.IncrementalPipelineOptions()
@@ -190,12 +238,11 @@ def _mapped(database: Path, folder: Path, work: Path, held: bool, count: int) ->
         at_once.min_model_size, at_once.random_seed = least, SEED
         at_once.mapper.bundle_adjustment.refine_focal_length = not held
         models += library.global_mapping(database, folder, work, at_once).values()
-    good = [
+    return [
         model
         for model in models
         if model.num_reg_images() >= least and model.num_points3D() >= LEAST_POINTS and _plausible(model)
     ]
-    return max(good, key=lambda model: (model.num_reg_images(), -model.compute_mean_reprojection_error()), default=None)
 
 
 def _plausible(model: Any) -> bool:
@@ -222,8 +269,11 @@ def _refusal(database: Path, registered: int, count: int) -> tuple[str, None, st
     return f"{reason.found} ({count} photos)", None, reason.hint
 
 
-def _solution(model: Any, photos: PhotoSet, listed: Sequence[Photo], held: bool, focal_given: bool) -> Solution:
-    """A model as ours, with notes."""
+def _solution(
+    equal: Sequence[Any], photos: PhotoSet, listed: Sequence[Photo], held: bool, focal_given: bool
+) -> Solution:
+    """The first of some models as ours, with notes."""
+    model = equal[0]
     posed = posed_photos(model, [photo.name for photo in listed])
     missing = [photo.name for photo in listed if photo.name not in {one.name for one in posed}]
     points = list(model.points3D.values())
@@ -231,7 +281,9 @@ def _solution(model: Any, photos: PhotoSet, listed: Sequence[Photo], held: bool,
     if missing:
         shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
         notes.append(f"These do not overlap enough with the others and are left out: {shown}.")
-    notes.append(_focal_note(posed, listed, held, focal_given))
+    ratios = [_ratio(one) for one in equal]
+    sure = held or max(ratios) <= UNSURE * min(ratios)
+    notes.append(_focal_note(posed, listed, held, focal_given) if sure else _unsure_note(posed[0].lens, ratios))
     return Solution(
         posed,
         np.array([point.xyz for point in points]).reshape(-1, 3),
@@ -243,9 +295,7 @@ def _solution(model: Any, photos: PhotoSet, listed: Sequence[Photo], held: bool,
 
 def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[Photo], held: bool, focal_given: bool) -> str:
     """Where the focal length is from."""
-    lens = posed[0].lens
-    degrees = 2 * np.degrees(np.arctan(lens.size[1] / 2 / lens.focal[0]))
-    text = f"{lens.focal[0]:.0f} px for {lens.size[1]}x{lens.size[0]}, {degrees:.0f} degrees across"
+    text = _described(posed[0].lens)
     if focal_given:
         return f"The focal length is {text}, as given."
     known = all(photo.focal_px is not None for photo in listed)
@@ -258,3 +308,18 @@ def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[Photo], held: bool
             f"The focal length is {text}, solved. So few photos can get it wrong: if you know it, give it with --focal."
         )
     return f"The focal length is {text}, solved{' from the one in EXIF' if known else ''}."
+
+
+def _unsure_note(lens: Lens, ratios: Sequence[float]) -> str:
+    """Which focal lengths fit equally well."""
+    low, high = (ratio * max(lens.size) for ratio in (min(ratios), max(ratios)))
+    return (
+        f"The focal length is a guess: {_described(lens)}. The photos do not show it: {low:.0f} to {high:.0f} px fit equally well. "
+        "Give it with --focal, or show things at several depths."
+    )
+
+
+def _described(lens: Lens) -> str:
+    """A focal length as a phrase."""
+    degrees = 2 * np.degrees(np.arctan(lens.size[1] / 2 / lens.focal[0]))
+    return f"{lens.focal[0]:.0f} px for {lens.size[1]}x{lens.size[0]}, {degrees:.0f} degrees across"

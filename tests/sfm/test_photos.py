@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from clip_files import write_clip
 from PIL import Image
 
 from semgs.data.scenes import open_scene
@@ -151,15 +152,6 @@ def test_only_folders_without_a_scene_and_videos_are_photos(folder: Path, tmp_pa
         open_scene(tmp_path / "clip.MP4")
 
 
-def clip(path: Path, frames: list[np.ndarray]) -> Path:
-    height, width = frames[0].shape[:2]
-    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, (width, height))
-    for frame in frames:
-        video.write(frame[..., ::-1])
-    video.release()
-    return path
-
-
 def textured(shift: int) -> np.ndarray:
     wide = cv2.resize(np.random.default_rng(7).integers(0, 255, (24, 60, 3)).astype(np.uint8), (400, 160))
     return np.ascontiguousarray(wide[:, shift : shift + 200])
@@ -171,16 +163,36 @@ def test_motion_is_the_shift_over_the_longer_side():
     assert motion(first, first) == pytest.approx(0, abs=1e-3)
 
 
+def test_walking_around_something_moves_what_is_in_front_of_it():
+    """The background stays; the third of the picture in front of it moves by 6 of 200 px. A sliver that moves is too little."""
+    first, second = (cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 6))
+    for columns, expected in ((70, 6 / 200), (15, 0.0)):
+        there = first.copy()
+        there[:, :columns] = second[:, :columns]
+        assert motion(first, there) == pytest.approx(expected, abs=0.003)
+
+
 def test_the_sharp_frame_of_each_stretch_is_taken(tmp_path: Path):
     # Four stretches of four frames: the third of each is sharp.
     frames = [textured(8 * index) for index in range(16)]
     frames = [one if index % 4 == 2 else cv2.GaussianBlur(one, (0, 0), 4) for index, one in enumerate(frames)]
     (tmp_path / "out").mkdir()
-    found = copy_frames(clip(tmp_path / "a.mp4", frames), tmp_path / "out", 4)
+    found = copy_frames(write_clip(tmp_path / "a.mp4", frames), tmp_path / "out", 4)
     assert [photo.name for photo in found.photos] == [f"frame_{index:05d}.jpg" for index in (2, 6, 10, 14)]
     assert found.ordered
     difference = read_rgb(tmp_path / "out" / "frame_00006.jpg").astype(int) - frames[6]
     assert np.abs(difference).mean() < 10  # the frame itself, RGB and not BGR
+
+
+def test_frames_are_turned_as_the_rotation_flag_says(tmp_path: Path):
+    """A phone held upright stores its frames on their side, with a flag to turn them by 90 degrees clockwise."""
+    upright = [textured(8 * index) for index in range(4)]
+    path = write_clip(tmp_path / "a.mp4", [np.rot90(one) for one in upright], clockwise=True)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(path, tmp_path / "out", 4)
+    assert [photo.size for photo in found.photos] == [(160, 200)] * 4
+    for index, one in enumerate(upright):
+        assert np.abs(read_rgb(tmp_path / "out" / f"frame_{index:05d}.jpg").astype(int) - one).mean() < 10
 
 
 def test_frames_that_hardly_moved_are_left_out(tmp_path: Path):
@@ -202,7 +214,7 @@ def test_frames_that_hardly_moved_are_left_out(tmp_path: Path):
 def test_a_clip_without_motion_or_light_is_refused(tmp_path: Path, frames: list[np.ndarray], message: str):
     (tmp_path / "out").mkdir()
     with pytest.raises(InputError, match=message):
-        copy_frames(clip(tmp_path / "a.mp4", frames), tmp_path / "out", 4)
+        copy_frames(write_clip(tmp_path / "a.mp4", frames), tmp_path / "out", 4)
 
 
 def test_a_file_that_is_no_video_is_refused(tmp_path: Path):

@@ -133,6 +133,24 @@ def test_the_mean_position_stays_and_no_camera_is_special():
     np.testing.assert_allclose(another, found[order], atol=1e-4)
 
 
+def test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_moves_it_by_a_pixel():
+    """Cameras side by side see a point at infinity, straight ahead, at heights that differ by 0.1 sqrt(2) px: 0.1 px from the epipolar geometry.
+
+    A degree is a pixel here. Pitching the cameras by s_1 and s_2 degrees leaves d = 0.1 - (s_1 - s_2) / sqrt(2), and d^2 + s_1^2 + s_2^2 is least
+    where half of it is left: d = 0.05, s_1 = -s_2 = 0.05 / sqrt(2).
+    """
+    focal = 180 / np.pi
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, 0, 3] = SPACING
+    rays = np.array([[[0, 0, 1.0], [0, 0.1 * np.sqrt(2) / focal, 1.0]]])
+    seen = Sightings(np.array([[0, 1]]), rays, np.full((1, 2, 2), focal))
+    found = adjusted(poses, seen, SPACING)
+    np.testing.assert_allclose(np.abs([epipolar_px(one, seen)[0] for one in (poses, found)]), [0.1, 0.05], rtol=0.01)
+    pitches = np.degrees(Rotation.from_matrix(found[:, :3, :3]).as_rotvec())
+    np.testing.assert_allclose(np.abs(pitches), [[0.05 / np.sqrt(2), 0, 0]] * 2, atol=5e-4)
+    assert pitches[0, 0] * pitches[1, 0] < 0
+
+
 def test_matches_become_rays_of_the_frames_in_the_order_given(scene: Scene):
     """A point seen by frames 1 and 5 is on both their epipolar lines; the images were matched at half their size."""
     cameras = [scene.frames[index].camera for index in (1, 5)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from dataclasses import dataclass
@@ -15,10 +16,11 @@ from pycolmap_photos import FOCAL, PLANES, Taken, poses_of, take
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.pictures import write_png
+from semgs.sfm import solving as module
 from semgs.sfm.library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres, scaled
 from semgs.sfm.scene_folder import Known, write_scene
-from semgs.sfm.solving import Solution, posed_photos
+from semgs.sfm.solving import Solution, best, posed_photos
 from semgs.sfm.writing import write_colmap
 
 DISTANCE = float(np.linalg.norm(poses_of(3)[2, :3, 3]))
@@ -160,6 +162,76 @@ def test_a_camera_that_only_turned_is_refused(tmp_path: Path):
     line = refused(take(tmp_path / "photos", poses).folder, tmp_path)
     assert "only turned" in line
     assert "step sideways" in line
+
+
+@pytest.mark.long
+def test_a_single_plane_shows_the_cameras_but_not_the_focal_length(tmp_path: Path):
+    """Cameras that face a plane and move along it see it shifted, whatever the focal length."""
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :2, 3] = [[0, 0], [0.4, 0.03], [0.8, 0.12]]
+    taken = take(tmp_path / "photos", poses, PLANES[:1])
+    found = solved(taken, tmp_path / "scene", Known())
+    assert "The focal length is a guess:" in found.notes[-1]
+    low, high = map(int, re.search(r"The photos do not show it: (\d+) to (\d+) px", found.notes[-1]).groups())
+    assert low < 200 < 320 < high
+    assert low < found.photos[0].lens.focal[0] < high
+    for photo in found.photos[1:]:
+        moved = np.linalg.inv(found.photos[0].world_from_camera) @ photo.world_from_camera
+        assert np.degrees(np.arccos((np.trace(moved[:3, :3]) - 1) / 2)) < 0.3
+
+
+@dataclass(frozen=True)
+class Model:
+    """What pycolmap says of a model."""
+
+    photos: int
+    observations: int
+    error: float
+    focal: float = 256.0
+
+    @property
+    def cameras(self) -> dict[int, object]:
+        camera = pycolmap().Camera(
+            camera_id=7, model="SIMPLE_PINHOLE", width=240, height=320, params=[self.focal, 120, 160]
+        )
+        return {7: camera}
+
+    def num_reg_images(self) -> int:
+        return self.photos
+
+    def compute_num_observations(self) -> int:
+        return self.observations
+
+    def compute_mean_reprojection_error(self) -> float:
+        return self.error
+
+
+def test_the_best_model_has_the_most_photos_then_the_smallest_error_unless_it_explains_little():
+    good, wrong_focal = Model(6, 1700, 0.67), Model(6, 3100, 0.93)
+    few_photos, few_observations = Model(5, 5000, 0.1), Model(6, 1000, 0.2)  # a third of 3,100 is 1,033
+    assert best([wrong_focal, few_photos, good, few_observations]) == [good]
+    assert best([]) == []
+
+
+def test_of_models_that_fit_equally_well_the_usual_focal_length_comes_first():
+    """0.8 of 320 px is 256 px: 300 is off by 1.17, 200 by 1.28. Errors of 0.52 are within 5 % of 0.5, 0.53 are not."""
+    wide, usual, worse = Model(6, 900, 0.5, 200.0), Model(6, 900, 0.52, 300.0), Model(6, 900, 0.53, 256.0)
+    assert best([wide, usual, worse]) == [usual, wide]
+
+
+def test_without_a_focal_length_few_photos_start_from_several(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A focal length of 250 px is 0.78 of the longer side; starts are 0.5, 0.65, 0.8, 1 and 1.3 of it, 160 px to 416 px."""
+    taken, started, unwatched = take(tmp_path / "photos", poses_of(3)), list[float](), module._models
+
+    def models(database: Path, *others: object) -> list[object]:
+        with pycolmap().Database.open(database) as opened:
+            started.extend(camera.params[0] for camera in opened.read_all_cameras())
+        return unwatched(database, *others)
+
+    monkeypatch.setattr(module, "_models", models)
+    found = solved(taken, tmp_path / "scene", Known())
+    assert started == [160, 208, 256, 320, 416]
+    assert found.photos[0].lens.focal[0] == pytest.approx(FOCAL, rel=0.1)
 
 
 def test_blank_walls_are_refused(tmp_path: Path):
