@@ -274,7 +274,7 @@ def stopped_at_start(inputs: Path, folder: Path, sent: int, after: float) -> lis
 
 
 def closed_pipe(inputs: Path, folder: Path) -> list[str]:
-    """Nobody reads the output."""
+    """The output has no reader."""
     done = subprocess.run(
         ["sh", "-c", '"$0" "$@" 2>"$ERRORS" | true; cat "$ERRORS"', sys.executable, "-m", "semgs", *CASES["reconstruct"].command(inputs, folder / "piped")],
         capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(ROOT), "ERRORS": str(folder / "errors.txt")},
