@@ -14,7 +14,7 @@ SCENEZOO := .venv/scenezoo
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
 
-.PHONY: help setup demo test long docs gpu bench mutants fuzz check format anew audit release
+.PHONY: help setup demo test long docs gpu bench mutants fuzz faults check format anew audit release
 .DEFAULT_GOAL := help
 
 help:
@@ -29,6 +29,7 @@ help:
 	@echo 'make audit   set up, then look up vulnerabilities, hashes and licences of what is installed'
 	@echo 'make release set up, then build wheel and sdist, and run the demo from the wheel in an empty environment'
 	@echo 'make fuzz    set up, then damage 10,000 files of each format that SemGS reads (under an hour)'
+	@echo 'make faults  set up, then kill and starve commands while they write (under an hour)'
 	@echo 'make check   formats, lints and types'
 	@echo 'make format  bring the code into its format'
 
@@ -89,6 +90,9 @@ release: setup
 
 fuzz: setup
 	PYTHONPATH=tests $(BIN)/python -m fuzz $(FUZZ)
+
+faults: setup
+	PYTHONPATH=.:tests $(BIN)/python -m faults $(FAULTS)
 
 check: setup
 	$(BIN)/ruff format --check .

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
-from semgs.cli.main import main
+
+def run() -> int:
+    """The command of this process. Before `main` handles Ctrl-C, and after it, Ctrl-C ends the process without a traceback."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from semgs.cli.main import main
+
+    return main()
+
 
 if __name__ == "__main__":  # worker processes import this module under another name
-    sys.exit(main())
+    sys.exit(run())

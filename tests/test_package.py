@@ -85,7 +85,7 @@ def test_the_wheel_holds_the_licence_and_the_command(wheel: zipfile.ZipFile):
     names = wheel.namelist()
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     (points,) = [name for name in names if name.endswith("entry_points.txt")]
-    assert "semgs = semgs.cli.main:main" in wheel.read(points).decode()
+    assert "semgs = semgs.__main__:run" in wheel.read(points).decode()
 
 
 def test_what_is_embedded_is_small(wheel: zipfile.ZipFile):

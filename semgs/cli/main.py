@@ -235,7 +235,7 @@ def _own_warnings_on_one_line() -> Iterator[None]:
 
 @contextmanager
 def _ended_like_interrupted() -> Iterator[None]:
-    """Let SIGTERM unwind the stack as an interrupt does, so that incomplete folders are removed."""
+    """Let SIGTERM and Ctrl-C unwind the stack, so that incomplete folders are removed. If Ctrl-C is ignored, it stays so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -243,8 +243,11 @@ def _ended_like_interrupted() -> Iterator[None]:
     def leave(*_: object) -> None:
         raise SystemExit(TERMINATED)
 
-    before = signal.signal(signal.SIGTERM, leave)
+    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, leave)}
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

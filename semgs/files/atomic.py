@@ -86,6 +86,18 @@ def is_part_of(file: Path, target: Path) -> bool:
     return file.name.startswith(f".{target.name}.") and file.name.endswith(".part")
 
 
+def remove_parts(folder: Path, record: Path) -> None:
+    """Remove the temporary files that killed processes left in a folder. Only a process that has locked the folder may call this.
+
+    Args:
+        folder: the folder; folders in it stay untouched.
+        record: the file that processes write before they lock the folder. Its temporary files may be in use, so they stay.
+    """
+    for file in folder.glob(".*.part"):
+        if file.is_file() and not is_part_of(file, record):
+            file.unlink(missing_ok=True)
+
+
 def write_text(path: str | Path, text: str, *, durable: bool = False) -> None:
     """Write a text file atomically, in UTF-8 with the line ends of `text`; errors as `write_bytes`.
 

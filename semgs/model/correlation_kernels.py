@@ -2,13 +2,14 @@
 
 from typing import Any
 
-import numba
 import numpy as np
+
+from semgs.geometry.jit import njit
 
 Array = np.ndarray[Any, Any]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _taps(u: float, v: float, h: int, w: int, mask_unseen: bool) -> tuple[Any, ...]:
     """The four texels around a position and their weights (0 outside the map, unless its border is extended)."""
     left, top = int(np.floor(u)), int(np.floor(v))
@@ -29,7 +30,7 @@ def _taps(u: float, v: float, h: int, w: int, mask_unseen: bool) -> tuple[Any, .
     return x0, x1, y0, y1, wx0, wx1, wy0, wy1
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc", "nsz"})
+@njit(error_model="numpy", nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def correlate(
     reference: Array,
     source: Array,
@@ -73,7 +74,7 @@ def correlate(
                 sums[i, k, y, x] = total
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc", "nsz"})
+@njit(error_model="numpy", nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def correlate_backward(
     reference: Array,
     source: Array,

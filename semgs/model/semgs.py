@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from semgs.data.classes import ClassTable
 from semgs.data.views import Views
+from semgs.geometry.compiled import check_not_forked
 from semgs.model.chunks import WHOLE, Chunks, by_chunks
 from semgs.model.cnn import SHRINK, FeatureCNN
 from semgs.model.depth import CoarseDepth, PlaneSweepDepth
@@ -109,6 +110,7 @@ class SemGS(nn.Module):
         Raises:
             ValueError: there is only one view.
             NotEnoughMemoryError: without `chunks`, one scene in evaluation mode does not fit into memory even with one view at a time.
+            RuntimeError: this process was forked from one that had already rendered or encoded.
         """
         scene = self._padded(views)
         chunks = self._planned(views) if chunks is None else chunks
@@ -266,7 +268,8 @@ class SemGS(nn.Module):
         return memory_plan(self, views).chunks
 
     def _padded(self, views: Views, fewest: int = 2) -> Padded:
-        """The views in the form that the layers take; refuses too few views."""
+        """The views in the form that the layers take; refuses too few views, and a forked process whose parent has computed."""
+        check_not_forked()
         if len(views) < fewest:
             raise ValueError(f"the network got {len(views)} view; expected two or more that overlap")
         return Padded.of(views, self.cnn.conv1.weight, self.stride)

@@ -28,7 +28,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls
 from semgs.data.scenes import open_asked, scene_paths
 from semgs.data.workers import outcomes
-from semgs.files.atomic import write_json, write_text
+from semgs.files.atomic import remove_parts, write_json, write_text
 from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
 from semgs.files.folders import alone, check_writable
@@ -213,8 +213,7 @@ class PreparedSet:
         if not (self.out / SETTINGS).is_file():
             write_json(self.out / SETTINGS, self.as_json())
         with self._alone():
-            for path in self.out.glob(".*.zip.*.part"):  # incomplete archives
-                path.unlink(missing_ok=True)
+            remove_parts(self.out, self.out / SETTINGS)
             work = partial(self._entry, frame_done)
             failed = _prepared(work, found, workers if frame_done is None else 0, done)
             return self._write_index(failed)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from semgs.geometry.jit import njit
 from semgs.rendering.rules import BLUR_PX2, MIN_ALPHA
 
 CENTRE_X, CENTRE_Y, CONIC_XX, CONIC_XY, CONIC_YY, OPACITY, REACH, DETERMINANT = range(8)
@@ -26,7 +26,7 @@ SMALLEST_NORM = 1e-12
 """Quaternions shorter than this are divided by it instead of by their length, as in torch's `normalize`."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def project(means, quaternions, scales, opacities, camera, ellipses, part, parts):
     """Fill `ellipses` [g 8]."""
     for i in range(part * len(means) // parts, (part + 1) * len(means) // parts):
@@ -60,7 +60,7 @@ def project(means, quaternions, scales, opacities, camera, ellipses, part, parts
         ellipses[i, DETERMINANT] = 1 / determinant
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def project_backward(
     means, quaternions, scales, camera, ellipses, met, grad_ellipses,
     grad_means, grad_quaternions, grad_scales, grad_opacities, part, parts,
@@ -140,7 +140,7 @@ def project_backward(
             grad_means[i, k] = vx * camera[k] + vy * camera[3 + k] + vz * camera[6 + k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _inside(means, i, camera):
     """Position in the camera's frame."""
     x = np.float64(means[i, 0]) - camera[9]
@@ -153,13 +153,13 @@ def _inside(means, i, camera):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _slopes(x, y, z, camera):
     """x/z and y/z, clamped as the Jacobian sees them."""
     return min(max(x / z, camera[16]), camera[17]), min(max(y / z, camera[18]), camera[19])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _plane(x, y, z, camera):
     """The 2x3 matrix J R from the world to the image plane, row by row."""
     sx, sy = _slopes(x, y, z, camera)
@@ -174,14 +174,14 @@ def _plane(x, y, z, camera):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _axis(plane, rotation, k):
     """Axis k of a Gaussian (a unit vector in the world) projected to the image plane."""
     x, y, z = rotation[k], rotation[3 + k], rotation[6 + k]
     return plane[0] * x + plane[1] * y + plane[2] * z, plane[3] * x + plane[4] * y + plane[5] * z
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _unit(quaternions, i):
     """Unit quaternion (w, x, y, z), and the length by which it was divided."""
     w, x = np.float64(quaternions[i, 0]), np.float64(quaternions[i, 1])
@@ -190,7 +190,7 @@ def _unit(quaternions, i):
     return w / norm, x / norm, y / norm, z / norm, norm
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _rotation(w, x, y, z):
     """Rotation matrix of a unit quaternion, row by row."""
     return (

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras
+from semgs.geometry.compiled import check_not_forked
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.rendering.pinhole import Pinhole
@@ -59,6 +60,7 @@ def render(
         ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is not in 0..1,
             devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot render these Gaussians.
         ImportError: the back-end is gsplat, which is not installed.
+        RuntimeError: this process was forked from one that had already rendered or encoded.
     """
     backdrop = torch.as_tensor(background, dtype=torch.float64)
     if backdrop.shape != (3,):
@@ -100,8 +102,9 @@ def each_view(
         draw: takes the Gaussians of one scene on the back-end's device, a camera, its near bound and the back-end.
 
     Raises:
-        ValueError, ImportError: as for `render`.
+        ValueError, ImportError, RuntimeError: as for `render`.
     """
+    check_not_forked()
     drawing, place = _backend(backend, gaussians.means)
     batch = tuple(gaussians.means.shape[:-2])
     if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:

@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from semgs.geometry.jit import njit
 from semgs.rendering.projection_kernels import (
     CENTRE_X,
     CENTRE_Y,
@@ -58,7 +58,7 @@ DIGIT = 9
 """Bits of a rank that are sorted at a time: two digits for a quarter of a million Gaussians."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian, counts, part, parts):
     """Find the tiles of every ellipse and count the pairs of a run of tiles.
 
@@ -84,7 +84,7 @@ def count_pairs(ellipses, ranks, first, height, width, rectangles, per_gaussian,
             per_gaussian[i] = pairs
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def fill_pairs(ellipses, ranks, first, width, rectangles, first_pair, starts, keys, part, parts):
     """Fill each tile's list of keys [pairs]: rank in the high half, number of the pair Gaussian by Gaussian in the low one.
 
@@ -105,7 +105,7 @@ def fill_pairs(ellipses, ranks, first, width, rectangles, first_pair, starts, ke
                     pair += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def sort_pairs(first_in_tile, order, keys, gaussians, part, parts):
     """Sort each tile's list front to back: fill the Gaussians [pairs] and leave the pairs' numbers in `keys` [pairs]."""
     digits = 1
@@ -119,7 +119,7 @@ def sort_pairs(first_in_tile, order, keys, gaussians, part, parts):
             keys[begin + at] = ranked[at] & 0xFFFFFFFF
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _by_rank(keys, digits):
     """The keys in ascending order of their high half, by counting one digit after the other (radix sort)."""
     source, sorted_keys = keys.copy(), np.empty_like(keys)
@@ -141,7 +141,7 @@ def _by_rank(keys, digits):
     return source
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def draw(ellipses, features, first, first_in_tile, gaussians, picture, transmittance, last, part, parts):
     """Render the pixels of a run of tiles that begins with tile `first`.
 
@@ -154,7 +154,7 @@ def draw(ellipses, features, first, first_in_tile, gaussians, picture, transmitt
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def draw_backward(
     ellipses, features, first, first_in_tile, gaussians, pairs, transmittance, last, grad_picture, grad_transmittance,
     pair_geometry, pair_features, part, parts,
@@ -168,7 +168,7 @@ def draw_backward(
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(error_model="numpy", nogil=True)
 def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_features, part, parts):
     """Add each Gaussian's gradients over a run of tiles, in an order that does not depend on how tiles are split into runs.
 
@@ -188,7 +188,7 @@ def add_pairs(first_pair, pair_geometry, pair_features, grad_ellipses, grad_feat
                 grad_features[i, channel] += pair_features[pair, channel]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last):
     channels, height, width = picture.shape
     top, bottom, left, right = _sides(tile, height, width)
@@ -222,7 +222,7 @@ def _draw_tile(ellipses, features, gaussians, tile, picture, transmittance, last
                 picture[channel, row, column] = blended[channel, begin + column - left]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _weigh(ellipses, j, xs, ys, place, light, latest, weights, first, end):
     """Render one Gaussian: fill its weights alpha T, and update the remaining light and the last place."""
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
@@ -243,7 +243,7 @@ def _weigh(ellipses, j, xs, ys, place, light, latest, weights, first, end):
         weights[k] = weight if added else 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _blend(blended, features, j, weights, first, end):
     """Add features times weights to the pixels."""
     for channel in range(blended.shape[0]):
@@ -252,7 +252,7 @@ def _blend(blended, features, j, weights, first, end):
             blended[channel, k] += factor * weights[k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _draw_tile_backward(
     ellipses, features, gaussians, pairs, tile, transmittance, last, grad_picture, grad_transmittance,
     pair_geometry, pair_features,
@@ -295,7 +295,7 @@ def _draw_tile_backward(
                 _gather(grad, weights, pair_features, pair, first, end)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _alphas(ellipses, j, xs, ys, place, latest, alphas, falloffs, first, end):
     """Fill alpha (0 where the Gaussian was not added) and falloff; returns the number of pixels where it was added."""
     x, y, opacity = ellipses[j, CENTRE_X], ellipses[j, CENTRE_Y], ellipses[j, OPACITY]
@@ -314,7 +314,7 @@ def _alphas(ellipses, j, xs, ys, place, latest, alphas, falloffs, first, end):
     return count
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _shade(features, j, grad, shades, first, end):
     """Fill features . gradient of each pixel."""
     for k in range(first, end):
@@ -325,7 +325,7 @@ def _shade(features, j, grad, shades, first, end):
             shades[k] += factor * grad[channel, k]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weights, first, end):
     """Remove one Gaussian again: update light and what is behind, fill its weights, and return its gradients.
 
@@ -357,7 +357,7 @@ def _unweigh(ellipses, j, xs, ys, alphas, falloffs, shades, light, behind, weigh
     return vx, vy, vxx, vxy, vyy, vo
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def _gather(grad, weights, pair_features, pair, first, end):
     """Fill the gradients of a pair's features, sums of weight times gradient over its pixels."""
     for channel in range(len(grad)):
@@ -367,7 +367,7 @@ def _gather(grad, weights, pair_features, pair, first, end):
         pair_features[pair, channel] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _exponential(sigma):
     """exp(-sigma), exact up to rounding, with sigma clamped to 0 .. FARTHEST."""
     sigma = sigma if sigma < FARTHEST else FARTHEST
@@ -382,7 +382,7 @@ def _exponential(sigma):
     return value * value
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _finished(light):
     """Whether no light is left at any pixel."""
     for k in range(PIXELS):  # noqa: SIM110, since Numba compiles no generators
@@ -391,13 +391,13 @@ def _finished(light):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _block(ellipses, features):
     """Memory for the ellipses and features of a block."""
     return np.empty((BLOCK, ellipses.shape[1])), np.empty((BLOCK, features.shape[1]), features.dtype)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fetch(ellipses, features, gaussians, near_ellipses, near_features):
     """Copy the ellipses and features of a block of Gaussians."""
     for j in range(len(gaussians)):
@@ -408,7 +408,7 @@ def _fetch(ellipses, features, gaussians, near_ellipses, near_features):
             near_features[j, k] = features[i, k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _sides(tile, height, width):
     """First and end row and column of pixels of a tile."""
     columns = -(-width // TILE_WIDTH)
@@ -416,7 +416,7 @@ def _sides(tile, height, width):
     return top, min(top + TILE_HEIGHT, height), left, min(left + TILE_WIDTH, width)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _centres(top, left):
     """x and y of the centres of a tile's pixels, row by row [px]."""
     xs, ys = np.empty(PIXELS), np.empty(PIXELS)
@@ -427,28 +427,28 @@ def _centres(top, left):
     return xs, ys
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _span(ellipses, i, top, bottom):
     """The pixels of a tile, as begin and end, in rows that an ellipse touches."""
     first, end = _rows(ellipses, i, top, bottom)
     return np.uint64((first - top) * TILE_WIDTH), np.uint64((max(end, first) - top) * TILE_WIDTH)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _pixels(low, high, first, end):
     """Pixels in first..end - 1 whose centre is in low..high, as begin and end; the slack of the reach covers rounding."""
     low, high = max(low, first), min(high, end)
     return max(first, math.ceil(low - 0.5)), min(end, math.floor(high + 0.5))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _rows(ellipses, i, top, bottom):
     """Rows of pixels in top..bottom - 1 that an ellipse touches, as begin and end."""
     half = math.sqrt(ellipses[i, REACH] * ellipses[i, CONIC_XX] / ellipses[i, DETERMINANT])
     return _pixels(ellipses[i, CENTRE_Y] - half, ellipses[i, CENTRE_Y] + half, top, bottom)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fill_rectangle(ellipses, i, height, width, rectangles):
     """First and end row and column of the tiles that an ellipse's bounding box touches.
 
@@ -466,14 +466,14 @@ def _fill_rectangle(ellipses, i, height, width, rectangles):
         rectangles[i, 2], rectangles[i, 3] = left // TILE_WIDTH, (right - 1) // TILE_WIDTH + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tile_rows(rectangles, i, width, first, end):
     """Rows of tiles of an ellipse's rectangle, as begin and end, that have some of the tiles first..end - 1."""
     columns = -(-width // TILE_WIDTH)
     return max(rectangles[i, 0], first // columns), min(rectangles[i, 1], -(-end // columns))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
     """Tiles of one row that an ellipse touches, as begin and end, within the tiles first..end - 1."""
     left, right = _tile_columns(ellipses, i, rectangles, tile_row, width)
@@ -481,7 +481,7 @@ def _tiles(ellipses, i, rectangles, tile_row, width, first, end):
     return max(start + left, first), min(start + right, end)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tile_columns(ellipses, i, rectangles, tile_row, width):
     """Tiles of one row that an ellipse touches, as begin and end: exact, because both ellipse and row are convex.
 

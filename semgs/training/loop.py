@@ -30,6 +30,7 @@ import torch
 from rich.console import Console
 
 from semgs.data.views import Batch
+from semgs.files.atomic import remove_parts
 from semgs.files.errors import input_error
 from semgs.files.pictures import write_png
 from semgs.rooms.assets.lock import verify
@@ -40,7 +41,7 @@ from semgs.training.execution import Execution
 from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
-from semgs.training.run import BEST, WEIGHTS, alone, claim, export_weights, hold_assets, network, prolong
+from semgs.training.run import BEST, SETTINGS, WEIGHTS, alone, claim, export_weights, hold_assets, network, prolong
 from semgs.training.session import Session, timed
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
@@ -118,6 +119,8 @@ def train(
     with alone(out) if fabric.is_global_zero else nullcontext():
         if fabric.is_global_zero:
             prolong(out, settings)
+            if fabric.world_size == 1:  # other processes of a training write without the lock
+                remove_parts(out, out / SETTINGS)
         model = network(out, settings)
         data = surveyed(settings, out)
         where = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from privileges import permissions_hold
 
-from semgs.files.atomic import check_file, write_bytes, write_json, write_text
+from semgs.files.atomic import check_file, remove_parts, write_bytes, write_json, write_text
 from semgs.files.errors import InputError
 
 
@@ -98,3 +98,14 @@ def test_a_file_that_can_be_written_is_told_from_one_that_cannot_and_nothing_is_
                 check_file(tmp_path / name)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["closed", "old"]
     assert (tmp_path / "old").read_text() == "old"
+
+
+def test_parts_that_killed_processes_left_are_removed_but_those_of_the_record_and_everything_else_stay(
+    tmp_path: Path,
+) -> None:
+    stay = {"a.zip", "settings.json", ".settings.json.0123abcd.part", ".hidden", "own.part", ".folder.0123abcd.part"}
+    for name in (stay - {".folder.0123abcd.part"}) | {".a.zip.0123abcd.part", ".index.json.89abcdef.part"}:
+        (tmp_path / name).touch()
+    (tmp_path / ".folder.0123abcd.part").mkdir()
+    remove_parts(tmp_path, tmp_path / "settings.json")
+    assert {path.name for path in tmp_path.iterdir()} == stay

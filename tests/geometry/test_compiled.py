@@ -4,6 +4,7 @@ import threading
 import pytest
 import torch
 
+from semgs.geometry import compiled
 from semgs.geometry.compiled import in_threads
 
 
@@ -42,20 +43,38 @@ def test_an_error_of_one_part_is_raised() -> None:
         in_threads(kernel)
 
 
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-@pytest.mark.usefixtures("three_threads")
-def test_a_forked_process_has_threads_of_its_own() -> None:
-    in_threads(add_part, [])
+def outcome_in_a_forked_process() -> object:
+    """What `in_threads` does in a process forked from this one: the parts that it called, or its error."""
     parent, child = multiprocessing.Pipe()
 
     def work() -> None:
         found: list[tuple[int, int]] = []
-        in_threads(add_part, found)
-        child.send(sorted(found))
+        try:
+            in_threads(add_part, found)
+            child.send(sorted(found))
+        except RuntimeError as error:
+            child.send(str(error))
 
     process = multiprocessing.get_context("fork").Process(target=work)
     process.start()
     assert parent.poll(20)
-    assert parent.recv() == [(0, 3), (1, 3), (2, 3)]
     process.join(20)
     assert process.exitcode == 0
+    return parent.recv()
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.usefixtures("three_threads")
+def test_a_process_forked_before_the_first_call_has_threads_of_its_own() -> None:
+    compiled._first_to_compute.cache_clear()
+    compiled._threads.cache_clear()
+    assert outcome_in_a_forked_process() == [(0, 3), (1, 3), (2, 3)]
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.usefixtures("three_threads")
+def test_a_process_forked_after_the_first_call_is_refused_and_told_to_spawn() -> None:
+    in_threads(add_part, [])
+    told = outcome_in_a_forked_process()
+    assert "was forked from one that has already rendered" in str(told)
+    assert "get_context('spawn')" in str(told)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
+from semgs.geometry.jit import njit
 
 TILE = 4
 TAPS = 4
@@ -21,7 +21,7 @@ ALIKE = 0.9
 """Minimum cosine between normals of the same surface."""
 
 
-@nb.njit(cache=True)
+@njit()
 def stratum(pixel, width, tap, taps):
     """Two numbers in 0..1 for a ray of a pixel, from a low-discrepancy sequence (R2) over its square."""
     row, column = pixel // width, pixel % width
@@ -29,7 +29,7 @@ def stratum(pixel, width, tap, taps):
     return (0.5 + 0.7548776662466927 * place) % 1.0, (0.5 + 0.5698402909980532 * place) % 1.0
 
 
-@nb.njit(cache=True)
+@njit()
 def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
     """Cosine-distributed rays around the normal of the triangle that was hit, each `REACH` long."""
     for r in range(len(triangles)):
@@ -58,7 +58,7 @@ def near_rays(triangles, directions, places, planes, width, tap, origins, ways):
         )
 
 
-@nb.njit(cache=True)
+@njit()
 def bring_back(hits, distances, owners, glow, ambient, out):
     """Add the light that rays return to `out` [r 3]: the room's mean light if they hit nothing, else mixed with the glow of the
     part they hit, the more of it the closer it is."""
@@ -69,7 +69,7 @@ def bring_back(hits, distances, owners, glow, ambient, out):
             out[r, k] += (share * ambient[k] + (1 - share) * near) / TAPS
 
 
-@nb.njit(cache=True)
+@njit()
 def smooth(values, triangles, normals, places, depths, width, out):
     """Mean over each pixel's square, of pixels on the same surface only; `values` and `out` are [r c], rows have `width` pixels."""
     height = len(triangles) // width
@@ -103,7 +103,7 @@ def smooth(values, triangles, normals, places, depths, width, out):
             out[r, k] /= count
 
 
-@nb.njit(cache=True)
+@njit()
 def borrow(pixels, parts, owners, width, values, out):
     """For each ray, the values [p c] of the nearest neighbouring pixel that shows the part it hit, else of the ray's own pixel.
 

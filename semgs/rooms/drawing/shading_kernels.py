@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from semgs.geometry.jit import njit
 from semgs.rooms.drawing.light_kernels import stratum
 from semgs.rooms.pieces.picture_kernels import picture
 from semgs.rooms.pieces.texture_kernels import EMISSION, GLOSS, KIND, PICTURE, texture
@@ -23,7 +23,7 @@ LAMP_RADIUS = 0.12
 CYLINDER, BALL, CUSHION, SHELL = 1, 2, 3, 4
 
 
-@nb.njit(cache=True)
+@njit()
 def locate(
     triangles,
     origins,
@@ -118,7 +118,7 @@ def locate(
         feet[r] = foot
 
 
-@nb.njit(cache=True)
+@njit()
 def barycentric(corners, x, y, z):
     """Barycentric weights of the second and third corner at a point of a triangle [3 3]."""
     ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
@@ -131,7 +131,7 @@ def barycentric(corners, x, y, z):
     return (ff * pe - ef * pf) / area, (ee * pf - ef * pe) / area
 
 
-@nb.njit(cache=True)
+@njit()
 def towards_light(light, triangles, places, normals, width, origins, ways, strength):
     """Shadow rays from places to one light, and its unshadowed strength there (0 if its light cannot arrive).
 
@@ -186,7 +186,7 @@ def towards_light(light, triangles, places, normals, width, origins, ways, stren
         ways[r, 0], ways[r, 1], ways[r, 2] = 0.97 * wx, 0.97 * wy, 0.97 * wz
 
 
-@nb.njit(cache=True)
+@njit()
 def clearance(field, corner, step, x, y, z):
     """Distance to the nearest solid, interpolated in its grid [m]."""
     gx = min(max((x - corner[0]) / step, 0.0), field.shape[0] - 1.001)
@@ -203,14 +203,14 @@ def clearance(field, corner, step, x, y, z):
     return (1 - c) * low + c * high
 
 
-@nb.njit(cache=True)
+@njit()
 def clearances(field, corner, step, places, out):
     """`clearance` of many places [n 3]."""
     for i in range(len(places)):
         out[i] = clearance(field, corner, step, places[i, 0], places[i, 1], places[i, 2])
 
 
-@nb.njit(cache=True)
+@njit()
 def distance_field(field, corner, step, reach, rotations, centres, sizes):
     """Lower `field` to each node's distance from the bounding boxes of the parts, where that is below `reach` [m]."""
     for p in range(len(centres)):
@@ -235,7 +235,7 @@ def distance_field(field, corner, step, reach, rotations, centres, sizes):
                         field[i, j, k] = math.sqrt(squared)
 
 
-@nb.njit(cache=True)
+@njit()
 def colour_at(
     part, place, normal, direction, foot, uv, rotations, centres, sizes, materials, shifts, pixels, table, local, facing, out
 ):  # fmt: skip
@@ -264,7 +264,7 @@ def colour_at(
         texture(material, x, y, z, u, v, foot, shifts[part], out)
 
 
-@nb.njit(cache=True)
+@njit()
 def shade(
     triangles, directions, places, normals, feet, uv, owners, rotations, centres, sizes, materials, shifts, pixels, table,
     lights, strengths, round_about, seen, colours,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from semgs.geometry.jit import njit
 from semgs.rooms.pieces.texture_kernels import ASPECT, AXIS, AZIMUTH, COLOUR_A, MAPPING, PICTURE_NUMBER, SCALE
 
 TILED, STRETCHED, UNWRAPPED, PANORAMA, VIEW = range(5)
@@ -18,7 +18,7 @@ LINEAR = np.where(_VALUES <= 0.04045, _VALUES / 12.92, ((_VALUES + 0.055) / 1.05
 """Linear light of an sRGB byte."""
 
 
-@nb.njit(cache=True)
+@njit()
 def picture(pixels, table, material, local, facing, size, direction, uv, foot, shift, out):
     """Write the linear RGB of a PICTURE material into `out` [3].
 
@@ -67,7 +67,7 @@ def picture(pixels, table, material, local, facing, size, direction, uv, foot, s
         out[k] = min(max(out[k] * material[COLOUR_A + k], 0.002), 0.98)
 
 
-@nb.njit(cache=True)
+@njit()
 def face_axes(facing, size, axis):
     """The part's axes along an image's rows and columns, on the face perpendicular to its largest `facing`.
 
@@ -84,7 +84,7 @@ def face_axes(facing, size, axis):
     return across, up
 
 
-@nb.njit(cache=True)
+@njit()
 def lookup(pixels, entry, u, v, wide, repeat, out):
     """Trilinear look-up in a mip map: linear RGB at (u, v).
 
@@ -108,7 +108,7 @@ def lookup(pixels, entry, u, v, wide, repeat, out):
         width, height = max(1, width // 2), max(1, height // 2)
 
 
-@nb.njit(cache=True)
+@njit()
 def _bilinear(pixels, start, width, height, u, v, repeat, weight, out):
     if repeat:
         x, y = (u - math.floor(u)) * width - 0.5, (v - math.floor(v)) * height - 0.5

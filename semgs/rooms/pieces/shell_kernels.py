@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from semgs.geometry.jit import njit
 
-@nb.njit(cache=True)
+
+@njit()
 def mean_normals(groups, order, faces, crease, normals):
     """Write the normal of each corner: the sum of the faces in its group that differ by less than the crease angle from its own.
 
@@ -32,7 +33,7 @@ def mean_normals(groups, order, faces, crease, normals):
         start = end
 
 
-@nb.njit(cache=True)
+@njit()
 def distance_to_points(field, corner, step, reach, points):
     """Lower `field` to each node's distance to the nearest point, where that is below `reach` [m]."""
     cells = int(np.ceil(reach / step))
@@ -54,7 +55,7 @@ def distance_to_points(field, corner, step, reach, points):
                         field[i, j, k] = np.sqrt(squared)
 
 
-@nb.njit(cache=True)
+@njit()
 def scatter(corners, spacing):
     """Points on triangles about `spacing` apart [m], one per grid cell of that size."""
     seen = set()
@@ -83,7 +84,7 @@ def scatter(corners, spacing):
     return out
 
 
-@nb.njit(cache=True)
+@njit()
 def cover(uv, used):
     """Set pixels to 1 if their centre is inside a triangle of texture coordinates [t 3 2]; `used` is [h w]."""
     height, width = used.shape

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
+
+from semgs.geometry.jit import njit
 
 WIDTH = 24
 KIND = 0
@@ -41,7 +42,7 @@ x axis [share of the width]. Colour A multiplies the image, SCALE is the width o
 height relative to that, AXIS the part's axis that its rows follow (-1: any)."""
 
 
-@nb.njit(cache=True, inline="never")
+@njit(inline="never")
 def cell_hash(ix, iy, iz, seed):
     """A number in 0..1 for a cell of the integer lattice."""
     mixed = np.uint32(
@@ -56,7 +57,7 @@ def cell_hash(ix, iy, iz, seed):
     return mixed * (1.0 / 4294967296.0)
 
 
-@nb.njit(cache=True)
+@njit()
 def value_noise(x, y, z, seed):
     """Smooth noise of unit cells in -1..1."""
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
@@ -72,14 +73,14 @@ def value_noise(x, y, z, seed):
     return 2 * ((1 - z) * low + z * high) - 1
 
 
-@nb.njit(cache=True)
+@njit()
 def fade(cells):
     """Remaining contrast of a pattern if a pixel covers that many of its cells: 1 up to a quarter, 0 from three quarters."""
     t = (0.75 - cells) * 2
     return 0.0 if t <= 0 else (1.0 if t >= 1 else t * t * (3 - 2 * t))
 
 
-@nb.njit(cache=True)
+@njit()
 def layered_noise(x, y, z, foot, octaves, seed):
     """Octaves of value noise, each with half the size and 0.55 times the strength of the previous one, faded by `foot`."""
     total, strength = 0.0, 1.0
@@ -93,7 +94,7 @@ def layered_noise(x, y, z, foot, octaves, seed):
     return total
 
 
-@nb.njit(cache=True)
+@njit()
 def filtered_band(position, duty, foot):
     """Mean over `foot` of a wave of period 1 that is 1 for the first `duty` of the period, else 0."""
     foot = max(foot, 1e-4)
@@ -103,7 +104,7 @@ def filtered_band(position, duty, foot):
     return (b - a) / foot
 
 
-@nb.njit(cache=True)
+@njit()
 def texture(material, x, y, z, u, v, foot, shift, out):
     """Write the linear RGB of a material at a point into `out` [3]; `shift` offsets the pattern, differently for each part."""
     kind = int(material[KIND])
@@ -190,7 +191,7 @@ def texture(material, x, y, z, u, v, foot, shift, out):
         out[k] = min(max(out[k] * (1 + blotch + fine + lean), 0.002), 0.98)
 
 
-@nb.njit(cache=True)
+@njit()
 def _books(material, u, v, foot, seed, out):
     """Book spines of varied width, in colours near the material's three."""
     scale = material[SCALE]
@@ -213,7 +214,7 @@ def _books(material, u, v, foot, seed, out):
         out[k] = gap * (left * own + (1 - left) * mean)
 
 
-@nb.njit(cache=True)
+@njit()
 def _patches(u, v, foot, seed):
     """Patches of three colours with curved borders: shares of colours A and C, and brightness."""
     u += 0.35 * layered_noise(u, v, 0.5, foot, 3, seed + 2)

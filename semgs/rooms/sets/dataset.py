@@ -12,7 +12,7 @@ from pathlib import Path
 from semgs.data.classes import SCANNET20
 from semgs.data.terms import ATTRIBUTION
 from semgs.data.workers import outcomes
-from semgs.files.atomic import write_bytes, write_json
+from semgs.files.atomic import remove_parts, write_bytes, write_json
 from semgs.files.claims import is_begun
 from semgs.files.folders import alone, check_writable
 from semgs.files.strict_json import read_json
@@ -107,6 +107,7 @@ def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
     with _alone(folder):
         for path in folder.glob(".scene_*.part"):
             shutil.rmtree(path, ignore_errors=True)
+        remove_parts(folder, folder / SETTINGS)
         check_writable(folder)
 
 
