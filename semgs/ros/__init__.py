@@ -9,9 +9,9 @@ publishes. Cameras come in as optical frames (x right, y down, z forward, as Ope
 `base_link`: its header is that of the pose or transform, with its `frame_id` and `stamp`.
 """
 
-from semgs.ros.incoming import frame_from_messages, pose_matrix, views_from_messages
+from semgs.ros.incoming import PosedImage, frame_from_messages, pose_matrix, views_from_messages
 from semgs.ros.outgoing import detections, label_info, occupancy_grid, point_cloud, serialized
 
 __all__ = [
-    "detections", "frame_from_messages", "label_info", "occupancy_grid", "point_cloud", "pose_matrix", "serialized", "views_from_messages",
+    "PosedImage", "detections", "frame_from_messages", "label_info", "occupancy_grid", "point_cloud", "pose_matrix", "serialized", "views_from_messages",
 ]  # fmt: skip
