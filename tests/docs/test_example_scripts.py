@@ -5,10 +5,15 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+import re
+import runpy
+import sys
 from pathlib import Path
 
 import pytest
 from PIL import Image
+
+from semgs.rooms.sets.demo import demo_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
@@ -55,6 +60,24 @@ def test_the_training_has_settings_that_a_training_takes(tmp_path: Path, monkeyp
     ((settings, folder, execution),) = given
     assert (settings.data, settings.steps, settings.size, settings.init) == (("scans",), 7, (48, 64), "small")
     assert (folder, execution.workers) == (tmp_path, 0)
+
+
+def test_the_robot_finds_the_table_and_prints_what_its_page_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("sklearn")
+    monkeypatch.setattr(sys, "argv", ["robot.py", str(demo_scene())])
+    runpy.run_path(str(ROOT / "examples" / "robot.py"))
+    printed = capsys.readouterr().out
+    shown = re.findall(r"```text\n(.*?)```", (ROOT / "docs" / "examples" / "robot.md").read_text(), re.DOTALL)[-1]
+    number = r"\d+(?:\.\d+)?"
+    assert re.sub(number, "#", printed) == re.sub(number, "#", shown)
+    (chair, table, *_, free, unseen), page = (
+        [float(one) for one in re.findall(number, text)] for text in (printed, shown)
+    )
+    assert [chair, table] == pytest.approx(page[:2], abs=0.1)
+    assert [free, unseen] == pytest.approx(page[-2:], abs=3)
+    assert table == pytest.approx(1.38, abs=0.3)  # by true depth and labels
 
 
 def cells(kind: str) -> list[dict]:
