@@ -29,7 +29,7 @@ MILLIMETRE = 0.001
 """Unit of depth in 16 bits [m] (REP 118)."""
 
 LEAST_NORM = 1e-6
-"""Length of a quaternion that is a rotation; a message that nobody filled has 0."""
+"""Length of a quaternion that is a rotation; an empty message has 0."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def pose_matrix(message: Any) -> Float64[np.ndarray, "4 4"]:
     """The matrix of a geometry_msgs Pose, PoseStamped, Transform or TransformStamped: takes the frame that moves to the one that the pose is given in.
 
     Raises:
-        ValueError: a number is not finite, or the quaternion is zero, as in a message that nobody filled.
+        ValueError: a number is not finite, or the quaternion is zero, as in an empty message.
     """
     for part in ("pose", "transform"):  # of a stamped message
         message = getattr(message, part, message)

@@ -7,8 +7,8 @@
     world/things              boxes of the things
     world/floor               the free floor
 
-Positions are in the coordinates of the scene's Gaussians, relative to its origin. The colour of a Gaussian is what its own input view sees: one RGB without harmonics, whose
-order nobody documents for Rerun.
+Positions are in the coordinates of the scene's Gaussians, relative to its origin. The colour of a Gaussian is what its own input view sees: one RGB,
+without harmonics.
 """
 
 from __future__ import annotations
