@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from semgs import load, occupancy
 from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
@@ -38,6 +39,18 @@ def run(name: str, *arguments: str | Path) -> None:
 def save(name: str, pictures: list[np.ndarray]) -> None:
     """Images side by side, as a JPEG."""
     Image.fromarray(np.hstack(pictures)).save(IMAGES / f"example_{name}.jpg", quality=85)
+
+
+def save_plan(name: str, scene: Scene) -> None:
+    """The first two photos, and the plan of the floor from them as examples/robot.py finds it: free white, occupied black, unknown grey."""
+    views = scene.read([0, 1])
+    made = load("small")(views)
+    plan = occupancy(made.gaussians, views.cameras, depth_spread=made.depth_spread)
+    grey = np.select([plan.cells == 0, plan.cells == 100], [254, 0], 160).astype(np.uint8)[::-1]  # y is up
+    height = views.size[0]
+    width = round(height * grey.shape[1] / grey.shape[0])
+    drawn = cv2.resize(grey, (width, height), interpolation=cv2.INTER_NEAREST)[..., None].repeat(3, -1)
+    save(name, [*(as_bytes(image) for image in views.images), drawn])
 
 
 def write_for_the_new_reader(folder: Path, scene: Scene, frames: int = 2) -> None:
@@ -67,7 +80,7 @@ def write_for_the_new_reader(folder: Path, scene: Scene, frames: int = 2) -> Non
 
 
 def main() -> None:
-    """Write the five images."""
+    """Write the six images."""
     scene = open_scene(demo_scene())
     with TemporaryDirectory() as temporary:
         work = Path(temporary)
@@ -90,6 +103,9 @@ def main() -> None:
         depths = views.depths[0].numpy()
         maps = [depth_picture(depths, depth_limits(depths)), true_class_picture(views.labels[0].numpy(), SCANNET20)]
         save("new_reader", [as_bytes(views.images[0]), *maps])
+
+        run("robot", demo_scene())
+        save_plan("robot", scene)
 
         run("score_another_method", work / "scenes", work / "scores")
         found = [next((work / "scores" / name).glob("**/N2/*/002.png")) for name in ("low is floor", "small")]

@@ -18,7 +18,7 @@ FLOORS = (
     ("model", "rooms", "preparation", "sfm"),
     ("weights", "objectives", "figures", "segmenters", "robotics"),
     ("training", "reconstruction", "export"),
-    ("evaluation", "bench", "viewer", "doctor", "mapping"),
+    ("evaluation", "bench", "viewer", "doctor", "mapping", "ros"),
     ("cli",),
 )
 """From the ground up; `semgs` itself, which resolves the public names, stands above them all."""
@@ -33,8 +33,9 @@ LAYOUT_FLOORS = (
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
 through another library, with their tables of names."""
 
-READERS_OF_LAYOUTS = ("semgs.data.scenes", "semgs.data.terms", "semgs.preparation.prepared_set")
-"""Outside of that package only these import from it: what opens scenes, what knows the data sets' terms, and what names prepared scenes."""
+READERS_OF_LAYOUTS = ("semgs.data.scenes", "semgs.data.terms", "semgs.preparation.prepared_set", "semgs.ros.incoming")
+"""Outside of that package only these import from it: what opens scenes, what knows the data sets' terms, what names prepared scenes, and what takes the messages
+that bags have from a running robot."""
 
 FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
 
@@ -50,7 +51,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d",
+    "scenezoo", "open3d", "rerun",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

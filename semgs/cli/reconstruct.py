@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,9 +16,11 @@ from semgs.cli.progress import say_compiling, show_stage
 from semgs.cli.scene_options import SceneOptions
 from semgs.cli.segmenter_options import SegmenterOptions
 from semgs.cli.types import AutoSize, Device, Probability, Views, WeightsOrRandom
+from semgs.files.atomic import check_file
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.reconstruction.stages import Stages
+from semgs.viewer.rerun_library import rerun_library
 from semgs.viewer.server import check_viewer_library
 
 if TYPE_CHECKING:
@@ -75,6 +77,7 @@ class Reconstruct:
     - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
     - semgs reconstruct clip.mp4 --out out/kitchen
     - semgs reconstruct recording --out out/flat --all
+    - semgs reconstruct recording --out out/flat --all --rerun flat.rrd
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
@@ -113,6 +116,9 @@ class Reconstruct:
     """Where to compute; auto uses a CUDA GPU if there is one."""
     html: bool = False
     """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs viser."""
+    rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE.rrd", help_behavior_hint="")] = None
+    """Also write a recording for Rerun: photos, cameras, class maps, Gaussians, boxes of things and free floor, on a timeline of frames. Needs
+    rerun-sdk."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
@@ -160,9 +166,22 @@ class Reconstruct:
             result = write_results(folder, result, origin, stages, self.html)
             if photos is not None:
                 photos.move_to(folder)
+        if self.rerun is not None:
+            result = self._with_rerun_file(self.rerun, result, stages)
         print(summary(result, stages.seconds, self.out, self.html))
+        if self.rerun is not None:
+            print(f"For Rerun: rerun {self.rerun}")
         if photos is not None:
             print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
+
+    def _with_rerun_file(self, path: Path, result: Reconstruction, stages: Stages) -> Reconstruction:
+        """The reconstruction with notes about what its recording for Rerun lacks, after writing it."""
+        from semgs.cli.reconstruction_files import saved
+        from semgs.viewer.rerun_file import save_rerun
+
+        with stages("rerun", f"Writing {path}"):
+            notes = save_rerun(path, result, saved(result))
+        return replace(result, notes=(*result.notes, *notes))
 
     def _chosen(self, scene: Scene, stages: Stages) -> tuple[Scene, Choice, list[str]]:
         """The scene with its cameras refined if requested, the chosen frames, and notes about their cameras."""
@@ -231,10 +250,22 @@ class Reconstruct:
         self.featuring.check()
         if self.html:
             check_viewer_library()
+        if self.rerun is not None:
+            self._check_rerun_file(self.rerun)
         if self.all:
             self._check_recording()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
+
+    def _check_rerun_file(self, path: Path) -> None:
+        """Check that a recording for Rerun can be written."""
+        if path.suffix != ".rrd":
+            raise UsageError(f"--rerun is {path}; expected a file that ends in .rrd")
+        rerun_library()
+        if (
+            path.absolute().parent != self.out.absolute()
+        ):  # a file in the output folder is written once that is complete
+            check_file(path)
 
     def _check_recording(self) -> None:
         """Check the options that cannot be used together with --all."""

@@ -95,7 +95,7 @@ class Frame:
         )
         if size is not None:
             view = (reframed if crop else resized)(view, size)
-        pixels = Pixels(self.lens, view.cameras[0], _maps(self.lens), crop)
+        pixels = Pixels(self.lens, view.cameras[0], undistortion(self.lens), crop)
         depths = None if self.depth is None else torch.from_numpy(self.depth.read(pixels))[None]
         labels = None if self.labels is None or classes is None else torch.from_numpy(self.labels.read(pixels))[None]
         if self.mask is not None:
@@ -118,7 +118,7 @@ class Frame:
         Raises:
             InputError: as `read_image`.
         """
-        image, maps = self.read_image(), _maps(self.lens)
+        image, maps = self.read_image(), undistortion(self.lens)
         return image if maps is None else self.lens.undistorted(image, maps)
 
     def measured(self) -> Float32[np.ndarray, "h w"] | None:
@@ -129,10 +129,10 @@ class Frame:
         """
         if self.depth is None or not self.depth.stored:
             return None
-        return self.depth.read(Pixels(self.lens, self.camera, _maps(self.lens)))
+        return self.depth.read(Pixels(self.lens, self.camera, undistortion(self.lens)))
 
 
 @lru_cache(maxsize=2)
-def _maps(lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
+def undistortion(lens: AbstractLens) -> tuple[np.ndarray, np.ndarray] | None:
     """The undistortion maps of a lens, None for a pinhole. Cached, as most frames of a scene have the same lens."""
     return None if lens.is_pinhole else lens.maps()

@@ -7,8 +7,10 @@ the number of the thing: scalar_instance and instance, 0 for none.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -98,6 +100,25 @@ def save_bag(path: Path, points: Points) -> None:
         ImportError: rosbags is not installed.
         OSError: it cannot be written.
     """
+
+    def message(types: Mapping[str, Any]) -> Any:
+        return cloud_message(
+            points,
+            types,
+            types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(STAMP, 10**9)), FRAME),
+        )
+
+    write_message(path, TOPIC, STAMP, message)
+
+
+def cloud_message(points: Points, types: Mapping[str, Any], header: Any) -> Any:
+    """Points as a PointCloud2 with the fields x, y, z, rgb, label and confidence, and instance if things were searched.
+
+    Args:
+        points: to be sent.
+        types: the classes of messages, by their names.
+        header: of the message.
+    """
     red, green, blue = points.colours.numpy().astype("<u4").T
     named = {"rgb": (red << 16 | green << 8 | blue).view("<f4")}  # the bits 0x00rrggbb, as PCL packs them
     if points.labels is not None:
@@ -106,22 +127,18 @@ def save_bag(path: Path, points: Points) -> None:
     if points.instances is not None:
         named["instance"] = points.instances.numpy().astype("<f4")
     rows = _rows(points, **named)
-
-    def message(types: dict) -> object:
-        field = types["sensor_msgs/msg/PointField"]
-        return types["sensor_msgs/msg/PointCloud2"](
-            header=types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(STAMP, 10**9)), FRAME),
-            height=1,
-            width=len(rows),
-            fields=[field(name, 4 * place, field.FLOAT32, 1) for place, name in enumerate(rows.dtype.names or ())],
-            is_bigendian=False,
-            point_step=rows.dtype.itemsize,
-            row_step=rows.nbytes,
-            data=np.frombuffer(rows.tobytes(), np.uint8),
-            is_dense=True,
-        )
-
-    write_message(path, TOPIC, STAMP, message)
+    field = types["sensor_msgs/msg/PointField"]
+    return types["sensor_msgs/msg/PointCloud2"](
+        header=header,
+        height=1,
+        width=len(rows),
+        fields=[field(name, 4 * place, field.FLOAT32, 1) for place, name in enumerate(rows.dtype.names or ())],
+        is_bigendian=False,
+        point_step=rows.dtype.itemsize,
+        row_step=rows.nbytes,
+        data=np.frombuffer(rows.tobytes(), np.uint8),
+        is_dense=True,
+    )
 
 
 def _rows(points: Points, **named: np.ndarray) -> np.recarray:

@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+VISION = {
+    "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+    "Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox3D bbox\nstring id",
+    "Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
+    "LabelInfo": "std_msgs/Header header\nVisionClass[] class_map\nfloat32 threshold",
+    "ObjectHypothesis": "string class_id\nfloat64 score",
+    "ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose",
+    "VisionClass": "uint16 class_id\nstring class_name",
+}
+"""Definitions of vision_msgs 4 (https://github.com/ros-perception/vision_msgs, branch ros2), which rosbags does not have."""
 
 
 def bag_reader(path: Path) -> Any:
@@ -22,6 +34,25 @@ def bag_reader(path: Path) -> Any:
             f"{path} is a ROS bag; reading it needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
         ) from error
     return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+
+
+@cache
+def message_store() -> Any:
+    """rosbags' types of ROS 2 and vision_msgs, which make, serialise and read messages. It is shared: register nothing.
+
+    Raises:
+        ImportError: rosbags is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError as error:
+        raise ImportError(
+            "messages of ROS need rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
+        ) from error
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, definition in VISION.items():
+        store.register(get_types_from_msg(definition, f"vision_msgs/msg/{name}"))
+    return store
 
 
 def check_bag_library() -> None:
@@ -54,9 +85,8 @@ def write_message(path: Path, topic: str, time: int, message: Callable[[dict[str
     check_bag_library()
     from rosbags import interfaces as ros
     from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
+    store = message_store()
     made = message(store.types)
     never = ros.QosTime(0, 0)
     latched = ros.Qos(

@@ -19,6 +19,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ SKIPPED = {
     "python train.py": "the trainer of 3D Gaussian splatting's authors needs CUDA, and is on no index",
     "python simple_trainer.py": "gsplat's example needs CUDA, and is on no index",
     "ns-train": "nerfstudio needs CUDA",
+    "python examples/ros2_node.py": "needs ROS 2, which is on no index; tests/ros runs it on a stand-in",
     "npm install -g": "needs the network; `make long` installs the same program below tests/node",
     "scripts/recipe_small.sh": "six hours; its stages are those of semgs recipe, which runs",
 }
@@ -86,7 +88,7 @@ SLOW = (
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
 
-OUTPUTS = ("--out", "--html", "--json", "--page", "--fix", "--sheet")
+OUTPUTS = ("--out", "--html", "--json", "--page", "--fix", "--sheet", "--rerun")
 """Options whose file or folder is made by the command, so that it is not there before."""
 SECOND_WORD_IS_OUTPUT, FIRST_WORD_IS_OUTPUT = ("prepare", "label"), ("rooms",)
 OUTPUTS_IN_PYTHON = {"write_dataset(": "data/rooms", "train(": "runs/small"}
@@ -303,6 +305,7 @@ def python(example: Example) -> None:
     for usual, small in SMALLER_IN_PYTHON.items():
         text = text.replace(usual, small)
     example.namespace.setdefault("their_model", the_other_method)
+    example.namespace.setdefault("header", SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=2), frame_id="map"))
     example.namespace["__name__"] = "__main__"
     with set_aside(path for word, path in OUTPUTS_IN_PYTHON.items() if word in text):
         exec(compile("\n" * example.line + text, example.path, "exec"), example.namespace)

@@ -33,7 +33,7 @@ __all__ = ["asset_folder", "box_mesh", "write_mesh"]
 
 LANGUAGES = {"sh", "python", "json", "text"}
 """Of the blocks in pages; `text` is for drawings, formulas and listings of folders."""
-MOST_SKIPPED = 5
+MOST_SKIPPED = 6
 PUBLISHED = ("re10k.ckpt", "deeplabv3plus", "mosaic_ade32")
 """Words of examples that need files of others."""
 LONG = [pytest.mark.long, pytest.mark.timeout(900)]
@@ -98,7 +98,7 @@ def test_the_options_of_what_runs_only_in_make_long_are_right(disk: Path):
                 parse_semgs(words[1:])
 
 
-def test_at_most_five_lines_are_skipped_each_for_a_reason():
+def test_at_most_six_lines_are_skipped_each_for_a_reason():
     assert len(SKIPPED) <= MOST_SKIPPED
     found = [skipped(example) for example in EXAMPLES]
     assert set(found) == {None, *SKIPPED}

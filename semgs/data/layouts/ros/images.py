@@ -61,20 +61,30 @@ def as_file(message: Any) -> bytes:
     if not hasattr(message, "encoding"):
         data = bytes(message.data)
         return _compressed_depth(data, encoding_of(message)) if COMPRESSED_DEPTH in message.format else data
+    pixels = pixels_of(message)
+    return _png(pixels, 0) if pixels.ndim == 3 else _depth_file(pixels)
+
+
+def pixels_of(message: Any) -> np.ndarray:
+    """The pixels of an Image: BGR uint8 [h w 3], or depth [h w], uint16 in millimetres or float32 in metres.
+
+    Raises:
+        ValueError: the encoding is not supported, or there are too few pixels.
+    """
     if message.encoding in DEPTHS:
-        counts = _pixels(message, DEPTHS[message.encoding], 1)
+        counts = _pixels(message, DEPTHS[message.encoding])
         order = ">" if message.is_bigendian else "<"
-        return _depth_file(counts.view(f"{order}u2" if counts.shape[-1] == 2 else f"{order}f4")[..., 0])
+        return counts.view(f"{order}u2" if counts.shape[-1] == 2 else f"{order}f4")[..., 0]
     if message.encoding not in COLOURS:
         raise ValueError(
             f"pixels encoded as {message.encoding!r}; expected one of {', '.join((*COLOURS, *DEPTHS))}, or a CompressedImage"
         )
     channels, code = COLOURS[message.encoding]
-    pixels = _pixels(message, channels, channels)
-    return _png(pixels if code is None else np.asarray(cv2.cvtColor(pixels, code)), 0)
+    pixels = _pixels(message, channels)
+    return pixels if code is None else np.asarray(cv2.cvtColor(pixels, code))
 
 
-def _pixels(message: Any, size: int, channels: int) -> np.ndarray:
+def _pixels(message: Any, size: int) -> np.ndarray:
     """The bytes of an Image [h w size], without row padding."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, dtype=np.uint8)

@@ -1,0 +1,165 @@
+"""Messages in: images, depth, cameras and poses as frames of a stream, and as views."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Float32, Float64, UInt8
+
+from semgs.data.frames import undistortion
+from semgs.data.layouts.ros.bag import frame_of, stamp_of
+from semgs.data.layouts.ros.camera import lens_of
+from semgs.data.layouts.ros.images import as_file, is_depth, pixels_of
+from semgs.data.lens import Lens
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
+from semgs.files.pictures import decode_rgb
+from semgs.geometry.rotations import matrix_from_quaternion
+
+PosedImage = tuple[UInt8[np.ndarray, "h w 3"], Float64[np.ndarray, "4 4"], Float64[np.ndarray, "3 3"], float]
+"""Image, pose, intrinsics and time, the frame that `semgs.stream` takes."""
+
+MILLIMETRE = 0.001
+"""Unit of depth in 16 bits [m] (REP 118)."""
+
+LEAST_NORM = 1e-6
+"""Length of a quaternion that is a rotation; an empty message has 0."""
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A message's image without distortion.
+
+    Attributes:
+        image: RGB.
+        lens: as the message's camera is, with the distortion.
+    """
+
+    image: UInt8[np.ndarray, "h w 3"]
+    lens: Lens
+
+
+def frame_from_messages(image: Any, info: Any, pose: Any, *, rectified: bool = False) -> PosedImage:
+    """A frame for `semgs.stream`: image [h w 3] uint8, world_from_camera [4 4], intrinsics [3 3] in pixels, and time in seconds.
+
+    Args:
+        image: sensor_msgs/Image (rgb8, bgr8, mono8, and what else the reader of bags knows) or CompressedImage.
+        info: its sensor_msgs/CameraInfo. Distortion is undone.
+        pose: of the camera's optical frame, as for `pose_matrix`. "World" is the frame that it is given in.
+        rectified: whether the image has no distortion any more (image_rect); then P of the CameraInfo is used instead of K.
+
+    Raises:
+        ValueError: the encoding is not supported, the CameraInfo does not belong to the image, or the pose is none, or is that of another frame.
+    """
+    world_from_camera = _camera_pose(image, pose)
+    seen = _pinhole(image, info, rectified)
+    return seen.image, world_from_camera, seen.lens.intrinsics, stamp_of(image) / 1e9
+
+
+def views_from_messages(
+    images: Sequence[Any],
+    infos: Sequence[Any],
+    poses: Sequence[Any],
+    depths: Sequence[Any] = (),
+    *,
+    depth_range: tuple[float, float] = INDOOR_DEPTH_RANGE,
+    rectified: bool = False,
+) -> Views:
+    """Views for `semgs.load("small")(views)`.
+
+    Args:
+        images, infos, poses, rectified: one per view, as for `frame_from_messages`.
+        depths: of each image, registered to it, as Image (16UC1 in millimetres, 32FC1 in metres) or compressedDepth; empty for none.
+        depth_range: near and far [m].
+
+    Raises:
+        ValueError: as `frame_from_messages`; numbers or sizes differ; or depth is not in the frame of its image.
+    """
+    frames = [
+        frame_from_messages(image, info, pose, rectified=rectified)
+        for image, info, pose in zip(images, infos, poses, strict=True)
+    ]
+    pictures, cameras, intrinsics = (np.stack(parts) for parts in list(zip(*frames, strict=True))[:3])
+    views = Views.from_arrays(pictures, cameras, intrinsics, depth_range)
+    if not depths:
+        return views
+    maps = [
+        _registered_depth(depth, image, info, rectified)
+        for depth, image, info in zip(depths, images, infos, strict=True)
+    ]
+    return views.changed(depths=torch.from_numpy(np.stack(maps))).checked()
+
+
+def pose_matrix(message: Any) -> Float64[np.ndarray, "4 4"]:
+    """The matrix of a geometry_msgs Pose, PoseStamped, Transform or TransformStamped: takes the frame that moves to the one that the pose is given in.
+
+    Raises:
+        ValueError: a number is not finite, or the quaternion is zero, as in an empty message.
+    """
+    for part in ("pose", "transform"):  # of a stamped message
+        message = getattr(message, part, message)
+    is_transform = hasattr(message, "rotation")
+    place, turn = (message.translation, message.rotation) if is_transform else (message.position, message.orientation)
+    quaternion = np.array([turn.w, turn.x, turn.y, turn.z], np.float64)
+    found = np.eye(4)
+    found[:3, 3] = place.x, place.y, place.z
+    if not (np.isfinite(found).all() and np.isfinite(quaternion).all() and np.linalg.norm(quaternion) > LEAST_NORM):
+        raise ValueError(
+            f"the pose has position {found[:3, 3].tolist()} and quaternion (w, x, y, z) {quaternion.tolist()}; expected finite numbers, not all 0"
+        )
+    found[:3, :3] = matrix_from_quaternion(torch.from_numpy(quaternion)).numpy()
+    return found
+
+
+def _camera_pose(image: Any, pose: Any) -> Float64[np.ndarray, "4 4"]:
+    """The pose of an image's camera; a transform says of which frame it is."""
+    child, camera = str(getattr(pose, "child_frame_id", "")).lstrip("/"), frame_of(image)
+    if child and child != camera:
+        raise ValueError(f"the transform is of the frame {child}; expected that of the image, {camera}")
+    return pose_matrix(pose)
+
+
+def _pinhole(image: Any, info: Any, rectified: bool) -> Pinhole:
+    """An image without distortion, with its lens."""
+    if is_depth(image):
+        raise ValueError(f"the image in the frame {frame_of(image)} has depth; expected colours or grey")
+    if hasattr(image, "encoding"):
+        colours = np.ascontiguousarray(pixels_of(image)[..., ::-1])
+    else:
+        colours = decode_rgb(bytes(image.data), Path("CompressedImage"))
+    height, width = colours.shape[:2]
+    lens = lens_of(Path("CameraInfo"), frame_of(info), info, (height, width), rectified=rectified)
+    maps = undistortion(lens)
+    return Pinhole(colours if maps is None else lens.undistorted(colours, maps), lens)
+
+
+def _registered_depth(depth: Any, image: Any, info: Any, rectified: bool) -> Float32[np.ndarray, "h w"]:
+    """Z-depth of every pixel of an undistorted image [m], 0 where unknown."""
+    if frame_of(depth) != frame_of(image):
+        raise ValueError(
+            f"depth is in the frame {frame_of(depth)}; expected {frame_of(image)}, registered to the image"
+        )
+    if not is_depth(depth):
+        raise ValueError(f"depth in the frame {frame_of(depth)} has colours; expected 16UC1, 32FC1 or compressedDepth")
+    counts = _depth_pixels(depth)
+    metres = counts * np.float32(MILLIMETRE) if counts.dtype.kind == "u" else counts
+    metres = np.where(np.isfinite(metres) & (metres > 0), metres, 0).astype(np.float32)
+    lens = lens_of(Path("CameraInfo"), frame_of(info), info, metres.shape, rectified=rectified)
+    maps = undistortion(lens)
+    return metres if maps is None else lens.undistorted(metres, maps, nearest=True)
+
+
+def _depth_pixels(depth: Any) -> np.ndarray:
+    """Millimetres as uint16 or metres as float32 [h w]."""
+    if hasattr(depth, "encoding"):
+        return pixels_of(depth)
+    data = as_file(depth)
+    if data[:4] == b"\x89PNG":
+        return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+    return np.load(io.BytesIO(data), allow_pickle=False)

@@ -1,0 +1,13 @@
+from geometry_msgs.msg import TransformStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time import Time
+
+class Buffer:
+    def can_transform(self, target_frame: str, source_frame: str, time: Time, timeout: Duration = ...) -> bool: ...
+    def lookup_transform(
+        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = ...
+    ) -> TransformStamped: ...
+
+class TransformListener:
+    def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False) -> None: ...
