@@ -41,7 +41,6 @@ SKIPPED = {
     "python train.py": "the trainer of 3D Gaussian splatting's authors needs CUDA, and is on no index",
     "python simple_trainer.py": "gsplat's example needs CUDA, and is on no index",
     "ns-train": "nerfstudio needs CUDA",
-    "python examples/ros2_node.py": "needs ROS 2, which is on no index; tests/ros runs it on a stand-in",
     "npm install -g": "needs the network; `make long` installs the same program below tests/node",
     "scripts/recipe_small.sh": "six hours; its stages are those of semgs recipe, which runs",
 }
