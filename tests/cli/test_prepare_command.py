@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from conftest import write_scene
+from turned_cameras import write_scene
 
 from semgs.cli.main import main
 from semgs.cli.prepare import _size

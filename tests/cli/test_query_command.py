@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from conftest import write_scene
 from PIL import Image
 from ply import read_ply
+from turned_cameras import write_scene
 
 import semgs
 from semgs.cli.main import main

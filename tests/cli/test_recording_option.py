@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from conftest import write_scene
+from turned_cameras import write_scene
 
 import semgs
 from semgs.cli.main import main

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import write_scene
+from turned_cameras import write_scene
 
 import semgs
 import semgs.viewer.rerun_file
