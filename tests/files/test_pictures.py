@@ -310,3 +310,15 @@ def test_a_heic_without_pillow_heif_says_what_to_install(tmp_path, monkeypatch):
         ImportError, match=r"IMG_0001\.heic is a HEIC image, which needs pillow-heif: pip install '\.\[phone\]'"
     ):
         read_header(path)
+
+
+def test_an_empty_colour_profile_behind_the_pixels_is_damage(tmp_path: Path):
+    """Found by fuzzing: Pillow raises IndexError there."""
+    path = tmp_path / "0.png"
+    write_png(path, np.full((3, 5, 3), 90, np.uint8))
+    whole = path.read_bytes()
+    end = whole.index(b"IEND") - 4
+    chunk = struct.pack(">I", 0) + b"iCCP" + struct.pack(">I", zlib.crc32(b"iCCP"))
+    path.write_bytes(whole[:end] + chunk + whole[end:])
+    with pytest.raises(InputError, match=r"0\.png"):
+        read_rgb(path)

@@ -164,13 +164,22 @@ def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monke
         pass
 
 
-def test_a_run_of_a_version_with_flat_settings_is_refused_with_one_line(tmp_path: Path):
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda _: {"channels": 48, "cnn_widths": [16, 32, 48]},
+        lambda whole: whole | {"channels": 0},  # found by fuzzing: a division by zero
+    ],
+    ids=["flat settings", "no channels"],
+)
+@pytest.mark.filterwarnings("ignore:Initializing zero-element tensors")
+def test_a_run_with_settings_that_make_no_network_is_refused_with_one_line(tmp_path: Path, damage):
     settings = TrainingSettings(model="small", steps=1)
     (tmp_path / "checkpoints").mkdir()
     save_checkpoint(
         tmp_path / "checkpoints", TrainingState.begin(load("small", "random"), supervision_of(settings), 1e-3, 0.9)
     )
-    (tmp_path / NETWORK).write_text(json.dumps({"channels": 48, "cnn_widths": [16, 32, 48]}))
+    (tmp_path / NETWORK).write_text(json.dumps(damage(load("small", "random").settings.as_json())))
     with pytest.raises(
         InputError, match="another version of semgs wrote it; resume with that version, or name a new folder"
     ) as told:
