@@ -84,7 +84,8 @@ def written_at_build(app: object, page: str, source: list[str]) -> None:
     elif page == "commands":
         source[0] += commands()
     source[0] = source[0].replace("](../CHANGELOG.md)", "](changelog.md)")
-    source[0] = re.sub(r"\]\((\.\./[^)#]+\.md)\)", r"](path:\1)", source[0])
+    if "/" not in page:
+        source[0] = re.sub(r"\]\((\.\./[^)#]+\.md)\)", r"](path:\1)", source[0])
 
 
 def without_markup(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from cli.conftest import SIZE, write_scene
+from turned_cameras import SIZE, write_scene
 
 import semgs
 from semgs.cli.main import main

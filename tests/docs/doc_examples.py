@@ -35,7 +35,7 @@ from semgs.evaluation.frames.frame_plan import pinned_plan
 from semgs.segmenters.exported import read_description
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+PAGES = (ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts))
 
 SKIPPED = {
     "python train.py": "the trainer of 3D Gaussian splatting's authors needs CUDA, and is on no index",
@@ -63,7 +63,7 @@ SMALLER = {
     "examples/train_on_a_folder.py": "1 32 48",
     "scripts/sensor_depth.py": "--rooms 1",
     "tests/doctor_table.py": "--cases 2",
-    "tools.release": "--out failures.jpg",
+    "tools.release": "--data data/rooms --out failures.jpg",
 }
 """Options that a command gets here: they replace those of the same name in the line, or are added."""
 

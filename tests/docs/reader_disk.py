@@ -18,6 +18,8 @@ import scannet_writer
 import tiny_models
 import torch
 from golden import golden_tensor
+from safetensors import safe_open
+from safetensors.torch import save_file
 
 from semgs.bench.bench_file import BenchReport, BenchResult, numbers
 from semgs.cli.main import main
@@ -152,7 +154,8 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
     """
     for name in ("scripts", "tests"):
         (disk / name).symlink_to(ROOT / name)
-    for name in ("small_house", "fox", "hololens_office"):
+    walks = [f"walk{frames}/scene_0000{room}" for frames in (30, 60, 120) for room in range(3)]
+    for name in ("small_house", "fox", "hololens_office", *walks):
         shutil.copytree(disk / "scans" / "office", disk / name)
     for model, kind in (
         ("nvidia--segformer-b0-finetuned-ade-512-512", "segformer"),
@@ -175,8 +178,18 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
         run("segmenters", "fit", network, "--data", "scans", "--weights", "small", "--size", "48x64", "--out", fitted)
     (disk / "data" / "teacher" / "wide").mkdir(parents=True)
     np.save(disk / "data" / "teacher" / "wide" / "living.npy", np.full((FRAMES, 6, 8, 31), 1 / 31, np.float16))
+    _without_smoothness(disk / "work/ablation/seed_0/camera/run/weights.safetensors")
     shutil.copytree(assets, disk / "assets")
     write_lock(disk / "assets" / "lock.json", make_lock(disk / "assets"))
+
+
+def _without_smoothness(path: Path) -> None:
+    """Let weights say that they were trained without the smoothness loss."""
+    with safe_open(path, "pt") as file:
+        tensors, said = {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata())  # noqa: SIM118
+    training = json.loads(said["training"])
+    training["losses"]["smoothness"] = 0.0
+    save_file(tensors, path, said | {"training": json.dumps(training)})
 
 
 def add_published_files(disk: Path, shared: Path) -> None:
