@@ -1,10 +1,10 @@
-import multiprocessing
+import subprocess
+import sys
 import threading
 
 import pytest
 import torch
 
-from semgs.geometry import compiled
 from semgs.geometry.compiled import in_threads
 
 
@@ -43,38 +43,44 @@ def test_an_error_of_one_part_is_raised() -> None:
         in_threads(kernel)
 
 
-def outcome_in_a_forked_process() -> object:
-    """What `in_threads` does in a process forked from this one: the parts that it called, or its error."""
-    parent, child = multiprocessing.Pipe()
+FORKED = """
+import os
+import torch
+from semgs.geometry.compiled import in_threads
 
-    def work() -> None:
-        found: list[tuple[int, int]] = []
-        try:
-            in_threads(add_part, found)
-            child.send(sorted(found))
-        except RuntimeError as error:
-            child.send(str(error))
+def add_part(found, part, parts):
+    found.append((part, parts))
 
-    process = multiprocessing.get_context("fork").Process(target=work)
-    process.start()
-    assert parent.poll(20)
-    process.join(20)
-    assert process.exitcode == 0
-    return parent.recv()
-
-
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-@pytest.mark.usefixtures("three_threads")
-def test_a_process_forked_before_the_first_call_has_threads_of_its_own() -> None:
-    compiled._first_to_compute.cache_clear()
-    compiled._threads.cache_clear()
-    assert outcome_in_a_forked_process() == [(0, 3), (1, 3), (2, 3)]
-
-
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-@pytest.mark.usefixtures("three_threads")
-def test_a_process_forked_after_the_first_call_is_refused_and_told_to_spawn() -> None:
+torch.set_num_threads(3)
+if {first!r}:
     in_threads(add_part, [])
-    told = outcome_in_a_forked_process()
-    assert "was forked from one that has already rendered" in str(told)
-    assert "get_context('spawn')" in str(told)
+if os.fork() == 0:
+    found = []
+    try:
+        in_threads(add_part, found)
+        print(sorted(found), flush=True)
+    except RuntimeError as error:
+        print(error, flush=True)
+    os._exit(0)
+os.wait()
+"""
+"""Calls `in_threads` in a forked process, after its parent has or has not. In an interpreter of its own: a test's process has threads, whose locks a fork copies."""
+
+
+def outcome_in_a_forked_process(first: bool) -> str:
+    """What the forked process prints: the parts that it called, or its error."""
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKED.format(first=first)],
+        capture_output=True, text=True, check=True, timeout=120,
+    )  # fmt: skip
+    return done.stdout
+
+
+def test_a_process_forked_before_the_first_call_has_threads_of_its_own() -> None:
+    assert outcome_in_a_forked_process(first=False) == "[(0, 3), (1, 3), (2, 3)]\n"
+
+
+def test_a_process_forked_after_the_first_call_is_refused_and_told_to_spawn() -> None:
+    told = outcome_in_a_forked_process(first=True)
+    assert "was forked from one that has already rendered" in told
+    assert "get_context('spawn')" in told
