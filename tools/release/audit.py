@@ -22,8 +22,7 @@ from typing import Any
 from packaging.requirements import Requirement
 
 from semgs.files.errors import InputError
-
-ROOT = Path(__file__).resolve().parents[2]
+from tools.release.pins import ROOT, resolved
 
 VULNERABLE, NOT_AUDITED = 1, 3
 """Exit codes: a known vulnerability, broken requirements or a GPL licence in the base set; packages that could not be looked up."""
@@ -89,22 +88,8 @@ def write_lock(path: Path) -> None:
         InputError: uv cannot resolve them.
     """
     extras = importlib.metadata.metadata("semgs").get_all("Provides-Extra") or []
-    command = [
-        sys.executable,
-        "-m",
-        "uv",
-        "pip",
-        "compile",
-        "pyproject.toml",
-        "-c",
-        "constraints.txt",
-        "--generate-hashes",
-        "--no-header",
-        "-q",
-    ]
-    command += [f"--extra={one}" for one in extras if one != "cuda"]  # gsplat compiles for the CUDA of each machine
-    command += ["--no-emit-index-url", "--no-emit-find-links", "--no-annotate"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    chosen = [f"--extra={one}" for one in extras if one != "cuda"]  # gsplat compiles for the CUDA of each machine
+    done = resolved("--generate-hashes", *chosen, "--no-emit-index-url", "--no-emit-find-links", "--no-annotate")
     if done.returncode:
         raise InputError(ROOT / "constraints.txt", "versions that fit together", done.stderr.strip().splitlines()[-1])
     path.write_text(done.stdout)

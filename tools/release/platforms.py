@@ -7,14 +7,11 @@ Needs uv and a package index. Only Linux on x86-64 is tested; this says that the
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from tools.release.pins import resolved
+
 PYTHONS = ("3.11", "3.12", "3.13")
 
 
@@ -44,21 +41,7 @@ PLATFORMS = (
 
 def missing(platform: Platform, python: str) -> str | None:
     """Which package has no wheel there, in uv's words; None if none is missing."""
-    command = [
-        sys.executable,
-        "-m",
-        "uv",
-        "pip",
-        "compile",
-        "pyproject.toml",
-        "-c",
-        "constraints.txt",
-        "--quiet",
-        "--no-header",
-    ]
-    command += ["--python-platform", platform.target, "--python-version", python, "--only-binary", ":all:"]
-    environment = os.environ | {"MACOSX_DEPLOYMENT_TARGET": "14.0"}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    done = resolved("--python-platform", platform.target, "--python-version", python, "--only-binary", ":all:")
     return None if done.returncode == 0 else reason(done.stderr)
 
 
