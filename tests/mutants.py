@@ -2,7 +2,7 @@
 
     python tests/mutants.py               all of them (`make mutants`)
     python tests/mutants.py depth swin    those whose name or file holds one of these words
-    python tests/mutants.py --page        the table for docs/testing.md
+    python tests/mutants.py --page        the page docs/planted_errors.md
 
 There is a copy for each of two runs at a time, in build/mutants. Before anything is planted the named tests must pass in
 each, which also fills its caches. Tests run in processes that are forked off one that has imported torch, which takes
@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
-from mutant_table import MUTANTS, Mutant
+from planted import MUTANTS, Mutant
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "mutants"
@@ -93,14 +93,14 @@ def main() -> int:
     """Run what is asked for and print a table; 1 if too many errors survive, 2 if tests fail without one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("words", nargs="*", help="parts of names or files; none is all")
-    parser.add_argument("--page", action="store_true", help="print the table of docs/testing.md and end")
+    parser.add_argument("--page", action="store_true", help="print docs/planted_errors.md and exit")
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, help="the longest that the tests of one error may take"
     )
     parser.add_argument("--jobs", type=int, default=2, help="how many errors to try at a time")
     given = parser.parse_args()
     if given.page:
-        print(page())
+        print(page(), end="")
         return 0
     mutants = [one for one in MUTANTS if not given.words or any(word in one.name + one.file for word in given.words)]
     for mutant in mutants:
@@ -261,12 +261,22 @@ def copied(number: int) -> Path:
 
 
 def page() -> str:
-    """The table of docs/testing.md."""
-    rows = ["| error | planted in | caught by |", "|---|---|---|"]
-    for one in MUTANTS:
-        tests = ", ".join(f"`{test.removeprefix('tests/')}`" for test in one.tests)
-        rows.append(f"| {one.name} | `{one.file.removeprefix('semgs/')}` | {tests} |")
-    return "\n".join(rows)
+    """The page `docs/planted_errors.md`."""
+    packages = {one.file.split("/")[1] for one in MUTANTS}
+    parts = [
+        "# Planted errors",
+        f"`make mutants` plants each of these {len(MUTANTS)} errors, one at a time, and checks that a test fails ([Testing](testing.md#planted-errors)).\n"
+        "`python tests/mutants.py --page` prints this page.",
+    ]
+    for package in sorted(packages):
+        rows = ["| error | planted in | caught by |", "|---|---|---|"]
+        for one in MUTANTS:
+            _, folder, file = one.file.split("/", 2)
+            if folder == package:
+                files = dict.fromkeys(test.removeprefix("tests/").partition("::")[0] for test in one.tests)
+                rows.append(f"| {one.name} | `{file}` | {', '.join(f'`{test}`' for test in files)} |")
+        parts += [f"## {package}", "\n".join(rows)]
+    return "\n\n".join(parts) + "\n"
 
 
 if __name__ == "__main__":

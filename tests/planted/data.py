@@ -1,0 +1,284 @@
+"""Errors planted in `semgs/data`."""
+
+from __future__ import annotations
+
+from planted.mutant import Mutant
+
+CHOICE = "semgs/data/choice.py"
+COVISIBILITY = "semgs/data/covisibility.py"
+MAPS = "semgs/data/maps.py"
+SCANNET = "semgs/data/layouts/scannet/scan.py"
+SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
+COLMAP = "semgs/data/layouts/colmap/files.py"
+POLYCAM = "semgs/data/layouts/phones/polycam.py"
+RECORD3D = "semgs/data/layouts/phones/record3d.py"
+ZOO = "semgs/data/layouts/zoo.py"
+OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
+OF_CHOICE = ("tests/data/test_choice.py",)
+OF_COVISIBILITY = ("tests/data/test_covisibility.py",)
+
+
+def of_layout(name: str, *tests: str) -> tuple[str, ...]:
+    """Tests of a reader below `tests/data/layouts`, by its folder and name ("rgbd/tum")."""
+    folder, _, reader = name.rpartition("/")
+    return tuple(f"tests/data/layouts/{folder}/test_{reader}.py::test_{test}" for test in tests)
+
+
+def of_scannet(name: str) -> tuple[str, ...]:
+    """A test of ScanNet's reader."""
+    return (f"tests/data/layouts/scannet/test_scannet.py::test_{name}",)
+
+
+def of_scannetpp(name: str) -> tuple[str, ...]:
+    """A test of ScanNet++'s reader."""
+    return (f"tests/data/layouts/scannetpp/test_scannetpp.py::test_{name}",)
+
+
+DATA = (
+    Mutant(
+        "the centre of ScanNet's first pixel stays at 0", SCANNET,
+        "(cx + HALF, cy + HALF)", "(cx, cy)",
+        of_scannet("a_point_is_where_scannets_own_formula_puts_it"),
+    ),
+    Mutant(
+        "ScanNet's depth is taken to be the colour camera's", MAPS,
+        "carried_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
+        "fitted(self.map.path, self.map.metres(), pixels.lens.size)",
+        of_scannet("a_recording_is_read_as_it_was_written"),
+    ),
+    Mutant(
+        "width and height of a recording change places", "semgs/data/layouts/scannet/sens.py",
+        "(depth_height, depth_width),", "(depth_width, depth_height),", of_scannet("a_recording_is_read_as_it_was_written"),
+    ),
+    Mutant(
+        "a count of depth is a millimetre in every recording", "semgs/data/layouts/scannet/sens.py",
+        "        1 / shift,\n", "        1e-3,\n", of_scannet("depth_in_fifths_of_a_millimetre_is_read_as_it_was_written"),
+    ),
+    Mutant(
+        "a cut recording is read beyond its end", "semgs/data/layouts/scannet/sens.py",
+        "if not colour or start + colour + depth > length:", "if not colour:",
+        of_scannet("a_truncated_recording_gives_the_frames_before_the_cut"),
+    ),
+    Mutant(
+        "of rows that share an id the first counts", "semgs/data/layouts/scannet/labels.py",
+        "by_id[identity] = _whole(", "by_id[identity] = by_id.get(identity) or _whole(",
+        ("tests/data/test_nyu40.py::test_of_rows_that_share_an_id_the_last_counts",),
+    ),
+    Mutant(
+        "the world of ScanNet++'s transforms.json keeps its axes exchanged", SCANNETPP,
+        "back = back[:, [1, 0, 2, 3]]", "back = back[:, [0, 1, 2, 3]]", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
+    ),
+    Mutant(
+        "the world of ScanNet++'s transforms.json stays upside down", SCANNETPP,
+        "back[:, 2] *= -1", "back[:, 2] *= 1", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
+    ),
+    Mutant(
+        "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/fisheye.py",
+        "(self.centre[0] - self._half, self.centre[1] - self._half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
+    ),
+    Mutant(
+        "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp/mesh.py",
+        "groups.append((-int(sizes", "groups.append((int(sizes",
+        of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
+    ),
+    Mutant(
+        "rays are cast through the corners of pixels", "semgs/data/layouts/scannetpp/mesh.py",
+        "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
+    ),
+    Mutant(
+        "what a mask hides keeps its depth", "semgs/data/frames.py",
+        "depths.masked_fill(hidden, 0)", "depths",
+        of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
+    ),
+    Mutant(
+        "quaternions of trajectories are read with w first", "semgs/data/layouts/parts/trajectories.py",
+        "x, y, z, w = np.where(", "w, x, y, z = np.where(", of_layout("rgbd/tum", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "the centre of the first pixel of a calibration stays at 0", "semgs/data/layouts/parts/calibrations.py",
+        "(cx + HALF, cy + HALF)", "(cx, cy)", of_layout("rgbd/tum", "a_point_is_where_the_benchmarks_formula_puts_it"),
+    ),
+    Mutant(
+        "association takes the first in time, not the nearest", "semgs/data/layouts/parts/association.py",
+        "(abs(first[i] - second[j]), i, int(j))", "(second[j], i, int(j))",
+        of_layout("rgbd/tum", "association_takes_the_nearest_first_and_each_once"),
+    ),
+    Mutant(
+        "the principal point of Replica counts from the centre of the first pixel", "semgs/data/layouts/replica/sequence.py",
+        "(width / 2, row * height)", "((width - 1) / 2, row * height)", of_layout("replica/replica", "a_point_is_where_the_renderer_puts_it"),
+    ),
+    Mutant(
+        "files are sorted by name, 10 before 2", "semgs/data/layouts/parts/recordings.py",
+        "for number in sorted(found)}", "for number in sorted(found, key=str)}",
+        ("tests/data/layouts/parts/test_recordings.py::test_files_are_in_the_order_of_their_numbers",),
+    ),
+    Mutant(
+        "depth of 7-Scenes is taken to be the colour camera's", "semgs/data/layouts/rgbd/frame_files.py",
+        "        depth_lens = KINECT_DEPTH\n", "        depth_lens = None\n",
+        of_layout("rgbd/frame_files", "7_scenes_has_colour_of_525_and_depth_of_585_about_the_same_middle"),
+    ),
+    Mutant(
+        "the largest count of a depth map is a depth", MAPS,
+        "depths[counts == SATURATED] = 0", "pass", of_layout("rgbd/frame_files", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "maps are cropped from the corner, pictures about the middle", MAPS,
+        "values[top : top + height, left : left + width]", "values[:height, :width]",
+        ("tests/data/test_maps.py::test_a_map_is_cropped_and_resized_as_the_picture_is",),
+    ),
+    Mutant(
+        "SUN3D's depth stays rotated", MAPS,
+        "(counts >> 3) | (counts << 13)", "counts", of_layout("rgbd/rgbd", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "a moving frame has the pose before, not one between", "semgs/data/layouts/ros/motions.py",
+        "np.where(span > 0, (times - self.times[before]) / np.maximum(span, 1), 0.0)[:, None]", "np.zeros((len(times), 1))",
+        of_layout("ros/ros_bag", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "frames are chained from the world down", "semgs/data/layouts/ros/motions.py",
+        "poses = step.at(times) @ poses", "poses = poses @ step.at(times)",
+        of_layout("ros/ros_bag", "odometry_moves_the_base_that_the_camera_stands_on"),
+    ),
+    Mutant(
+        "pictures of a bag are at the time at which they were recorded", "semgs/data/layouts/ros/bag.py",
+        "stamp = stamp_of(message)", "stamp = logged",
+        of_layout("ros/ros_bag", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros/camera.py",
+        "p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)", "p.reshape(3, 4)[:, :3]",
+        of_layout("ros/ros_bag", "a_point_is_where_opencvs_formula_puts_it"),
+    ),
+    Mutant(
+        "a region of interest leaves the principal point where it was", "semgs/data/layouts/ros/camera.py",
+        "(matrix[0, 2] + HALF - x) / bins[0]", "(matrix[0, 2] + HALF) / bins[0]",
+        of_layout("ros/ros_bag", "binning_and_regions_of_interest_move_the_camera"),
+    ),
+    Mutant(
+        "red and blue change places in a bag", "semgs/data/layouts/ros/images.py",
+        '"rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None)', '"rgb8": (3, None), "bgr8": (3, None)',
+        of_layout("ros/ros_bag", "pixels_of_all_encodings_are_what_they_say"),
+    ),
+    Mutant(
+        "Polycam's axes are taken as OpenCV's", POLYCAM,
+        "* (1, -1, -1, 1)", "* (1, 1, 1, 1)", of_layout("phones/polycam", "a_point_is_where_arkits_axes_and_pixels_put_it"),
+    ),
+    Mutant(
+        "half a pixel is added to Polycam's principal point", POLYCAM,
+        "(cx, cy), (height, width)", "(cx + 0.5, cy + 0.5), (height, width)",
+        of_layout("phones/polycam", "a_point_is_where_arkits_axes_and_pixels_put_it"),
+    ),
+    Mutant(
+        "depth belongs to Polycam's corrected images", POLYCAM,
+        "raw.get(time) if optimised else None", "None",
+        of_layout("phones/polycam", "corrected_images_have_the_depth_of_the_uncorrected_camera_along_their_rays"),
+    ),
+    Mutant(
+        "a high blur score means blur", POLYCAM,
+        '"blur_score", SHARP) >= SHARP', '"blur_score", SHARP) <= SHARP',
+        of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
+    ),
+    Mutant(
+        "half a pixel is added to cx only in what scenezoo reads", ZOO,
+        "    cy = cy + source.half\n", "",
+        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+    ),
+    Mutant(
+        "rows of Matterport3D count from the top", ZOO,
+        "height - cy if source.from_below", "cy if source.from_below",
+        ("tests/data/layouts/test_zoo.py::test_rows_that_count_from_below_are_turned_round",),
+    ),
+    Mutant(
+        "scenezoo's poses are taken as camera to world", ZOO,
+        "np.linalg.inv(np.asarray(matrix, np.float64))", "np.asarray(matrix, np.float64)",
+        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+    ),
+    Mutant(
+        "the position comes first in Record3D's poses", RECORD3D,
+        "table[:, [4, 5, 6, 0, 1, 2, 3]]", "table",
+        of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
+    ),
+    Mutant(
+        "Record3D's axes are taken as OpenCV's", RECORD3D,
+        "* (1, -1, -1, 1)", "* (1, 1, 1, 1)",
+        of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
+    ),
+    Mutant(
+        "Record3D's K is read row by row", RECORD3D,
+        "columns[:, [0, 4, 6, 7]]", "columns[:, [0, 4, 2, 5]]",
+        of_layout("phones/record3d", "a_point_is_where_the_quaternion_and_the_columns_of_k_put_it"),
+    ),
+    Mutant(
+        "width and height of Record3D's depth change places", RECORD3D,
+        "size, sure = (height, width),", "size, sure = (width, height),",
+        of_layout("phones/record3d", "what_is_read_equals_what_was_written"),
+    ),
+    Mutant(
+        "depth of low confidence counts", MAPS,
+        "depths[self._confidences(self.confidence, depths.shape) == 0] = 0", "pass",
+        of_layout("phones/polycam", "depth_of_low_confidence_is_unknown"),
+    ),
+    Mutant(
+        "the translation of a COLMAP pose is that of the camera in the world", COLMAP,
+        "= rotations, -rotations @ values[:, 4:, None]", "= rotations, values[:, 4:, None]", OF_COLMAP,
+    ),
+    Mutant(
+        "the counts of a COLMAP file are believed", COLMAP, "if count > (len(data) - _COUNT.size) // least:", "if False:", OF_COLMAP,
+    ),
+    Mutant(
+        "tracks of COLMAP points are read by the points of images", COLMAP, '"<u4")[::2]', '"<u4")[1::2]', OF_COLMAP,
+    ),
+    Mutant(
+        "another aspect is cropped from the left, not about the middle", "semgs/data/resampling.py",
+        "(old[1] - columns) // 2", "0",
+        ("tests/data/test_views.py::test_another_aspect_is_cropped_about_the_middle_and_never_stretched",),
+    ),
+    Mutant(
+        "a far scene is moved twice as far as its origin", "semgs/data/scene.py",
+        "views.cameras.relative_to(self.origin)", "views.cameras.relative_to(2 * self.origin)",
+        ("tests/reconstruction/test_reconstruct.py",),
+    ),
+    Mutant(
+        "views twice as far apart are preferred", CHOICE,
+        "IDEAL_BASELINE = (0.05, 0.15)", "IDEAL_BASELINE = (0.1, 0.3)", OF_CHOICE,
+    ),
+    Mutant(
+        "the preference for a baseline falls off half as fast", CHOICE, "STEEPNESS = 0.72", "STEEPNESS = 1.44", OF_CHOICE,
+    ),
+    Mutant(
+        "scenes are read at the size of their pictures unless somebody asks", "semgs/data/scene.py",
+        "return default_size(first.lens.size)", "return None", ("tests/data/test_scenes.py",),
+    ),
+    Mutant(
+        "views that share nothing may go in together", CHOICE, "LEAST_SHARED = 0.3", "LEAST_SHARED = 0.0", OF_CHOICE,
+    ),
+    Mutant(
+        "a held-out view may look elsewhere", CHOICE, "WELL_SEEN = 0.9", "WELL_SEEN = 0.5", OF_CHOICE,
+    ),
+    Mutant(
+        "baselines are judged at the middle of near and far though depth is known", CHOICE,
+        "preference(baselines / depths)", "preference(baselines / typical)", OF_CHOICE,
+    ),
+    Mutant(
+        "what two frames share is the larger of both directions", COVISIBILITY,
+        "return np.minimum(seen, seen.T)", "return np.maximum(seen, seen.T)", OF_COVISIBILITY,
+    ),
+    Mutant(
+        "depth that is not known is a depth of 0", COVISIBILITY,
+        "np.where(middles > 0, middles, np.nan)", "middles", OF_COVISIBILITY,
+    ),
+    Mutant(
+        "a wall in front hides nothing", COVISIBILITY, "HIDDEN = 1.1", "HIDDEN = 100", OF_COVISIBILITY,
+    ),
+    Mutant(
+        "weights do not say who taught them", "semgs/data/terms.py",
+        "    if labeller is None:\n        return own\n", "    return own\n",
+        ("tests/segmenters/test_relabelling.py::test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms",),
+    ),
+    Mutant(
+        "sparse points behind a frame are in view", "semgs/data/layouts/parts/sparse_points.py",
+        "(depth > 0) & (column >= 0)", "(column >= 0)",
+        ("tests/data/layouts/parts/test_sparse_points.py::test_points_in_view_are_those_in_front_and_inside",),
+    ),
+)  # fmt: skip

@@ -1,0 +1,22 @@
+"""Errors planted in `semgs/evaluation`."""
+
+from __future__ import annotations
+
+from planted.mutant import Mutant
+
+EVALUATION = (
+    Mutant(
+        "mean IoU of images is that of their sum", "semgs/evaluation/scoring/summary.py",
+        "each, shown = torch.from_numpy(confusions),", "each, shown = torch.from_numpy(0 * confusions + confusions.sum(0)),",
+        ("tests/evaluation/scoring/test_summary.py",),
+    ),
+    Mutant(
+        "GSNeRF's distance takes R for its transpose", "semgs/evaluation/frames/protocols.py",
+        '-np.einsum("nji,nj->ni"', '-np.einsum("nij,nj->ni"', ("tests/evaluation/frames/test_protocols.py",),
+    ),
+    Mutant(
+        "unseen pixels count for the calibration", "semgs/evaluation/scoring/frame_scores.py",
+        "(labels != IGNORE) & (prediction.confidences > 0)", "labels != IGNORE",
+        ("tests/evaluation/scoring/test_frame_scores.py::test_only_labelled_and_seen_pixels_count_for_the_confidence",),
+    ),
+)  # fmt: skip

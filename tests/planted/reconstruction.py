@@ -1,0 +1,43 @@
+"""Errors planted in `semgs/reconstruction`."""
+
+from __future__ import annotations
+
+from planted.mutant import Mutant
+
+VIEW_SCORES = "semgs/reconstruction/scores.py"
+OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
+
+RECONSTRUCTION = (
+    Mutant(
+        "compiling counts as the stage in which it happens", "semgs/reconstruction/stages.py",
+        "perf_counter() - start - compiled()", "perf_counter() - start", ("tests/reconstruction/test_stages.py",),
+    ),
+    Mutant(
+        "percent of confidence are rounded to the nearest", "semgs/reconstruction/renders.py",
+        "np.floor(100 *", "np.rint(100 *", ("tests/reconstruction/test_renders.py",),
+    ),
+    Mutant(
+        "errors of depth are averaged over views, not pixels", VIEW_SCORES,
+        "getattr(view, weights[name]) if name in weights else 1)", "1)", OF_VIEW_SCORES,
+    ),
+    Mutant(
+        "depth is fitted instead of its inverse", "semgs/reconstruction/depth_fit.py",
+        "(1 / depths[known].double() for", "(depths[known].double() for",
+        ("tests/reconstruction/test_depth_fit.py::test_scale_and_shift_come_back",),
+    ),
+    Mutant(
+        "outliers vote in the fit", "semgs/reconstruction/depth_fit.py",
+        ".clamp(min=0).square()", ".clamp(min=0).square() * 0 + 1",
+        ("tests/reconstruction/test_depth_fit.py::test_forty_percent_of_outliers_have_no_vote",),
+    ),
+    Mutant(
+        "the more a sensor is off, the more it counts", "semgs/reconstruction/sensor.py",
+        "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
+        ("tests/reconstruction/test_sensor.py::test_both_weighs_log_depths_by_their_inverse_variances",),
+    ),
+    Mutant(
+        "depth maps that lie to the right are found to the left", "semgs/reconstruction/registration.py",
+        "margin - right :", "margin + right :",
+        ("tests/reconstruction/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
+    ),
+)  # fmt: skip

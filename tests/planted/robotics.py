@@ -1,0 +1,53 @@
+"""Errors planted in `semgs/robotics`."""
+
+from __future__ import annotations
+
+from planted.mutant import Mutant
+
+ROBOTICS = (
+    Mutant(
+        "a box keeps the longer of its plan's sides as its width", "semgs/robotics/boxes.py",
+        "(plan.length, plan.width, float(high - low))", "(plan.width, plan.length, float(high - low))",
+        ("tests/robotics/test_boxes.py::test_a_turned_box_has_its_sides_and_its_yaw",),
+    ),
+    Mutant(
+        "a box is turned the other way", "semgs/robotics/boxes.py",
+        "np.arctan2(turn[0, 1], turn[0, 0])", "np.arctan2(turn[1, 0], turn[0, 0])",
+        ("tests/robotics/test_boxes.py::test_a_turned_box_has_its_sides_and_its_yaw",),
+    ),
+    Mutant(
+        "rays free the voxels behind the side that they enter", "semgs/robotics/carving.py",
+        "(cells + (steps > 0) - origins) / along", "(cells + (steps < 0) - origins) / along",
+        ("tests/robotics/test_carving.py::test_random_rays_visit_what_the_slow_twin_says",),
+    ),
+    Mutant(
+        "rays do not stop at their end", "semgs/robotics/carving.py",
+        ".min(1).clip(max=1)", ".min(1)",
+        ("tests/robotics/test_carving.py::test_random_rays_visit_what_the_slow_twin_says",),
+    ),
+    Mutant(
+        "rays free what they end in and beyond", "semgs/robotics/grid.py",
+        "rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]", "rays.origins + along * 1.2",
+        ("tests/robotics/test_occupancy_grid.py::test_what_no_ray_reached_is_never_free",),
+    ),
+    Mutant(
+        "unseen cells are free", "semgs/robotics/grid.py",
+        "[blocked, clear], [OCCUPIED, FREE], UNKNOWN", "[blocked, clear], [OCCUPIED, FREE], FREE",
+        ("tests/robotics/test_occupancy_grid.py::test_what_no_ray_reached_is_never_free",),
+    ),
+    Mutant(
+        "uncertain depth frees as much as certain depth", "semgs/robotics/grid.py",
+        "lengths * np.exp(-SPREADS * rays.spread)", "lengths",
+        ("tests/robotics/test_occupancy_grid.py::test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths",),
+    ),
+    Mutant(
+        "a table with the class of a floor is the floor", "semgs/robotics/grid.py",
+        "> MOST_BELOW:", "> 1:",
+        ("tests/robotics/test_occupancy_grid.py::test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one",),
+    ),
+    Mutant(
+        "walls are things", "semgs/robotics/things.py",
+        'STUFF = ("wall", "floor", "ceiling")', 'STUFF = ("floor", "ceiling")',
+        ("tests/robotics/test_objects.py::test_two_chairs_are_two_things_and_walls_are_none",),
+    ),
+)  # fmt: skip

@@ -1,0 +1,38 @@
+"""Errors planted in `semgs/rooms`."""
+
+from __future__ import annotations
+
+from planted.mutant import Mutant
+
+ROOMS = (
+    Mutant(
+        "shaded rooms are added to traced ones", "semgs/rooms/sets/scenes.py",
+        'SHADED = "shaded"', 'SHADED = "traced"',
+        ("tests/rooms/sets/test_dataset.py::test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not",),
+    ),
+    Mutant(
+        "cameras of the held-out world are used as those in homes", "semgs/rooms/sets/cameras.py",
+        'if style != "home":', 'if style == "nowhere":',
+        ("tests/rooms/sets/test_cameras_of_rooms.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
+    ),
+    Mutant(
+        "close cameras are anywhere in the room", "semgs/rooms/sets/cameras.py",
+        "150, subject)[:60]", "150)[:60]",
+        ("tests/rooms/sets/test_cameras_of_rooms.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
+    ),
+    Mutant(
+        "a sofa in the room has its front to it", "semgs/rooms/plans/home.py",
+        "*wall.at(left + width, off + depth), wall.yaw + np.pi,", "*wall.at(left, off), wall.yaw,",
+        ("tests/rooms/plans/test_homes.py::test_a_sofa_in_the_room_has_its_back_a_metre_or_more_from_the_wall_behind_it",),
+    ),
+    Mutant(
+        "glazed cabinets hang in windows", "semgs/rooms/plans/home.py",
+        " or not wall.free(start, end, low, high)", "",
+        ("tests/rooms/plans/test_homes.py::test_no_glazed_cabinet_hangs_in_a_window",),
+    ),
+    Mutant(
+        "a washstand's bowl is full of cabinet", "semgs/rooms/pieces/kitchen_and_bath.py",
+        "(width - 0.01, depth - 0.04, height - 0.19)", "(width - 0.01, depth - 0.04, height - 0.05)",
+        ("tests/rooms/pieces/test_kitchen_and_bath.py::test_a_washstand_is_a_sink_in_a_counter_on_a_cabinet",),
+    ),
+)  # fmt: skip
