@@ -18,7 +18,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from fuzz.cases import BLOCK, Bench, Tally, own_limits, run_block
-from fuzz.formats import FORMATS, Format
+from fuzz.format import Format
+from fuzz.formats import FORMATS
 from fuzz.watch import WALL_SECONDS, Watch
 
 NUMBER = struct.Struct("<q")

@@ -19,7 +19,7 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from fuzz.formats import Format
+from fuzz.format import Format
 from fuzz.mutator import mutated
 from fuzz.structures import Draw, edited
 from fuzz.watch import SECRET, TooLong, Watch

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from fuzz.cases import Bench, run_block
-from fuzz.formats import FORMATS, Format
+from fuzz.format import Format
+from fuzz.formats import FORMATS
 from fuzz.watch import SECRET, TooLong, Watch
 from semgs.files.errors import InputError
 
