@@ -29,7 +29,7 @@ from semgs.data.lens import HALF, Lens
 from semgs.data.maps import DepthMap, IdMap
 from semgs.data.readings import READINGS, ROW_229
 from semgs.data.scene import Scene
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
 LAYOUT = "Replica"
@@ -100,7 +100,8 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
 def _lens(picture: Stored, size: tuple[int, int], row: float) -> Lens:
     """The renderer's camera for images of a size (height, width), with the principal point at `row` relative to the height."""
     height, width = size
-    return Lens(size, (width / 2, width / 2), (width / 2, row * height))
+    with input_error(picture, "an image that the renderer of Replica could have made"):
+        return Lens(size, (width / 2, width / 2), (width / 2, row * height))
 
 
 def _names(path: Path) -> tuple[dict[int, str], Path | None]:

@@ -53,6 +53,13 @@ def test_the_principal_point_is_320_240_and_the_peers_a_choice(tmp_path: Path):
         open_scene(folder, ["rows-972"])
 
 
+def test_an_image_too_narrow_for_a_focal_length_of_half_its_width_is_refused_by_name(tmp_path: Path):
+    folder = write_replica(tmp_path, miniature((48, 64), 2))
+    write_picture(folder / "rgb/rgb_1.png", np.zeros((801, 16, 3), np.uint8))  # 8 px are less than 801 / 100
+    with pytest.raises(InputError, match=r"rgb_1\.png: expected an image that the renderer .* longer side of 801 px"):
+        open_scene(folder)
+
+
 def test_each_of_replicas_101_ids_is_one_of_the_20_classes_or_ignored(tmp_path: Path):
     assert list(IDS) == list(range(1, 102))
     assert {1: "backpack", 40: "floor", 47: "lamp", 93: "wall", 101: "set-of-clothing"}.items() <= IDS.items()
