@@ -37,7 +37,8 @@ from semgs.geometry.cameras import back_project, project
 from semgs.model.encoding import Encoding
 from semgs.reconstruction.sensor import placed
 from semgs.robotics.boxes import Box, box_of
-from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, NoFloorError, Occupancy
+from semgs.robotics.floor import NoFloorError
+from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, Occupancy
 from semgs.robotics.things import STUFF, Objects
 from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.drawing.room import Room, build_room

@@ -218,7 +218,7 @@ class Export:
         from semgs.export.record import ExportedFile
         from semgs.export.things import occupancy_of
         from semgs.export.upright import up_of
-        from semgs.robotics.grid import NoFloorError
+        from semgs.robotics.floor import NoFloorError
 
         try:
             found = occupancy_of(

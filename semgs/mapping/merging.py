@@ -54,6 +54,21 @@ STAY = 0.3
 
 
 @dataclass(frozen=True)
+class Sightings:
+    """The points that a keyframe has in its image.
+
+    Attributes:
+        numbers: of the points.
+        z: their depth in its camera [m].
+        places: that they fall into, counted row by row.
+    """
+
+    numbers: Int64[Tensor, " s"]
+    z: Float[Tensor, " s"]
+    places: Int64[Tensor, " s"]
+
+
+@dataclass(frozen=True)
 class Sheet:
     """What one keyframe sees, as the others are compared with it; one place is a block of pixels.
 
@@ -86,6 +101,15 @@ class Sheet:
     def focal_px(self) -> float:
         """The mean focal length [px]."""
         return float(self.camera.focal_px.mean())
+
+    def sightings(self, points: Float[Tensor, "n 3"]) -> Sightings:
+        """Which of some points [m] are in its image, and where."""
+        # Relative to the camera in float64, so that float32 is precise enough.
+        x, y, z = project(points.double(), self.camera).to(self.depths).unbind(-1)
+        height, width = self.camera.size
+        numbers = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
+        column, row = ((one[numbers] / self.stride).long() for one in (x, y))
+        return Sightings(numbers, z[numbers], row * self.depths.shape[1] + column)
 
 
 @dataclass(frozen=True)
@@ -226,13 +250,9 @@ def sharpness(depths: Float[Tensor, "*n"], focal_px: float) -> Float[Tensor, "*n
 def votes_of(part: Part, other: Sheet) -> Votes:
     """What one keyframe says about Gaussians of another."""
     means = part.gaussians.means
-    # Relative to the camera in float64, so that float32 is precise enough.
-    x, y, z = project(means.double(), other.camera).to(means).unbind(-1)
-    height, width = other.camera.size
-    within = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
-    column, row = ((one[within] / other.stride).long() for one in (x, y))
-    place = row * other.depths.shape[1] + column
-    z, seen, spread = z[within], other.depths.flatten()[place], other.spread.flatten()[place]
+    found = other.sightings(means)
+    within, z, place = found.numbers, found.z, found.places
+    seen, spread = other.depths.flatten()[place], other.spread.flatten()[place]
     apart = deviation(z, seen, part.spread[within], spread)
     agrees = apart.abs() <= TOLERANCE
     free = deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
@@ -292,13 +312,10 @@ def outside(colours: Float[Tensor, "*n 3"], other: Sheet, place: Int64[Tensor, "
 
 def exposure(one: Sheet, other: Sheet) -> float:
     """By how much the photos of two keyframes differ where their depths agree: the third quartile; 1 if they agree nowhere."""
-    x, y, z = project(one.points.flatten(0, 1).double(), other.camera).to(one.depths).unbind(-1)
-    height, width = other.camera.size
-    within = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
-    column, row = ((side[within] / other.stride).long() for side in (x, y))
-    place = row * other.depths.shape[1] + column
+    found = other.sightings(one.points.flatten(0, 1))
+    within, place = found.numbers, found.places
     apart = deviation(
-        z[within], other.depths.flatten()[place], one.spread.flatten()[within], other.spread.flatten()[place]
+        found.z, other.depths.flatten()[place], one.spread.flatten()[within], other.spread.flatten()[place]
     )
     agree = apart.abs() <= TOLERANCE
     differences = outside(one.colours.flatten(0, 1)[within][agree], other, place[agree])

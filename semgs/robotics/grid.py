@@ -14,17 +14,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Float64, Int8, Int64, UInt8
 from scipy.ndimage import binary_closing
 from torch import Tensor
 
 from semgs.data.classes import IGNORE, SCANNET20, ClassTable
-from semgs.geometry.cameras import Cameras, back_project
+from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
-from semgs.model.encoding import block_size, per_gaussian
 from semgs.robotics.carving import passes
+from semgs.robotics.floor import floor_height
 from semgs.robotics.level import level_from_world
+from semgs.robotics.rays import free_parts, rays_of
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 """What cells and voxels contain, as in ROS's nav_msgs/OccupancyGrid."""
@@ -32,30 +32,11 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 FLOOR = "floor"
 """The class of the floor."""
 
-BIN = 0.02
-"""Width of the bins in which the floor is searched [m]."""
-
-THICK = 0.1
-"""Points within this of the floor are on it [m]."""
-
-LEAST_FLOOR = 0.01
-"""The floor has at least this share of the opacity of all points."""
-
 UNEVEN = 0.3
 """Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
 
-MOST_BELOW, FAR_BELOW = 0.05, 0.2
-"""A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
-
-LOWEST_PEAK = 0.4
-"""Without classes, the floor is the lowest level with this share of the points of the fullest one."""
-
 MOST_VOXELS = 400_000_000
 """More would not fit into the memory of a small machine."""
-
-
-class NoFloorError(ValueError):
-    """There is no floor in the scene, or not enough of it."""
 
 
 @dataclass(frozen=True)
@@ -79,21 +60,6 @@ class Occupancy:
     resolution: float
     floor: float
     level_from_world: Float64[np.ndarray, "3 3"]
-
-
-@dataclass(frozen=True)
-class Rays:
-    """What the cameras of the input views saw, in the level frame.
-
-    Attributes:
-        origins: where each ray starts [m].
-        ends: where it stops [m].
-        spread: standard deviation of the logarithm of its length.
-    """
-
-    origins: Float64[np.ndarray, "r 3"]
-    ends: Float64[np.ndarray, "r 3"]
-    spread: Float64[np.ndarray, " r"]
 
 
 def occupancy(
@@ -143,7 +109,7 @@ def occupancy(
     on_floor = (
         None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
     )
-    rays = _rays(gaussians, cameras, level, depths, depth_spread)
+    rays = rays_of(gaussians, cameras, level, depths, depth_spread)
     floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
     near = _near(points, cameras, level, reach) & (weights >= min_opacity)
     points, weights = points[near], weights[near]
@@ -160,7 +126,7 @@ def occupancy(
             f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution or a smaller reach"
         )
     origin = np.array([*(low * resolution), floor - below * resolution])
-    freed = passes(*_until(rays, reach, origin, resolution), shape)
+    freed = passes(*free_parts(rays, reach, origin, resolution), shape)
     inside, hits = _hits(points, weights, origin, resolution, shape)
     if on_floor is not None:
         on_floor &= np.abs(points[:, 2] - floor) <= UNEVEN
@@ -193,52 +159,6 @@ FEWEST_HITS = 0.5
 HIT_SHARE = 0.05
 """An occupied voxel has at least this sum of opacities for each ray that passes through it."""
 
-SPREADS = 1.0
-"""Rays stop this many standard deviations before their end."""
-
-
-def floor_height(
-    heights: Float64[np.ndarray, " n"],
-    weights: Float64[np.ndarray, " n"],
-    eyes: Float64[np.ndarray, " r"],
-    on_floor: Bool[np.ndarray, " n"] | None = None,
-) -> float:
-    """The height of the floor: of the fullest level of points that have its class, or without classes of the lowest full one. It is below all cameras.
-
-    Args:
-        heights: of points [m].
-        weights: their opacities.
-        eyes: heights of the cameras [m].
-        on_floor: whether each point has the class of the floor; None if unknown.
-
-    Raises:
-        NoFloorError: there is no such level.
-    """
-    may = heights < eyes.min() - THICK
-    if on_floor is not None:
-        may &= on_floor
-    if weights[may].sum() <= LEAST_FLOOR * weights.sum():
-        what = "below the cameras" if on_floor is None else "below the cameras with the class floor"
-        raise NoFloorError(f"no floor was found: fewer than {LEAST_FLOOR:.0%} of the Gaussians are {what}")
-    lowest = heights[may].min()
-    bins = ((heights[may] - lowest) / BIN).astype(np.int64)
-    width = round(THICK / BIN)
-    full = np.convolve(np.bincount(bins, weights[may]), np.ones(width), "same")
-    if on_floor is None:
-        peak = int(np.argmax(full >= LOWEST_PEAK * full.max()))
-        peak += int(np.argmax(full[peak : peak + width]))
-    else:
-        peak = int(np.argmax(full))
-    around = may & (np.abs(heights - lowest - (peak + 0.5) * BIN) <= THICK)
-    order = np.argsort(heights[around])
-    shares = np.cumsum(weights[around][order])
-    floor = float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
-    if (below := weights[heights < floor - FAR_BELOW].sum() / weights.sum()) > MOST_BELOW:
-        raise NoFloorError(
-            f"no floor was found: {below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong"
-        )
-    return floor
-
 
 def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "x y"]:
     """The blocked cells and the gaps between them into which no disc of this diameter fits (a morphological closing).
@@ -263,34 +183,6 @@ def _labels(gaussians: Gaussians, classes: ClassTable | None) -> Int64[np.ndarra
     return gaussians.semantic.features.detach().cpu().argmax(-1).numpy()
 
 
-def _rays(
-    gaussians: Gaussians,
-    cameras: Cameras,
-    level: Float64[np.ndarray, "3 3"],
-    depths: Float[Tensor, "v h w"] | None,
-    depth_spread: Float[Tensor, "v h w"] | None,
-) -> Rays:
-    """From each camera to its own Gaussians, or to the points at given depths if the Gaussians do not belong to pixels."""
-    (views,), count = cameras.batch, len(gaussians)
-    spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
-    try:
-        block_size(count, views, *cameras.size)
-    except ValueError:
-        if depths is None:
-            raise
-        ends = back_project(depths.double(), cameras)
-        known = depths > 0
-        origins = cameras.centres[:, None, None].expand(ends.shape)[known]
-        ends, spread = ends[known], spread[known]
-    else:
-        ends = gaussians.means.detach().double()
-        origins = cameras.centres.repeat_interleave(count // views, 0)
-        spread = per_gaussian(spread[:, None], count)[:, 0]
-    found = (one.cpu().double().numpy() for one in (origins, ends))
-    origins, ends = (one @ level.T for one in found)
-    return Rays(origins, ends, spread.cpu().double().numpy())
-
-
 def _near(
     points: Float64[np.ndarray, "n 3"], cameras: Cameras, level: Float64[np.ndarray, "3 3"], reach: float
 ) -> Bool[np.ndarray, " n"]:
@@ -299,17 +191,6 @@ def _near(
     for eye in cameras.centres.numpy() @ level.T:
         near |= np.linalg.norm(points - eye, axis=-1) <= reach
     return near
-
-
-def _until(
-    rays: Rays, reach: float, origin: Float64[np.ndarray, " 3"], resolution: float
-) -> tuple[Float64[np.ndarray, "r 3"], Float64[np.ndarray, "r 3"]]:
-    """Both ends of the parts of rays that are free, in voxels: up to `reach`, and to a voxel before their end or to where their depth is uncertain."""
-    along = rays.ends - rays.origins
-    lengths = np.linalg.norm(along, axis=-1)
-    free = np.minimum(lengths * np.exp(-SPREADS * rays.spread), lengths - resolution).clip(0, reach)
-    stops = rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]
-    return (rays.origins - origin) / resolution, (stops - origin) / resolution
 
 
 def _hits(

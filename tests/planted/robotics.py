@@ -26,7 +26,7 @@ ROBOTICS = (
         ("tests/robotics/test_carving.py::test_random_rays_visit_what_the_slow_twin_says",),
     ),
     Mutant(
-        "rays free what they end in and beyond", "semgs/robotics/grid.py",
+        "rays free what they end in and beyond", "semgs/robotics/rays.py",
         "rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]", "rays.origins + along * 1.2",
         ("tests/robotics/test_occupancy_grid.py::test_what_no_ray_reached_is_never_free",),
     ),
@@ -36,12 +36,12 @@ ROBOTICS = (
         ("tests/robotics/test_occupancy_grid.py::test_what_no_ray_reached_is_never_free",),
     ),
     Mutant(
-        "uncertain depth frees as much as certain depth", "semgs/robotics/grid.py",
+        "uncertain depth frees as much as certain depth", "semgs/robotics/rays.py",
         "lengths * np.exp(-SPREADS * rays.spread)", "lengths",
         ("tests/robotics/test_occupancy_grid.py::test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths",),
     ),
     Mutant(
-        "a table with the class of a floor is the floor", "semgs/robotics/grid.py",
+        "a table with the class of a floor is the floor", "semgs/robotics/floor.py",
         "> MOST_BELOW:", "> 1:",
         ("tests/robotics/test_occupancy_grid.py::test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one",),
     ),

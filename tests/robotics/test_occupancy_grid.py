@@ -10,7 +10,8 @@ from blocks import BLOCKS, room_of_blocks, turned
 import semgs
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, NoFloorError, Occupancy, closed, floor_height, occupancy
+from semgs.robotics.floor import NoFloorError, floor_height
+from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, Occupancy, closed, occupancy
 
 
 def at(found: Occupancy, x: float, y: float) -> int:

@@ -1,0 +1,68 @@
+"""The height of the floor among points of a level scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+BIN = 0.02
+"""Width of the bins in which the floor is searched [m]."""
+
+THICK = 0.1
+"""Points within this of the floor are on it [m]."""
+
+LEAST_FLOOR = 0.01
+"""The floor has at least this share of the opacity of all points."""
+
+MOST_BELOW, FAR_BELOW = 0.05, 0.2
+"""A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
+
+LOWEST_PEAK = 0.4
+"""Without classes, the floor is the lowest level with this share of the points of the fullest one."""
+
+
+class NoFloorError(ValueError):
+    """There is no floor in the scene, or not enough of it."""
+
+
+def floor_height(
+    heights: Float64[np.ndarray, " n"],
+    weights: Float64[np.ndarray, " n"],
+    eyes: Float64[np.ndarray, " r"],
+    on_floor: Bool[np.ndarray, " n"] | None = None,
+) -> float:
+    """The height of the floor: of the fullest level of points that have its class, or without classes of the lowest full one. It is below all cameras.
+
+    Args:
+        heights: of points [m].
+        weights: their opacities.
+        eyes: heights of the cameras [m].
+        on_floor: whether each point has the class of the floor; None if unknown.
+
+    Raises:
+        NoFloorError: there is no such level.
+    """
+    may = heights < eyes.min() - THICK
+    if on_floor is not None:
+        may &= on_floor
+    if weights[may].sum() <= LEAST_FLOOR * weights.sum():
+        what = "below the cameras" if on_floor is None else "below the cameras with the class floor"
+        raise NoFloorError(f"no floor was found: fewer than {LEAST_FLOOR:.0%} of the Gaussians are {what}")
+    lowest = heights[may].min()
+    bins = ((heights[may] - lowest) / BIN).astype(np.int64)
+    width = round(THICK / BIN)
+    full = np.convolve(np.bincount(bins, weights[may]), np.ones(width), "same")
+    if on_floor is None:
+        peak = int(np.argmax(full >= LOWEST_PEAK * full.max()))
+        peak += int(np.argmax(full[peak : peak + width]))
+    else:
+        peak = int(np.argmax(full))
+    around = may & (np.abs(heights - lowest - (peak + 0.5) * BIN) <= THICK)
+    order = np.argsort(heights[around])
+    shares = np.cumsum(weights[around][order])
+    floor = float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
+    if (below := weights[heights < floor - FAR_BELOW].sum() / weights.sum()) > MOST_BELOW:
+        raise NoFloorError(
+            f"no floor was found: {below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong"
+        )
+    return floor
