@@ -78,7 +78,7 @@ class Bag:
         topics: the type of each topic with messages.
 
     Raises:
-        InputError: it is damaged, or the name of a topic is not text.
+        InputError: it is damaged, or the name or type of a topic is not text.
         ImportError: rosbags is not installed.
     """
 
@@ -95,6 +95,8 @@ class Bag:
         for one in self._reader.connections:
             if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML
                 raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", "metadata.yaml")
+            if not isinstance(one.msgtype, str):
+                raise InputError(path, "types of topics", f"{one.msgtype!r}, which is not text", "metadata.yaml")
         try:
             self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
         except TypeError as error:

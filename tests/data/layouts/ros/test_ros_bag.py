@@ -445,6 +445,16 @@ def test_a_topic_whose_name_is_a_number_is_refused(tmp_path: Path, topics: list[
         open_scene(path)
 
 
+def test_a_topic_whose_type_is_a_number_is_refused(tmp_path: Path):
+    path = pictures_alone().write(tmp_path / "bag")
+    described = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(described.replace("type: sensor_msgs/msg/Image\n", "type: 1.5\n"))
+    with pytest.raises(
+        InputError, match=r"bag: metadata\.yaml: expected types of topics, found 1\.5, which is not text"
+    ):
+        open_scene(path)
+
+
 def test_numbers_of_messages_that_are_text_are_refused(tmp_path: Path):
     path = pictures_alone().write(tmp_path / "bag")
     file = path / "metadata.yaml"
