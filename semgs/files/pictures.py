@@ -256,7 +256,8 @@ def read_uint16(path: str | Stored) -> np.ndarray:
     """
     if stored(path).suffix.lower() == ".pgm":
         return _pgm_counts(path, read_bytes(path, "an image"))
-    with _opened(path) as image:
+    # From memory, because Pillow asks a file for as many bytes as its chunks claim to have.
+    with _opened(path, read_bytes(path, "an image")) as image:
         _decode(path, image)
         if image.mode not in _SIXTEEN_BITS or image.format != "PNG":
             raise InputError(path, "a 16-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
@@ -280,7 +281,7 @@ def read_uint8(path: str | Stored) -> np.ndarray:
     Raises:
         InputError: it is missing, truncated, or something else.
     """
-    with _opened(path) as image:
+    with _opened(path, read_bytes(path, "an image")) as image:
         _decode(path, image)
         if image.mode not in ("L", "P") or image.format != "PNG":
             raise InputError(path, "an 8-bit PNG of one channel", f"a {image.format} of mode {image.mode}")

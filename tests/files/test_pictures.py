@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import sys
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from semgs.files.errors import InputError
 from semgs.files.pictures import (
     PictureHeader,
     decode_rgb,
+    png_bytes,
     read_grey,
     read_header,
     read_rgb,
@@ -322,3 +324,18 @@ def test_an_empty_colour_profile_behind_the_pixels_is_damage(tmp_path: Path):
     path.write_bytes(whole[:end] + chunk + whole[end:])
     with pytest.raises(InputError, match=r"0\.png"):
         read_rgb(path)
+
+
+@pytest.mark.parametrize(("read", "dtype"), [(read_uint8, np.uint8), (read_uint16, np.uint16)])
+def test_a_chunk_that_claims_two_gigabytes_takes_no_memory(tmp_path: Path, read, dtype):
+    counts = np.arange(12 * 16, dtype=dtype).reshape(12, 16)
+    data = bytearray(png_bytes(counts))
+    at = data.index(b"IDAT") - 4
+    data[at : at + 4] = struct.pack(">I", (1 << 31) - 1)
+    (tmp_path / "map.png").write_bytes(data)
+    tracemalloc.start()
+    found = read(tmp_path / "map.png")  # the pixels themselves are complete
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert np.array_equal(found, counts)
+    assert most < 10_000_000
