@@ -114,6 +114,8 @@ def terms_from(text: str) -> tuple[Terms, ...]:
     Raises:
         ValueError, TypeError, KeyError: it is something else.
     """
+    if not isinstance(text, str):
+        raise TypeError(f"terms are {text!r:.40}; expected text")
     return tuple(Terms(str(one["text"]), bool(one["own"])) for one in parse_json(text))
 
 

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import PurePath
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo
 from semgs.training.source import ROOMS, Source
+
+Frames = Literal["covisible", "consecutive"]
+SupervisedBy = Literal["rendered", "labels", "pictures", "depth"]
+Sampling = Literal["even", "balanced"]
+SemanticBranch = Literal["kept", "drawn"]
 
 VALIDATION_SEED = 2**31 - 1
 """Seed of the validation rooms, the same for every run; no training may use it."""
@@ -75,7 +80,7 @@ class TrainingSettings:
     make each sample a single image of another scene."""
     targets: int = 2
     """Target views per scene, rendered and compared, besides the input views."""
-    frames: Literal["covisible", "consecutive"] = "covisible"
+    frames: Frames = "covisible"
     """Which frames of a folder's scene form a sample. covisible: views that share enough of what they see, wherever they stand in the file.
     consecutive: a frame and the input views around it in file order, as semgs evaluate takes them."""
     context_targets: bool = False
@@ -95,7 +100,7 @@ class TrainingSettings:
     occurs in the data and favours rare ones; inverse_fourth_root_frequency favours them less."""
     depth_weight: float = 0.0
     """Weight of the error in log depth of the input views, if their true depth is known (not in the paper)."""
-    supervision: Literal["rendered", "labels", "pictures", "depth"] = "rendered"
+    supervision: SupervisedBy = "rendered"
     """What the loss compares. rendered: rendered views, as in the paper. labels: classes of the input views' own pixels, before splatting; trains
     only the semantic branch and shared layers, five times faster. pictures: the same for each view by itself, without the transformer between
     views; a first stage that learns what things look like. depth: depth of the plane sweep against true depth; needs depth, but no labels."""
@@ -104,7 +109,7 @@ class TrainingSettings:
     hold_shared: bool = False
     """Freeze the layers that both branches share. With supervision by labels or pictures, depth and colour do not change; without it, a
     rendered stage has to restore them. With supervision by depth, classes do not change."""
-    sampling: Literal["even", "balanced"] = "even"
+    sampling: Sampling = "even"
     """even: every scene of a folder is equally likely. balanced: scenes with rare classes are more likely. Single images always take turns."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Random changes to the samples; all off by default."""
@@ -126,7 +131,7 @@ class TrainingSettings:
     backbone does not forget real photos. Needs single images."""
     teacher_weight: float = 1.0
     """Weight of that second loss, a Kullback-Leibler divergence."""
-    semantic_branch: Literal["kept", "drawn"] = "kept"
+    semantic_branch: SemanticBranch = "kept"
     """Keep the semantic branch of the initial weights, or reinitialise it and keep depth and colour."""
     classes: ClassTable | None = None
     """Your own class table (JSON). Scenes with other tables are matched by class name. Weights with another table lose only their class
@@ -154,6 +159,10 @@ class TrainingSettings:
         fewest, most = self.contexts
         for text in self.data:
             Source.parsed(text)
+        words = {"frames": Frames, "supervision": SupervisedBy, "sampling": Sampling, "semantic_branch": SemanticBranch}
+        for name, kind in words.items():
+            if getattr(self, name) not in get_args(kind):
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected one of {', '.join(get_args(kind))}")
         count, alone = len(self.classes or SCANNET20), self.supervision == "pictures"
         checks = {
             "steps": (self.steps >= 1, "at least 1"),
@@ -174,7 +183,9 @@ class TrainingSettings:
             "clip": (self.clip > 0, "a positive number"),
             "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
             "class_weights": (
-                not isinstance(self.class_weights, tuple) or len(self.class_weights) == count,
+                len(self.class_weights) == count
+                if isinstance(self.class_weights, tuple)
+                else self.class_weights is None or self.class_weights in CLASS_WEIGHTINGS,
                 f"{count} factors, one for each class of the table, {', '.join(CLASS_WEIGHTINGS)}, or None",
             ),
             "depth_weight": (self.depth_weight >= 0, "0 or more"),

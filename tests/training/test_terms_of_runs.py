@@ -11,6 +11,7 @@ from scenes_on_disk import SIZE, write_labelled
 
 from semgs.data.scenes import open_scene
 from semgs.data.terms import REPLICA, ROOMS, SCANNET, Terms, terms_text
+from semgs.files.errors import InputError
 from semgs.preparation.archive import Preparation, prepare_scene
 from semgs.training.batches import surveyed
 from semgs.training.settings import TrainingSettings
@@ -55,3 +56,11 @@ def test_what_is_not_known_is_said(tmp_path: Path):
     del record["terms"]
     (tmp_path / RECORD).write_text(json.dumps(record))
     assert data_terms_of(tmp_path / RECORD) == (UNSTATED,)
+
+
+@pytest.mark.parametrize("terms", [5, None, ["ROOMS"], {"text": "a"}])
+def test_terms_that_are_not_text_are_damage(tmp_path: Path, terms: object):
+    """Found by fuzzing."""
+    (tmp_path / RECORD).write_text(json.dumps({"terms": terms}))
+    with pytest.raises(InputError, match=f"{RECORD}: expected the record of the run's data, found"):
+        data_terms_of(tmp_path / RECORD)
