@@ -31,6 +31,9 @@ class Plain(io.TextIOBase):
         """Flush the underlying stream."""
         self._stream.flush()
 
+    def close(self) -> None:
+        """Do nothing: the underlying stream is not ours. From 3.13 on, Python prints what a flush raises here when this stream is deleted."""
+
     def fileno(self) -> int:
         """Of the underlying stream."""
         return self._stream.fileno()

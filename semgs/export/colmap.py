@@ -102,7 +102,7 @@ def save_model(folder: Path, scene: SavedScene, points: Points, tracks: Tracks) 
         seen = tracks.seen[view].nonzero()[:, 0]
         sightings = np.empty(len(seen), [("x", "<f8"), ("y", "<f8"), ("point", "<i8")])
         sightings["x"], sightings["y"] = tracks.pixels[view, seen].numpy().T
-        sightings["point"] = seen + 1
+        sightings["point"] = (seen + 1).numpy()
         images.append(struct.pack("<Q", len(seen)) + sightings.tobytes())
     write_bytes(folder / "cameras.bin", b"".join(cameras))
     write_bytes(folder / "images.bin", b"".join(images))

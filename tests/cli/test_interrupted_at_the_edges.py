@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).resolve().parents[2]
 INTERRUPT = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
 
 
@@ -40,6 +41,22 @@ def test_an_interrupt_while_the_first_modules_are_imported_prints_no_traceback(t
     )
     done = run(tmp_path, program)
     assert (done.returncode, done.stderr) == (-signal.SIGINT, b"")
+
+
+def test_little_is_imported_before_ctrl_c_is_handled(tmp_path: Path) -> None:
+    """Until then it prints a traceback. Without site, because packages may import more at every start of Python."""
+    program = "import sys; before = set(sys.modules); import semgs.__main__; print(*sorted(set(sys.modules) - before))"
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    ours = [name for name in done.stdout.split() if name.startswith("semgs")]
+    assert ours == ["semgs", "semgs.__main__", "semgs._version"]
+    assert not {"typing", "contextlib", "dataclasses", "argparse"} & set(done.stdout.split())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")

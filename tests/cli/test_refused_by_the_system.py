@@ -203,6 +203,13 @@ def test_output_is_shown_and_not_obeyed() -> None:
     assert stream.getvalue() == "a\\x1b[2Jb c\n"
 
 
+def test_deleting_the_stream_that_escapes_does_not_touch_the_one_below() -> None:
+    stream = io.StringIO()
+    plain = Plain(stream)
+    stream.close()
+    plain.close()  # as Python does when it deletes one
+
+
 def run_process(program: str, redirected: str = "", **environment: str) -> subprocess.CompletedProcess[bytes]:
     """Runs a program in a shell with stdout or stderr closed or elsewhere."""
     return subprocess.run(

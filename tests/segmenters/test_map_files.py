@@ -152,6 +152,6 @@ def test_a_file_that_is_no_archive_of_one_array_is_refused(tmp_path: Path):
 
 
 def test_objects_are_not_unpickled(tmp_path: Path):
-    np.savez(tmp_path / "a.npz", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    np.savez(tmp_path / "a.npz", np.array([{"a": 1}], dtype=object))
     with pytest.raises(InputError, match="an array of numbers"):
         read_probabilities(tmp_path / "a.npz")
