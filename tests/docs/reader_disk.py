@@ -14,6 +14,7 @@ import litert_writer
 import miniatures
 import numpy as np
 import onnx_writer
+import pycolmap_photos
 import scannet_writer
 import tiny_models
 import torch
@@ -69,6 +70,7 @@ def build(disk: Path) -> None:
         (disk / scene).mkdir(parents=True)
         write_views(disk / scene, views)
     bags.robot(miniatures.miniature()).write(disk / "recording")
+    pycolmap_photos.take(disk / "photos", pycolmap_photos.poses_of(4))
     _write_for_the_short_reader(disk / "mine" / "kitchen")
     example_pictures.write_for_the_new_reader(disk / "mine" / "hall", open_scene(demo_scene()))
     for name in SCANS:
