@@ -1,8 +1,8 @@
-"""Arrays in: photos, poses and intrinsics that you have in memory, from a robot or another library.
+"""Arrays in memory: photos, poses and intrinsics from a robot or another library.
 
     python examples/arrays_in.py SCENE OUT.jpg
 
-SCENE is a folder with a transforms.json, whose poses have OpenGL axes; here they become arrays as your program may have them.
+SCENE is a folder with a transforms.json. Its poses have OpenGL axes and become arrays, as your program may have them.
 """
 
 import json

@@ -1,9 +1,10 @@
-"""A reader for a layout of your own: depth of a second camera, labels by id, masks. It says where things are; SemGS reads them.
+"""A reader for a layout of your own, with depth from a second camera, labels by id and masks.
 
     python examples/new_reader.py SCENE
 
-SCENE has cameras.json {"colour": {"size": [h, w], "focal": [fx, fy], "centre": [cx, cy]}, "depth": {...}}; poses.txt, a name and a 4x4
-camera-to-world matrix a line; rgb/, depth/ (fifths of a millimetre), ids/ (1 chair, 2 table, 3 wall) and maybe mask/, with NAME.png each.
+SCENE has cameras.json {"colour": {"size": [h, w], "focal": [fx, fy], "centre": [cx, cy]}, "depth": {...}}, poses.txt
+with a name and a 4x4 camera-to-world matrix per line, and NAME.png in rgb/, depth/ (fifths of a millimetre), ids/
+(1 chair, 2 table, 3 wall) and perhaps mask/.
 """
 
 import sys

@@ -2,7 +2,8 @@
 
     python examples/own_photos.py SCENE OUT
 
-SCENE is anything that `semgs reconstruct` reads. OUT gets scene.ply for splat viewers, and views.jpg: two photos and the view between them.
+SCENE is anything that `semgs reconstruct` reads. OUT gets scene.ply for splat viewers, and views.jpg with two photos
+and the view between them.
 """
 
 import sys

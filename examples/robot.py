@@ -1,9 +1,9 @@
-"""What a robot wants to know from two photos with poses in its base frame: the nearest things, and the free floor ahead.
+"""The nearest things and the free floor ahead, from two photos with poses in a robot's base frame.
 
     python examples/robot.py SCENE
 
-The poses of SCENE are in a room's frame with z up, in metres. `base_from_room` stands in for a robot: below the first camera, x where that
-looks, y left. On a robot, tf gives the poses: `base_link` from the camera's optical frame.
+The poses of SCENE are in a room's frame with z up, in metres. `base_from_room` replaces the robot: its base is below
+the first camera, x points where that looks, y left. On a robot, tf gives `base_link` from the camera's optical frame.
 """
 
 import sys

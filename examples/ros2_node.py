@@ -1,4 +1,4 @@
-"""A ROS 2 node that maps with a posed camera. We have not run it with ROS: its types are checked, and a test runs it on a stand-in.
+"""A ROS 2 node that maps with a posed camera. Not yet run under ROS: tests check its types and run it on a stand-in.
 
 python examples/ros2_node.py --ros-args -r image:=/camera/image_rect -r camera_info:=/camera/camera_info -p world:=map"""
 
@@ -26,7 +26,7 @@ camera.registerCallback(lambda image, info: None if pairs.full() else pairs.put(
 
 
 def frames() -> Iterator[ros.PosedImage]:
-    """Each image with its pose in the world, which tf may give up to half a second later; images without are skipped."""
+    """Each image with its pose in the world, which tf may give up to half a second later; others are skipped."""
     for image, info in iter(pairs.get, None):
         time = Time.from_msg(image.header.stamp)
         if buffer.can_transform(world, image.header.frame_id, time, Duration(seconds=0.5)):

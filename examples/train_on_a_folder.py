@@ -2,8 +2,8 @@
 
     python examples/train_on_a_folder.py SCENES OUT [STEPS [HEIGHT WIDTH]]
 
-SCENES is a folder of labelled scenes, as `semgs prepare` writes them. OUT is a run: weights.safetensors, its log, and images of a scene
-before and after. The same command resumes a run that was interrupted.
+SCENES is a folder of labelled scenes, as `semgs prepare` writes them. OUT is a run: weights.safetensors, its log, and
+images of a scene before and after. The same command resumes an interrupted run.
 """
 
 import sys

@@ -20,9 +20,10 @@ PHRASES = (
 
 
 PAGES = (
-    "README.md", "CHANGELOG.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "data.md"),
+    "README.md", "CHANGELOG.md",
+    *(str(path.relative_to(ROOT)) for folder in ("docs", "docs/examples") for path in sorted((ROOT / folder).glob("*.md"))),
 )  # fmt: skip
-"""All pages of the docs; data.md is still to be rewritten."""
+"""All pages of the docs."""
 
 
 def written(path: Path) -> Iterator[tuple[int, str]]:

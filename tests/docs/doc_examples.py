@@ -81,7 +81,7 @@ SMALLER_IN_PYTHON = {
 
 SLOW = (
     "ablate", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
-    "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
+    "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
 )  # fmt: skip
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""
@@ -89,7 +89,7 @@ SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
 
 OUTPUTS = ("--out", "--html", "--json", "--page", "--fix", "--sheet", "--rerun")
 """Options whose file or folder is made by the command, so that it is not there before."""
-SECOND_WORD_IS_OUTPUT, FIRST_WORD_IS_OUTPUT = ("prepare", "label"), ("rooms",)
+SECOND_WORD_IS_OUTPUT, FIRST_WORD_IS_OUTPUT = ("prepare", "label", "poses"), ("rooms",)
 OUTPUTS_IN_PYTHON = {"write_dataset(": "data/rooms", "train(": "runs/small"}
 
 CARRIERS = ("ssh", "torchrun", "srun")

@@ -14,6 +14,7 @@ import litert_writer
 import miniatures
 import numpy as np
 import onnx_writer
+import pycolmap_photos
 import scannet_writer
 import tiny_models
 import torch
@@ -69,6 +70,7 @@ def build(disk: Path) -> None:
         (disk / scene).mkdir(parents=True)
         write_views(disk / scene, views)
     bags.robot(miniatures.miniature()).write(disk / "recording")
+    pycolmap_photos.take(disk / "photos", pycolmap_photos.poses_of(4))
     _write_for_the_short_reader(disk / "mine" / "kitchen")
     example_pictures.write_for_the_new_reader(disk / "mine" / "hall", open_scene(demo_scene()))
     for name in SCANS:
@@ -154,6 +156,10 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
     """
     for name in ("scripts", "tests"):
         (disk / name).symlink_to(ROOT / name)
+    scans = ("--data", "scannet/scans", "--scenes", "some.txt", "--protocol", "peers")
+    run("evaluate", "small", *scans, "--views", "2", "--size", "48x64", "--out", "eval/scans")
+    for method in ("methods/sray", "methods/gsnerf"):
+        shutil.copytree(disk / "eval" / "scans" / "predictions", disk / method, dirs_exist_ok=True)
     walks = [f"walk{frames}/scene_0000{room}" for frames in (30, 60, 120) for room in range(3)]
     for name in ("small_house", "fox", "hololens_office", *walks):
         shutil.copytree(disk / "scans" / "office", disk / name)

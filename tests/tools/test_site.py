@@ -12,17 +12,13 @@ DOCS = ROOT / "docs"
 
 
 def listed() -> list[str]:
-    """The pages of all tables of contents, in order."""
+    """The pages of all tables of contents, in order; an entry is a page, or `title <page>`."""
     found = []
     for index in (DOCS / "index.md", *sorted(DOCS.glob("*/index.md"))):
         trees = re.findall(r"```\{toctree\}\n(.*?)```", index.read_text(), re.DOTALL)
-        lines = [
-            line
-            for tree in trees
-            for line in tree.splitlines()
-            if line and not line.startswith(":") and "<" not in line
-        ]
-        found += [(index.parent / line).relative_to(DOCS).as_posix() for line in lines]
+        names = [line.partition("<")[2].rstrip(">") or line for tree in trees for line in tree.splitlines() if line]
+        pages = [name for name in names if not name.startswith(":") and name != "self"]
+        found += [(index.parent / page).relative_to(DOCS).as_posix() for page in pages]
     return found
 
 

@@ -9,7 +9,7 @@ from semgs.files.atomic import write_text
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 CARD = DOCS / "model_card.md"
-RISKS = DOCS / "images" / "risk_coverage.png"
+RISKS = DOCS / "images" / "plot_risk_coverage.png"
 SCORES = DOCS / "scores"
 """Reports reduced to what the tables of the card need."""
 

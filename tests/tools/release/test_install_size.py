@@ -34,7 +34,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_the_base_set_has_as_many_packages_as_the_page_says():
-    assert len(NAMES) == stated("packages of the base set, without torch and what it requires")
+    assert len(NAMES) == stated("packages of the base installation, without torch and its requirements")
 
 
 @pytest.mark.skipif(
