@@ -216,7 +216,7 @@ class IdMap:
     """
 
     path: Stored
-    labels: UInt8[np.ndarray, "65536"] = field(repr=False)
+    labels: UInt8[np.ndarray, " 65536"] = field(repr=False)
     stored: ClassVar[bool] = True
 
     def read(self, pixels: Pixels) -> UInt8[np.ndarray, "h w"]:

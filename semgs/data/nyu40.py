@@ -25,7 +25,7 @@ GSNERF_VOID = 19
 """The label that it gives to unlabelled pixels: a class that it trains and scores."""
 
 
-def scannet20_labels(as_gsnerf: bool = False) -> UInt8[np.ndarray, "41"]:
+def scannet20_labels(as_gsnerf: bool = False) -> UInt8[np.ndarray, " 41"]:
     """The label of each NYU40 id, 0..40, in the table `scannet20`; 255 = none.
 
     Args:

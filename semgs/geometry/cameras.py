@@ -136,7 +136,7 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     return height, width
 
 
-def as_float64(numbers: Arrays) -> Float64[Tensor, "..."]:
+def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
     """Numbers in any form as a float64 tensor on the CPU, without gradient."""
     if isinstance(numbers, Tensor):
         return numbers.detach().to("cpu", torch.float64)

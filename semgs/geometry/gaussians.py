@@ -24,7 +24,7 @@ class Appearance:
 
     quaternions: Float[Tensor, "*batch g 4"]
     scales: Float[Tensor, "*batch g 3"]
-    features: Float[Tensor, "..."]
+    features: Float[Tensor, " ..."]
 
     def __post_init__(self) -> None:
         leading = self.quaternions.shape[:-1]

@@ -49,7 +49,7 @@ def psnr_seen(
 
 
 def confusion_matrix(
-    predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, "..."], classes: int
+    predicted: UInt8[Tensor, "*batch h w"], truth: UInt8[Tensor, " ..."], classes: int
 ) -> Int64[Tensor, "class class"]:
     """Counts of pixels, rows by true class, columns by predicted class.
 

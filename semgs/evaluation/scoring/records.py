@@ -106,12 +106,12 @@ def number(value: object) -> float | None:
     raise TypeError(f"{value!r:.40} is not a number")
 
 
-def _sparse(counts: Int64[np.ndarray, "..."]) -> str:
+def _sparse(counts: Int64[np.ndarray, " ..."]) -> str:
     """The non-zero entries, each as indices and count."""
     return ", ".join(" ".join(map(str, (*place, counts[tuple(place)]))) for place in np.argwhere(counts).tolist())
 
 
-def _dense(text: str, shape: tuple[int, ...]) -> Int64[np.ndarray, "..."]:
+def _dense(text: str, shape: tuple[int, ...]) -> Int64[np.ndarray, " ..."]:
     """The array of a shape with these entries; ValueError or IndexError if an entry is invalid."""
     counts = np.zeros(shape, np.int64)
     for entry in text.split(", ") if text else ():

@@ -16,7 +16,7 @@ SHARES = {1: 4, 2: 2}
 
 def draw_lights(
     rng: np.random.Generator, plan: FloorPlan
-) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, "3"]]:
+) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, " 3"]]:
     """Lights for the shading kernels, at least one, and the ambient light (linear RGB).
 
     A window has up to four lights spread over it, for soft shadows. Sometimes the sun shines through one window.
@@ -64,7 +64,7 @@ def _sun(rng: np.random.Generator, window: Opening) -> Float64[np.ndarray, " 16"
     return row
 
 
-def _light(kind: int, place: np.ndarray, colour: np.ndarray, window: Opening | None) -> Float64[np.ndarray, "16"]:
+def _light(kind: int, place: np.ndarray, colour: np.ndarray, window: Opening | None) -> Float64[np.ndarray, " 16"]:
     row = np.zeros(kernels.LIGHT_WIDTH)
     row[0] = kind
     row[1:4], row[4:7] = place, colour

@@ -59,10 +59,10 @@ class Room:
     planes: Float64[np.ndarray, "t 4"]
     caster: Raycaster
     space: Float64[np.ndarray, "x y z"]
-    corner: Float64[np.ndarray, "3"]
+    corner: Float64[np.ndarray, " 3"]
     shifts: Float64[np.ndarray, " p"]
     lights: Float64[np.ndarray, "l 16"]
-    ambient: Float64[np.ndarray, "3"]
+    ambient: Float64[np.ndarray, " 3"]
     glow: Float64[np.ndarray, "p 3"]
     shells: ShellTriangles
     pictures: Pack
@@ -140,7 +140,7 @@ def _tops(solids: Solids) -> Float64[np.ndarray, " p"]:
 
 def _distance_field(
     plan: FloorPlan, solids: Solids, which: Bool[np.ndarray, " p"]
-) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, "3"]]:
+) -> tuple[Float64[np.ndarray, "x y z"], Float64[np.ndarray, " 3"]]:
     """Distance to the nearest of some solids, on a grid that extends half way into walls, floor and ceiling."""
     size = np.array(plan.size)
     corner = np.array([-size[0] / 2, -size[1] / 2, 0.0]) - WALL / 2

@@ -114,9 +114,9 @@ class CameraPath:
         phase: of the shake [rad].
     """
 
-    middle: Float64[np.ndarray, "3"]
-    travel: Float64[np.ndarray, "3"]
-    bend: Float64[np.ndarray, "3"]
+    middle: Float64[np.ndarray, " 3"]
+    travel: Float64[np.ndarray, " 3"]
+    bend: Float64[np.ndarray, " 3"]
     yaw: float
     pitch: float
     roll: float
@@ -126,7 +126,7 @@ class CameraPath:
     tremor: float
     phase: float
 
-    def place(self, s: float) -> Float64[np.ndarray, "3"]:
+    def place(self, s: float) -> Float64[np.ndarray, " 3"]:
         """Camera position [m]."""
         return self.middle + s * self.travel + s * s * self.bend
 

@@ -38,12 +38,12 @@ class LabelTable:
     by_id: dict[int, int]
     by_name: dict[str, int]
 
-    def labels(self, as_gsnerf: bool = False) -> UInt8[np.ndarray, "65536"]:
+    def labels(self, as_gsnerf: bool = False) -> UInt8[np.ndarray, " 65536"]:
         """The label in `scannet20` of every 16-bit id; ids that are not in the table have none, like NYU40 id 0."""
         return labels_of_ids(self.by_id, as_gsnerf)
 
 
-def labels_of_ids(nyu40: Mapping[int, int], as_gsnerf: bool = False) -> UInt8[np.ndarray, "65536"]:
+def labels_of_ids(nyu40: Mapping[int, int], as_gsnerf: bool = False) -> UInt8[np.ndarray, " 65536"]:
     """The label in `scannet20` of every 16-bit id, given their NYU40 classes; other ids are treated as NYU40 id 0."""
     classes = np.zeros(MOST_IDS, np.uint8)
     classes[list(nyu40)] = list(nyu40.values())
