@@ -54,6 +54,7 @@ from mutants import (
 )
 from mutants_equivalent import EQUIVALENT
 
+BUILD = ROOT / "build" / "mutants_auto"
 PACKAGES = ("geometry", "objectives", "data", "rendering", "model")
 COUNT, PER_FUNCTION, TO_DIE = 200, 3, 0.85
 SECONDS, FIRST = 30.0, 40
@@ -421,7 +422,7 @@ def main() -> int:
     if todo:
         os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
         forked.set_forkserver_preload(IMPORTED)
-        copies = [copied(ROOT / "build" / "mutants_auto" / str(job)) for job in range(asked.jobs)]
+        copies = [copied(BUILD / str(job)) for job in range(asked.jobs)]
         list(each(copies, lambda copy, _: ended(MEASURED, compile_kernels, copy), copies))
         tests = sorted(path for package in PACKAGES for path in (ROOT / "tests" / package).rglob("test_*.py"))
         runs = {True: measured(copies, folder, tests, True)}
