@@ -22,18 +22,22 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 from planted import MUTANTS, Mutant
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "mutants"
-NOT_COPIED = {".git", ".venv", "build", "dist", "runs", "out", "demo", ".mypy_cache", ".ruff_cache", ".pytest_cache"}
+NOT_COPIED = {
+    ".git", ".venv", "build", "dist", "runs", "out", "demo", ".mypy_cache", ".ruff_cache", ".pytest_cache",
+    ".fuzz", ".faults", ".mutants",
+}  # fmt: skip
 """What lies in the root beside the source."""
 
 SECONDS = 30.0
@@ -54,6 +58,16 @@ COMPILED = re.compile(r"_kernels\.py$|rendering/rules\.py$")
 
 IMPORTED = ["torch", "torchmetrics.functional.classification", "beartype", "pytest"]
 """What every run of tests would import, but for what pytest wants to see first."""
+
+OPTIONS = [
+    # The tests of the tables themselves would notice every error.
+    "-x", "-q", "-rfE", "--tb=no", "-p", "no:cacheprovider", "--deselect=tests/test_mutants",
+    "-p", "pytest_timeout", "-p", "xdist", "-m", "not long and not gpu",
+]  # fmt: skip
+"""How pytest runs the tests of an error."""
+
+FAILED = re.compile(r"^(?:FAILED|ERROR) (\S.*?)(?: - .*)?$", re.MULTILINE)
+"""A test that pytest names in its summary."""
 
 forked = multiprocessing.get_context("forkserver")
 
@@ -121,13 +135,13 @@ def tried_all(mutants: Sequence[Mutant], seconds: float, jobs: int) -> int:
     def tried(mutant: Mutant, tests: Sequence[str], limit: float) -> Outcome:
         copy = copies.get()
         try:
-            with error_in(copy, mutant):
+            with changed(copy / mutant.file, planted(mutant, copy)):
                 return outcome(copy, tests, limit, min(PATIENCE * limit, left()), compiled=runs_compiled(mutant))
         finally:
             copies.put(copy)
 
     with ThreadPoolExecutor(jobs) as pool:
-        made = list(pool.map(copied, range(jobs)))
+        made = [copied(BUILD / str(job)) for job in range(jobs)]
         print("their tests without an error ...", flush=True)
         for compiled in (True, False):
             tests = sorted({test for one in mutants if runs_compiled(one) == compiled for test in one.tests})
@@ -170,16 +184,15 @@ def shown(mutants: Sequence[Mutant], results: Iterator[Outcome], what: str) -> l
 
 
 @contextmanager
-def error_in(copy: Path, mutant: Mutant) -> Iterator[None]:
-    """An error planted in a copy, which is then as it was; neither leaves bytecode to the other."""
-    path = copy / mutant.file
+def changed(path: Path, text: str) -> Iterator[None]:
+    """A file with another text, which is then as it was; neither leaves bytecode to the other."""
     whole, stat = path.read_text(encoding="utf-8"), path.stat()
 
     def forget() -> None:
         for bytecode in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
             bytecode.unlink()
 
-    path.write_text(planted(mutant, copy), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     forget()
     try:
         yield
@@ -196,7 +209,22 @@ def outcome(copy: Path, tests: Sequence[str], seconds: float, clock: float, *, c
         RuntimeError: they could not even be collected: the planted text is no program.
     """
     began = time.monotonic()
-    run = forked.Process(target=run_tests, args=(copy, tests, compiled, max(1, round(seconds))))
+    code, said = ended(clock, run_tests, copy, compiled, seconds, tests)
+    if code is None:
+        return Outcome("", time.monotonic() - began, late=True)
+    failed = FAILED.search(said)
+    if code != (1 if failed else 0):
+        raise RuntimeError(f"pytest ended with {code}:\n{said}")
+    return Outcome(failed[1] if failed else "", time.monotonic() - began)
+
+
+def ended(clock: float, work: Callable[..., None], copy: Path, *arguments: Any) -> tuple[int | None, str]:
+    """Run `work(copy, *arguments)` in a forked process; its exit code, None if it was cut off, and what it printed.
+
+    Args:
+        clock: the longest that it may take.
+    """
+    run = forked.Process(target=work, args=(copy, *arguments))
     run.start()
     run.join(max(1.0, clock))
     if run.is_alive():
@@ -204,19 +232,23 @@ def outcome(copy: Path, tests: Sequence[str], seconds: float, clock: float, *, c
         with suppress(ProcessLookupError):  # it had not come so far as to lead a group
             os.killpg(run.pid, signal.SIGKILL)  # type: ignore[arg-type]
         run.join()
-    if run.exitcode in (-signal.SIGKILL, -signal.SIGXCPU):
-        return Outcome("", time.monotonic() - began, late=True)
-    said = (copy.parent / "said").read_text(encoding="utf-8", errors="replace")
-    failed = re.search(r"^(?:FAILED|ERROR) (\S.*?)(?: - .*)?$", said, re.MULTILINE)
-    if run.exitcode != (1 if failed else 0):
-        raise RuntimeError(f"pytest ended with {run.exitcode}:\n{said}")
-    return Outcome(failed[1] if failed else "", time.monotonic() - began)
+    code = None if run.exitcode in (-signal.SIGKILL, -signal.SIGXCPU) else run.exitcode
+    return code, (copy.parent / "said").read_text(encoding="utf-8", errors="replace")
 
 
-def run_tests(copy: Path, tests: Sequence[str], compiled: bool, seconds: int) -> None:
-    """Be pytest in a copy: its output goes to a file beside the copy, its verdict is the exit code."""
+def run_tests(copy: Path, compiled: bool, seconds: float, tests: Sequence[str]) -> None:
+    """Be pytest in a copy: its verdict is the exit code."""
+    enter(copy, compiled, seconds)
+    import pytest
+
+    sys.exit(int(pytest.main([*OPTIONS, *tests])))
+
+
+def enter(copy: Path, compiled: bool, seconds: float) -> None:
+    """Make this process one of a copy, with a limit of CPU time and its output in a file beside the copy."""
     os.setpgid(0, 0)
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    limit = max(1, round(seconds))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
     threading.Thread(target=end_with_the_run, daemon=True).start()
     os.chdir(copy)
     with (copy.parent / "said").open("w", encoding="utf-8") as said:
@@ -229,11 +261,6 @@ def run_tests(copy: Path, tests: Sequence[str], compiled: bool, seconds: int) ->
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # it would warn of plugins of other libraries that are imported already
     }
     sys.path[:] = [str(copy), *(one for one in sys.path if one not in ("", str(ROOT), str(ROOT / "tests")))]
-    import pytest
-
-    # The tests of the table itself would notice every error.
-    options = ["-x", "-q", "-rfE", "--tb=no", "-p", "no:cacheprovider", "--deselect=tests/test_mutants.py"]
-    sys.exit(int(pytest.main([*options, "-p", "pytest_timeout", "-p", "xdist", "-m", "not long and not gpu", *tests])))
 
 
 def end_with_the_run() -> None:
@@ -244,17 +271,17 @@ def end_with_the_run() -> None:
         os.killpg(0, signal.SIGKILL)
 
 
-def copied(number: int) -> Path:
+def copied(folder: Path) -> Path:
     """A copy made anew, with the times of its files, by which compiled kernels are known; `shared` is beside it."""
-    copy = BUILD / str(number) / "semgs"
+    copy = folder / "semgs"
     if copy.exists():
         shutil.rmtree(copy)
 
-    def left_out(folder: str, names: list[str]) -> set[str]:
-        return {"__pycache__"} | (NOT_COPIED if Path(folder) == ROOT else set())
+    def left_out(where: str, names: list[str]) -> set[str]:
+        return {"__pycache__"} | (NOT_COPIED if Path(where) == ROOT else set())
 
     shutil.copytree(ROOT, copy, ignore=left_out)
-    beside, shared = copy.parent / "shared", ROOT.parent / "shared"
+    beside, shared = folder / "shared", ROOT.parent / "shared"
     if shared.is_dir() and not beside.exists():
         beside.symlink_to(shared)
     return copy

@@ -12,6 +12,7 @@ from landmarks import looking
 from PIL import Image
 
 from semgs.data.choice import choose
+from semgs.data.depth_range import FEW_POINTS
 from semgs.data.parallax import inverse_depths, seen
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
@@ -62,6 +63,7 @@ def test_a_metric_scene_has_the_range_of_rooms(tmp_path):
 def test_without_metres_the_pictures_tell_how_far_things_are(tmp_path, asked):
     bounds = scene(tmp_path).depth_range(asked)
     assert bounds.unit == "unknown"
+    assert int(bounds.reason.split()[1]) >= FEW_POINTS // 2  # each point is seen twice
     assert "triangulated" in bounds.reason
     assert abs(bounds.middle / 3.0 - 1) < 0.1  # the plane, not the 0.077 of the depth maps
     assert bounds.typical == bounds.median == pytest.approx(3.0, rel=0.1)

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from posed import posed_cameras
 
 import semgs.data
 from semgs.data.classes import SCANNET20
@@ -96,3 +97,12 @@ def test_a_class_of_the_data_package_is_abstract_or_nobody_derives_from_it():
                 replaced = {name for name in vars(one).keys() & vars(base).keys() if not name.startswith("__")}
                 open_ones = base.__abstractmethods__ | {"_abc_impl"}
                 assert replaced <= open_ones, (one, base, replaced - open_ones)
+
+
+def test_maps_are_stretched_unless_a_crop_is_asked_for():
+    """6 columns at 3: columns 1, 3 and 5 if stretched; 3 of the 4 middle ones if cropped."""
+    camera = posed_cameras(1, (4, 3))[0]
+    stretched = Pixels(LENS, camera).taken(NUMBERS)
+    assert stretched.shape == (4, 3)
+    assert stretched[0, 0] <= 1
+    assert stretched[0, 2] >= 4

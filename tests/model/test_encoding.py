@@ -11,6 +11,7 @@ from posed import posed_views
 
 from semgs.data.views import stack
 from semgs.model.chunks import Chunks
+from semgs.model.encoding import Places
 from semgs.rendering.render import render
 
 SIZE = (32, 48)
@@ -50,3 +51,9 @@ def test_bounds_stay_where_they_are_when_an_encoding_moves() -> None:
     moved = encoding.to("cpu", torch.float16)
     assert (moved.depths.dtype, moved.gaussians.means.dtype) == (torch.float16, torch.float16)
     assert moved.depth_range.dtype == torch.float64
+
+
+def test_blocks_at_the_edge_count_when_places_are_counted_over_the_views() -> None:
+    """5x8 px in blocks of 2x2 are 3 rows of 4 blocks."""
+    places = Places(torch.tensor([0, 11, 12, 35]), 2)
+    assert places.views((5, 8)).tolist() == [0, 0, 1, 2]

@@ -199,3 +199,11 @@ def test_the_imagenet_file_knows_a_fox(shared: Path):
         logits = linear(top, tensors["classifier.weight"], tensors["classifier.bias"])[0]
     assert logits.argmax() == RED_FOX
     assert logits.softmax(0)[RED_FOX] > 0.3
+
+
+def test_the_decoder_sums_its_four_maps_from_coarse_to_fine():
+    model = MobileNetRefinement(4, 3, width=2)
+    model.lateral, model.merged = (nn.ModuleList(nn.Identity() for _ in one) for one in (model.lateral, model.merged))
+    model.last = nn.Identity()
+    maps = [torch.full((1, 2, 24 // 2**k, 32 // 2**k), value) for k, value in enumerate((1.0, 20.0, 300.0, 4000.0))]
+    assert torch.equal(model.decoded(maps), torch.full((1, 2, 24, 32), 4321.0))

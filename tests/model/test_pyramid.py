@@ -133,3 +133,13 @@ def test_its_norms_tell_pictures_of_a_batch_apart_and_measure_only_while_they_ma
     model.train()
     model.refined(features, pictures)
     assert not torch.equal(model.stem[1].running_mean, before)
+
+
+def test_the_pyramid_sees_colours_of_minus_one_to_one():
+    features, pictures = given(8, 8)
+    model, seen = pyramid(), []
+    model.stem.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0][:, 16:]))
+    with torch.no_grad():
+        for grey in (0.0, 0.75, 1.0):
+            model.refined(features, torch.full_like(pictures, grey))
+    assert [one.unique().tolist() for one in seen] == [[-1.0], [0.5], [1.0]]

@@ -152,3 +152,17 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path: Path, file: str, con
     name, ending = file.split("_")
     with pytest.raises(InputError, match=rf"{name}\.{ending}: .*{message}"):
         read(tmp_path, f".{ending}")
+
+
+def test_a_point_that_no_image_sees_belongs_to_none(tmp_path: Path):
+    (tmp_path / "points3D.txt").write_text("7 1.5 -2.0 3.0 255 0 0 0.5\n")
+    found = read_points(tmp_path / "points3D.txt", {1, 2}, 100)
+    assert found.positions.tolist() == [[1.5, -2.0, 3.0]]
+    assert found.seen == {}
+
+
+def test_a_model_without_points_has_none_for_any_image(tmp_path: Path):
+    (tmp_path / "points3D.txt").write_text("# none\n")
+    found = read_points(tmp_path / "points3D.txt", {1, 2}, 100)
+    assert found.positions.shape == (0, 3)
+    assert found.seen == {}

@@ -274,3 +274,17 @@ def test_what_a_layout_does_not_leave_open_cannot_be_asked(tmp_path: Path):
         open_scene(folder, depth_unit=-1.0)
     with pytest.raises(ValueError, match=r"intrinsics are \(0\.0, 1\.0, 2\.0, 3\.0\)"):
         open_scene(folder, intrinsics=(0.0, 1.0, 2.0, 3.0))
+
+
+def test_two_frames_side_by_side_are_enough(tmp_path: Path):
+    scene = open_scene(side_by_side(tmp_path, miniature().first(2)), depth_unit=0.001)
+    assert [frame.name for frame in scene.frames] == ["00000.jpg", "00001.jpg"]
+
+
+def test_a_matrix_in_json_that_is_no_matrix_is_refused_with_the_keys_of_the_file(tmp_path: Path):
+    folder = redwood(tmp_path, miniature())
+    (folder / "intrinsic.json").write_text(json.dumps({"intrinsic_matrix": "fx 0 cx", "width": 64, "height": 48}))
+    with pytest.raises(
+        InputError, match=r"expected intrinsics as fx, fy, cx, cy or as a matrix, found keys height, intrinsic_m"
+    ):
+        open_scene(folder)

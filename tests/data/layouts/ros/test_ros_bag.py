@@ -7,6 +7,7 @@ import pickle
 import re
 import struct
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -34,6 +35,7 @@ from bags import (
 )
 from miniatures import back_projected, check_projection, check_read, miniature
 
+from semgs.data.layouts.ros.bag import BagFile
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.images import as_file, ending_of
 from semgs.data.scene import Scene
@@ -485,3 +487,16 @@ def test_damage_is_told_with_the_bag(tmp_path: Path):
     assert f"{COLOUR} at 1700000000.123456789: expected an image, found pixels encoded as 'rgb16'" in refused(
         bag, tmp_path / "b"
     )
+
+
+@pytest.mark.parametrize(
+    ("stamp", "name"), [(1_700_000_001_500_000_000, "1700000001.500000000.png"), (7, "0.000000007.png")]
+)
+def test_a_frame_is_named_by_its_seconds_and_nine_decimals(stamp: int, name: str):
+    assert BagFile(Path("bag"), COLOUR, 0, stamp, ".png").name == name
+
+
+def test_rows_and_columns_can_be_binned_by_different_numbers():
+    message = replace(info(size=(96, 256)), binning_x=4, binning_y=2)
+    lens = lens_of(Path("bag"), INFO, message, (48, 64), rectified=False)
+    assert (lens.focal, lens.centre) == ((57.5 / 4, 56.25 / 2), (8.0, 12.5))

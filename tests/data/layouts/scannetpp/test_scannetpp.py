@@ -505,3 +505,8 @@ def test_a_fisheye_may_also_be_without_any_distortion():
     assert not lens.is_pinhole
     ray = lens.directions(np.array([[75 + 70 * 0.5, 50.0]]))[0]
     np.testing.assert_allclose(ray, [np.tan(0.5), 0, 1], atol=1e-7)
+
+
+def test_unknown_names_of_equally_many_objects_are_sorted():
+    _, missed = labels_of({"zzz": 2, "gizmo": 3, "aaa": 2, "mmm": 2}, None)
+    assert missed == (("gizmo", 3), ("aaa", 2), ("mmm", 2), ("zzz", 2))
