@@ -110,14 +110,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def guarded(work: Callable[[], int]) -> int:
     """Run some work and return its exit code, or that of `main` for an error that is no bug."""
+    ended: list[int] = []
     try:
-        with _ended_like_interrupted(), _own_warnings_on_one_line():
+        with _ended_like_interrupted(ended), _own_warnings_on_one_line():
             code = work()
             sys.stdout.flush()
             return code
     except KeyboardInterrupt:
-        print("semgs: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return _interrupted()
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0
     except BrokenPipeError:
@@ -126,11 +126,19 @@ def guarded(work: Callable[[], int]) -> int:
         _settle_output()
         return NOBODY_READS
     except Exception as error:
+        if ended:  # a library made another exception of ours
+            return _interrupted() if ended[-1] == INTERRUPTED else ended[-1]
         line = line_for(error)
         if line is None:
             raise
         _settle_output()
         return _refuse(line, error.lines if isinstance(error, InputError) else ())
+
+
+def _interrupted() -> int:
+    """Say so, and return the exit code."""
+    print("semgs: interrupted", file=sys.stderr)
+    return INTERRUPTED
 
 
 def _settle_output() -> None:
@@ -234,18 +242,27 @@ def _own_warnings_on_one_line() -> Iterator[None]:
 
 
 @contextmanager
-def _ended_like_interrupted() -> Iterator[None]:
-    """Let SIGTERM and Ctrl-C unwind the stack, so that incomplete folders are removed. If Ctrl-C is ignored, it stays so."""
+def _ended_like_interrupted(ended: list[int]) -> Iterator[None]:
+    """Let SIGTERM and Ctrl-C unwind the stack, so that incomplete folders are removed. If Ctrl-C is ignored, it stays so.
+
+    Args:
+        ended: gets the exit code of each signal that arrives.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def leave(*_: object) -> None:
+        ended.append(TERMINATED)
         raise SystemExit(TERMINATED)
 
+    def interrupt(*_: object) -> None:
+        ended.append(INTERRUPTED)
+        raise KeyboardInterrupt
+
     before = {signal.SIGTERM: signal.signal(signal.SIGTERM, leave)}
-    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
-        before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGINT) in (signal.SIG_DFL, signal.default_int_handler):
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     finally:

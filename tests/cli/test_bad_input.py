@@ -15,7 +15,7 @@ import pytest
 import torch
 from networks import preset
 
-from semgs.cli.main import main
+from semgs.cli.main import guarded, main
 from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.scenes import LAYOUTS
 from semgs.files.folders import own_folder
@@ -266,6 +266,24 @@ def test_an_interrupt_leaves_nothing_behind(
         signal.signal(signal.SIGINT, before)
     assert ended == code
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_that_a_library_turns_into_another_exception_is_one(sent: signal.Signals, code: int) -> None:
+    """As safetensors does."""
+
+    def work() -> int:
+        try:
+            os.kill(os.getpid(), sent)
+        except BaseException as error:
+            raise ValueError("could not determine the shape") from error
+        return 0
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert guarded(work) == code
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def run_process(*arguments: str) -> subprocess.CompletedProcess[str]:
