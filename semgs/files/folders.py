@@ -45,8 +45,11 @@ def check_writable(path: str | Path) -> None:
     with readable(path):
         nearest = next(one for one in (Path(path).absolute(), *Path(path).absolute().parents) if one.exists())
     trial = partial_name(nearest / MARK)
-    _make(path, trial)
-    trial.rmdir()
+    try:
+        trial.touch()
+        trial.unlink(missing_ok=True)  # a process that has locked the folder may have removed it
+    except OSError as error:
+        raise InputError(path, "a folder that can be created", f"{error.strerror} ({nearest})") from error
 
 
 @contextlib.contextmanager

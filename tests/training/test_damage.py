@@ -147,3 +147,16 @@ def test_damaged_lines_of_a_log_are_set_aside_and_the_run_goes_on(tmp_path):
         pass
     assert log.read_bytes() == good[0]
     assert (tmp_path / DAMAGED).read_bytes() == b"".join(bad)
+
+
+def test_leftovers_of_killed_processes_go_before_a_run_resumes(settings, tmp_path):
+    claim(tmp_path, settings)
+    for name in ("checkpoints/.00000003.json.1a2b3c4d.part", "validation/.00000002.png.1a2b3c4d.part"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_bytes(b"half")
+    (tmp_path / "validation/00000001.png").write_bytes(b"complete")
+    (tmp_path / WEIGHTS).write_bytes(b"learned")
+    with pytest.raises(InputError, match=r"found none, but weights\.safetensors"):
+        train(settings, tmp_path, Execution(workers=0))
+    assert not list(tmp_path.rglob("*.part"))
+    assert (tmp_path / "validation/00000001.png").read_bytes() == b"complete"
