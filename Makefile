@@ -41,6 +41,7 @@ ifneq ($(shell $(BIN)/python -c '' 2>/dev/null && cat $(STAMP) 2>/dev/null),$(CU
 $(STAMP): anew
 endif
 
+# setuptools builds yattag, which has no wheel; the one that comes with Python 3.11 is too old for it.
 $(STAMP): pyproject.toml constraints.txt
 	@test -n '$(PYTHON)' || { echo 'semgs needs Python 3.11 or newer; name one: make setup PYTHON=/path/to/python3' >&2; exit 2; }
 	@if [ -e $(UNFINISHED) ] || { [ -e $(STAMP) ] && [ "$$(cat $(STAMP))" != '$(CURDIR)' ]; } \
@@ -48,7 +49,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@rm -f $(STAMP)
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
-	$(PIP) hatchling editables
+	$(PIP) hatchling editables setuptools
 	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]'
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
