@@ -7,10 +7,10 @@ import math
 import sys
 import time
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from semgs.files.atomic import write_bytes
 from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
+from semgs.training.events import Events
 from semgs.training.step import StepReport
 from semgs.training.validation import Validation
 
@@ -82,9 +83,10 @@ class RunLog:
             self._flush()
         if self._bar is not None:
             self._bar.stop()
-        for one in (self._file, self._events):
-            if one is not None:
-                one.close()
+        with ExitStack() as closing:  # closes the second file even if the disk is too full to close the first
+            for one in (self._file, self._events):
+                if one is not None:
+                    closing.callback(one.close)
 
     def step(
         self, step: int, seconds: float, report: StepReport, scenes: int, waited: float, skipped: int, bad: int = 0
@@ -163,9 +165,9 @@ class RunLog:
             for group, values in (groups or {"training": numbers}).items():
                 for name, value in values.items():
                     if name != "step" and value is not None:
-                        self._events.add_scalar(f"{group}/{name}", value, step)
+                        self._events.number(f"{group}/{name}", value, step)
             if pictures is not None:
-                self._events.add_image("validation", pictures, step, dataformats="HWC")
+                self._events.image("validation", pictures, step)
             self._events.flush()
 
 
@@ -188,13 +190,12 @@ def memory_gb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9
 
 
-def _events(folder: Path, step: int) -> Any:
-    """TensorBoard's writer, which drops what an earlier session wrote after `step`; None if TensorBoard is not installed."""
+def _events(folder: Path, step: int) -> Events | None:
+    """Events for TensorBoard, without those that an earlier session wrote after `step`; None if TensorBoard is not installed."""
     try:
-        from torch.utils.tensorboard import SummaryWriter
+        return Events(folder, step)
     except ImportError:
         return None
-    return SummaryWriter(str(folder), purge_step=step + 1)
 
 
 def _finite(value: object) -> object:

@@ -120,8 +120,8 @@ def train(
         if fabric.is_global_zero:
             prolong(out, settings)
             if fabric.world_size == 1:  # other processes of a training write without the lock
-                for folder in (out, out / "checkpoints", out / "validation"):
-                    remove_parts(folder, out / SETTINGS)
+                for part in (out, out / "checkpoints", out / "validation"):
+                    remove_parts(part, out / SETTINGS)
         model = network(out, settings)
         data = surveyed(settings, out)
         where = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import resource
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,6 +20,7 @@ from rich.console import Console
 from semgs.files.errors import InputError
 from semgs.training.batches import Portion
 from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.events import Events
 from semgs.training.loop import Feed, fit, resume
 from semgs.training.session import Session
 from semgs.training.state import TrainingState
@@ -259,6 +261,18 @@ def test_tensorboard_gets_the_numbers_of_the_log_and_the_pictures(session, tmp_p
         assert told == [(line["step"], pytest.approx(line[name], rel=1e-4)) for line in lines if name in line]
     assert [event.step for event in events.Scalars("validation/miou")] == [6, 12]
     assert (events.Images("validation")[0].width, events.Images("validation")[0].height) == (6 * 24, 2 * 16)
+
+
+def test_events_that_do_not_fit_on_the_disk_raise_in_the_thread_that_writes_them(tmp_path, capfd):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60, limits[1]))  # a full disk for everybody
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            Events(tmp_path / "tensorboard", 0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [path.stat().st_size for path in (tmp_path / "tensorboard").iterdir()] == [60]
+    assert capfd.readouterr().err == ""
 
 
 def test_a_console_that_is_no_terminal_gets_plain_lines(session, tmp_path):
