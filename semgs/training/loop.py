@@ -42,7 +42,7 @@ from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
 from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
 from semgs.training.run import BEST, SETTINGS, WEIGHTS, alone, claim, export_weights, hold_assets, network, prolong
-from semgs.training.session import Session, timed
+from semgs.training.session import Session, Stopped, timed
 from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
@@ -141,11 +141,12 @@ def train(
         )
         left = None if execution.minutes is None else execution.minutes - (time.monotonic() - began) / 60
         outcome = fit(state, settings, out, feed, Session(left, execution.save_minutes, state.seconds), console)
-        if fabric.is_global_zero:
+        if fabric.is_global_zero and outcome.step > 0:
             export_weights(out, out / WEIGHTS)
             if best_checkpoint(out / "checkpoints") is not None:
                 export_weights(out, out / BEST, best=True)
-        how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped; weights: {out / WEIGHTS}"
+        where = f"; weights: {out / WEIGHTS}" if outcome.step > 0 else ""
+        how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped{where}"
         tell(console, [how, *([] if outcome.finished else ["repeat the command to resume"])])
         return outcome
 
@@ -179,15 +180,16 @@ def fit(
 ) -> Outcome:
     """The loop itself: train from the state's own step to the last one, or until the session is over."""
     fabric, folder, first = state.fabric, out / "checkpoints", state.step
-    leads, checked = fabric.is_global_zero, state.step
+    leads, owed = fabric.is_global_zero, state.validation_due
     with (
         RunLog(out if leads else None, state.step, settings.steps, console) as log,
         session,
     ):
         known = BadScenes(feed.scenes, log.say, feed.bad)
         if feed.validation and state.step == 0 and settings.init != "random":
-            _check(state, feed.validation, out, log)  # how good the initial weights are
-        for portion, waited in timed(feed.batches):
+            state.validation_due = True  # how good the initial weights are
+        _check(state, feed.validation, out, log, session)
+        for portion, waited in () if _any(fabric, session.stopping) else timed(feed.batches):
             if portion.failure is not None:
                 raise portion.failure
             known.add(portion.bad)
@@ -196,24 +198,30 @@ def fit(
             log.step(state.step, state.seconds, report, settings.batch, waited, state.skipped, len(known))
             if state.skipped_in_a_row >= TOLERATED_IN_A_ROW:
                 raise broken_down(out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank)
-            if feed.validation and state.step % settings.validate_every == 0:
-                _check(state, feed.validation, out, log)
-                checked = state.step
+            if feed.validation and (state.step % settings.validate_every == 0 or state.step == settings.steps):
+                state.validation_due = True
+            _check(state, feed.validation, out, log, session)
             if _any(fabric, session.over):
                 break
             if leads and session.save_due:
                 session.saved(lambda: save_checkpoint(folder, state))
-        finished = state.step >= settings.steps
-        if finished and feed.validation and checked < state.step:
-            _check(state, feed.validation, out, log)
-        if leads and state.step > first:
+        if leads and (state.step > first or owed > state.validation_due):
             save_checkpoint(folder, state)
-    return Outcome(state.step, finished, state.skipped)
+    return Outcome(state.step, state.step >= settings.steps and not state.validation_due, state.skipped)
 
 
-def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog) -> None:
-    """Validate the averaged weights, log the result, and save them if they are the best so far."""
-    result = state.supervision.validate(state.average.module, validation)
+def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog, session: Session) -> None:
+    """If it is due, validate the averaged weights, log the result, and save them if they are the best so far.
+
+    If the session is to stop, the validation remains due, and the next session begins with it.
+    """
+    if not state.validation_due:
+        return
+    try:
+        result = state.supervision.validate(state.average.module, session.until_stopped(validation))
+    except Stopped:
+        return
+    state.validation_due = False
     log.validation(state.step, result)
     if result.pictures is not None:
         (out / "validation").mkdir(exist_ok=True)

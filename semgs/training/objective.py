@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 from torch import Tensor, nn
@@ -49,7 +49,7 @@ class Supervision(ABC):
         """Names of the parameters that learn."""
 
     @abstractmethod
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """How good the network is on batches that it does not learn from."""
 
     @property

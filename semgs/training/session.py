@@ -12,8 +12,13 @@ from typing import Any, TypeVar
 Item = TypeVar("Item")
 
 
+class Stopped(Exception):
+    """A signal asked the session to stop."""
+
+
 class Session:
-    """One session of a run, as a context manager. Inside it SIGTERM or Ctrl-C stops after the current step, a second Ctrl-C at once.
+    """One session of a run, as a context manager. Inside it SIGTERM or Ctrl-C stops after the current step or batch of a
+    validation, a second Ctrl-C at once.
 
     Signals reach only the main thread of a process.
 
@@ -65,9 +70,25 @@ class Session:
 
         A step is assumed to take as long as the longest so far, the other two as long as a checkpoint each.
         """
-        if self._stopping.is_set() or self._minutes is None:
-            return self._stopping.is_set()
+        if self.stopping or self._minutes is None:
+            return self.stopping
         return time.monotonic() + self._step + 2 * self._save - self._began >= 60 * self._minutes
+
+    @property
+    def stopping(self) -> bool:
+        """Whether a signal asked to stop."""
+        return self._stopping.is_set()
+
+    def until_stopped(self, items: Iterable[Item]) -> Iterator[Item]:
+        """The items, as long as no signal asks to stop.
+
+        Raises:
+            Stopped: instead of the next item.
+        """
+        for item in items:
+            if self.stopping:
+                raise Stopped
+            yield item
 
     @property
     def save_due(self) -> bool:

@@ -37,6 +37,7 @@ class TrainingState:
         skipped: steps without a finite gradient so far.
         skipped_in_a_row: such steps since the last good one.
         seconds: time spent so far, over all sessions.
+        validation_due: whether the weights after `step` must still be validated, because a signal stopped that.
         best_step, best_score: of the best validation so far; -1 and -inf before the first.
         head: layers that are trained with the model but are in no weights file; None for none.
     """
@@ -51,6 +52,7 @@ class TrainingState:
     skipped: int = 0
     skipped_in_a_row: int = 0
     seconds: float = 0.0
+    validation_due: bool = False
     best_step: int = -1
     best_score: float = -math.inf
     head: nn.Module | None = None
@@ -109,6 +111,7 @@ class TrainingState:
             "skipped": self.skipped,
             "skipped_in_a_row": self.skipped_in_a_row,
             "seconds": self.seconds,
+            **({"validation_due": 1} if self.validation_due else {}),
             **({} if self.best_step < 0 else {"best_step": self.best_step, "best_score": self.best_score}),
         }
 
@@ -137,6 +140,7 @@ class TrainingState:
         self.skipped = int(numbers["skipped"])
         self.skipped_in_a_row = int(numbers["skipped_in_a_row"])
         self.seconds = float(numbers["seconds"])
+        self.validation_due = bool(numbers.get("validation_due", 0))
         self.best_step = int(numbers.get("best_step", -1))
         self.best_score = float(numbers.get("best_score", -math.inf))
 
@@ -147,7 +151,7 @@ def are_numbers(found: Mapping[str, object]) -> bool:
     if not whole | {"seconds"} <= found.keys() or ("best_step" in found) != ("best_score" in found):
         return False
     return all(
-        type(value) in ((int,) if name in whole | {"best_step"} else (int, float))
+        type(value) in ((int,) if name in whole | {"best_step", "validation_due"} else (int, float))
         and math.isfinite(value)  # type: ignore[arg-type]
         and (value >= 0 or name == "best_score")  # type: ignore[operator]
         for name, value in found.items()

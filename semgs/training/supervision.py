@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -102,7 +102,7 @@ class Rendered(Supervision):
         """All of them."""
         return {name for name, _ in network.named_parameters()}
 
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the rendered target views."""
         return validate(network, batches, _rendered)
 
@@ -139,7 +139,7 @@ class Labels(Supervision):
         """The semantic branch, and the shared layers unless they are frozen."""
         return network.semantic_parameters(not self.hold_shared)
 
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the input views' classes."""
         return validate(network, batches, lambda model, batch: _classified(model.classify(batch.context), batch))
 
@@ -204,7 +204,7 @@ class Pictures(Supervision):
         """The semantic branch without the layers that compare views, and the shared layers unless they are frozen."""
         return network.semantic_parameters(not self.hold_shared, alone=True)
 
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the input views' classes, each view on its own."""
         return validate(
             network, batches, lambda model, batch: _classified(model.classify(batch.context, alone=True), batch)
@@ -243,7 +243,7 @@ class Depth(Supervision):
         """The layers of the plane sweep, and the shared layers unless they are frozen."""
         return network.depth_parameters(not self.hold_shared)
 
-    def validate(self, network: Any, batches: Sequence[Batch]) -> Validation:
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Errors of the input views' depth."""
         return validate_depth(network, batches)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,7 +85,7 @@ class Comparison:
 
 
 @torch.no_grad()
-def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch], Comparison]) -> Validation:
+def validate(model: Any, batches: Iterable[Batch], compare: Callable[[Any, Batch], Comparison]) -> Validation:
     """Compare each batch with the truth, and score all batches together.
 
     Args:
@@ -118,7 +118,7 @@ def validate(model: Any, batches: Sequence[Batch], compare: Callable[[Any, Batch
 
 
 @torch.no_grad()
-def validate_depth(model: Any, batches: Sequence[Batch]) -> Validation:
+def validate_depth(model: Any, batches: Iterable[Batch]) -> Validation:
     """Score the plane sweep's depth of the input views, over the pixels of all batches together.
 
     Args:

@@ -46,6 +46,7 @@ def session(network, batch, settings, tmp_path):
         minutes: float | None = None,
         save_minutes: float = 5.0,
         console: Console | None = None,
+        validation: list | None = None,
     ) -> TrainingState:
         out.mkdir(exist_ok=True)
         state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
@@ -61,7 +62,7 @@ def session(network, batch, settings, tmp_path):
 
         settings_here, feed = (
             replace(settings, validate_every=every, init=init),
-            Feed(batches(), [batch(1000), batch(1001)]),
+            Feed(batches(), [batch(1000), batch(1001)] if validation is None else validation),
         )
         fit(state, settings_here, out, feed, Session(minutes, save_minutes, state.seconds), console)
         return state
@@ -100,6 +101,35 @@ def test_sigterm_ends_the_session_after_its_step_with_a_checkpoint(session, tmp_
     assert state.step == 5
     assert newest_checkpoint(tmp_path / "run" / "checkpoints").numbers["step"] == 5
     assert signal.getsignal(signal.SIGTERM) is handler
+
+
+class Stopping(list):
+    """Batches that send the process a signal after the first one, in the 1st, 2nd and 4th iteration."""
+
+    iterations = 0
+
+    def __iter__(self) -> Iterator:
+        self.iterations += 1
+        for number, one in enumerate(super().__iter__()):
+            if number == 1 and self.iterations in (1, 2, 4):
+                os.kill(os.getpid(), signal.SIGTERM)
+            yield one
+
+
+def test_a_signal_ends_a_validation_and_the_next_session_begins_with_it(session, tmp_path, batch):
+    def validations(run: str) -> list[dict]:
+        lines = [json.loads(line) for line in (tmp_path / run / "log.jsonl").read_text().splitlines()]
+        return [line for line in lines if "validation" in line]
+
+    whole, stopping = session(tmp_path / "whole"), Stopping([batch(1000), batch(1001)])
+    for step, due, validated in ((6, True, []), (6, True, []), (12, True, [6]), (12, False, [6, 12])):
+        state = session(tmp_path / "cut", validation=stopping)
+        assert (state.step, state.validation_due) == (step, due)
+        assert [line["step"] for line in validations("cut")] == validated
+    assert same(whole, state)
+    assert validations("cut") == validations("whole")
+    assert (state.best_step, state.best_score) == (whole.best_step, whole.best_score)
+    assert newest_checkpoint(tmp_path / "cut" / "checkpoints").numbers == whole.numbers() | {"seconds": state.seconds}
 
 
 def test_a_finished_run_is_left_as_it_is(session, tmp_path):
