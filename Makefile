@@ -24,7 +24,7 @@ help:
 	@echo 'make long    set up, then run the tests that take longer'
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
 	@echo 'make bench   set up, then measure time and memory (10 minutes)'
-	@echo 'make mutants set up, then plant errors and see that tests catch them (20 minutes)'
+	@echo 'make mutants set up, then plant errors and see that tests catch them (under an hour)'
 	@echo 'make mutants-auto  set up, then change 200 places drawn at random and see that tests notice (under 90 minutes)'
 	@echo 'make docs    set up, then build the documentation into docs/_build/html'
 	@echo 'make audit   set up, then look up vulnerabilities, hashes and licences of what is installed'
