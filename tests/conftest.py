@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
+import signal
 import warnings
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -23,7 +24,10 @@ install_import_hook(_names, "beartype.beartype")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Where tests go to several workers, what they all need is compiled first."""
+    """Ctrl-C works in tests and what they start, also in the background of a shell, which makes it ignored. Where tests go to
+    several workers, what they all need is compiled first."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
         compile_all()
 
