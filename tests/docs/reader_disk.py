@@ -157,9 +157,9 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
     for name in ("scripts", "tests"):
         (disk / name).symlink_to(ROOT / name)
     scans = ("--data", "scannet/scans", "--scenes", "some.txt", "--protocol", "peers")
-    run("evaluate", "small", *scans, "--views", "2", "--size", "48x64", "--out", "eval/scans")
+    run("evaluate", "small", *scans, "--views", "2", "--size", "48x64", "--out", "scored/scans")
     for method in ("methods/sray", "methods/gsnerf"):
-        shutil.copytree(disk / "eval" / "scans" / "predictions", disk / method, dirs_exist_ok=True)
+        shutil.copytree(disk / "scored" / "scans" / "predictions", disk / method, dirs_exist_ok=True)
     walks = [f"walk{frames}/scene_0000{room}" for frames in (30, 60, 120) for room in range(3)]
     for name in ("small_house", "fox", "hololens_office", *walks):
         shutil.copytree(disk / "scans" / "office", disk / name)

@@ -77,7 +77,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
             abs(getattr(said, name) - getattr(alone, name))
             for name in ("total", "semantic", "depth", "gradients", "distribution")
         )
-        + (0 if SETTINGS.supervision == "depth" else abs(said.numbers["psnr"] - alone.numbers["psnr"])),
+        + (0 if SETTINGS.supervision == "depth" else abs(said.psnr - alone.psnr)),
         "unlabelled": abs(said.unlabelled - alone.unlabelled) + (alone.unlabelled != UNLABELLED[SETTINGS.supervision]),
         "moved": float(said.moved and alone.moved),
     }

@@ -183,7 +183,7 @@ def test_what_goes_wrong_in_a_worker_is_told_as_if_it_went_wrong_here(tmp_path):
     write_dataset(out, RECIPE, 1)
     shutil.rmtree(out / "scene_00000")
     (out / "scene_00000").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(InputError, match="leads nowhere"):
+    with pytest.raises(InputError, match="found a broken link"):
         write_dataset(out, RECIPE, 1, workers=1)
 
 
