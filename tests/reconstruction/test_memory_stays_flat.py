@@ -25,7 +25,9 @@ def handles() -> int:
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="/proc is Linux's")
-@pytest.mark.parametrize(("first", "more"), [(8, 12), pytest.param(200, 800, marks=[pytest.mark.long, pytest.mark.timeout(1800)])])
+@pytest.mark.parametrize(
+    ("first", "more"), [(8, 12), pytest.param(200, 800, marks=[pytest.mark.long, pytest.mark.timeout(1800)])]
+)
 def test_memory_and_handles_stay_the_same_over_many_reconstructions(first: int, more: int):
     import torch
 
