@@ -18,6 +18,8 @@ import pytest
 import torch
 from privileges import permissions_hold
 
+from semgs.cli.arguments import parse
+from semgs.cli.demo import Demo
 from semgs.cli.errors import line_for
 from semgs.cli.main import main
 from semgs.cli.terminal import Plain
@@ -268,3 +270,10 @@ def test_a_request_to_end_while_arguments_are_parsed_is_none_of_the_arguments(
     monkeypatch.setattr("semgs.cli.arguments.tyro.cli", asked_to_end)
     assert main(["demo"]) == 143
     assert capsys.readouterr().err == ""
+
+    def left(*_: object, **__: object) -> None:
+        raise SystemExit(143)
+
+    monkeypatch.setattr("semgs.cli.arguments.tyro.cli", left)
+    with pytest.raises(SystemExit, match="143"):
+        parse(Demo, "semgs demo", [])
