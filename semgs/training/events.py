@@ -17,7 +17,7 @@ import numpy as np
 
 
 class Events:
-    """An event file; numbers and images in it are written at once.
+    """An event file. Numbers and images are in it for certain after `flush`.
 
     Args:
         folder: where to create it; TensorBoard shows all event files of a folder as one run.

@@ -141,12 +141,13 @@ def train(
         )
         left = None if execution.minutes is None else execution.minutes - (time.monotonic() - began) / 60
         outcome = fit(state, settings, out, feed, Session(left, execution.save_minutes, state.seconds), console)
-        if fabric.is_global_zero and outcome.step > 0:
+        stepped = outcome.step > 0  # without a step there is no checkpoint
+        if fabric.is_global_zero and stepped:
             export_weights(out, out / WEIGHTS)
             if best_checkpoint(out / "checkpoints") is not None:
                 export_weights(out, out / BEST, best=True)
-        where = f"; weights: {out / WEIGHTS}" if outcome.step > 0 else ""
-        how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped{where}"
+        weights = f"; weights: {out / WEIGHTS}" if stepped else ""
+        how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped{weights}"
         tell(console, [how, *([] if outcome.finished else ["repeat the command to resume"])])
         return outcome
 
@@ -205,7 +206,7 @@ def fit(
                 break
             if leads and session.save_due:
                 session.saved(lambda: save_checkpoint(folder, state))
-        if leads and (state.step > first or owed > state.validation_due):
+        if leads and (state.step > first or (owed and not state.validation_due)):
             save_checkpoint(folder, state)
     return Outcome(state.step, state.step >= settings.steps and not state.validation_due, state.skipped)
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 WARM = {
-    "train": ("semgs.training.loop", "semgs.cli.reconstruct", "semgs.training.events", "torch.utils.tensorboard"),
+    "train": ("semgs.training.loop", "semgs.cli.reconstruct", "torch.utils.tensorboard"),
     "reconstruct": (
         "semgs.cli.reconstruction_files", "semgs.reconstruction.reconstruct", "semgs.export.ply", "semgs.export.scene",
         "semgs.rendering.render", "semgs.weights.load",
