@@ -7,6 +7,9 @@ import re
 import sys
 from pathlib import Path
 
+from docutils import nodes
+from latex2mathml.converter import convert
+
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 os.environ["COLUMNS"] = "100"
@@ -23,7 +26,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphin
 exclude_patterns = ["_build"]
 default_role = "py:obj"
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
@@ -31,6 +34,7 @@ napoleon_use_ivar = True
 napoleon_attr_annotations = False
 python_use_unqualified_type_names = True
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
@@ -93,7 +97,15 @@ def without_markup(app: object, what: str, name: str, thing: object, options: ob
     lines[:] = [line.replace("*", "\\*") for line in lines]
 
 
+def write_math(writer: object, node: nodes.math | nodes.math_block) -> None:
+    """Write an equation as MathML, which browsers show without a network and without scripts."""
+    display = "block" if isinstance(node, nodes.math_block) else "inline"
+    writer.body.append(convert(node.astext(), display=display))  # type: ignore[attr-defined]
+    raise nodes.SkipNode
+
+
 def setup(app: object) -> None:
     """Called by Sphinx."""
+    app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))  # type: ignore[attr-defined]
     app.connect("source-read", written_at_build)  # type: ignore[attr-defined]
     app.connect("autodoc-process-docstring", without_markup, priority=400)  # type: ignore[attr-defined]  # before napoleon

@@ -1,9 +1,11 @@
-"""The documentation site: every page is in a table of contents, and the Python reference has every public name."""
+"""The documentation site: every page is in a table of contents, the Python reference has every public name, equations are shown."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+
+import pytest
 
 import semgs
 
@@ -34,3 +36,18 @@ def test_the_reference_has_every_public_name():
         r"^\.\. auto(?:function|class):: semgs\.(\w+)$", (DOCS / "api.md").read_text(), re.MULTILINE
     )
     assert sorted(documented) == sorted(semgs.__all__)
+
+
+def test_an_equation_is_shown_without_scripts_and_without_a_network(tmp_path: Path):
+    build = pytest.importorskip("sphinx.cmd.build").build_main
+    (tmp_path / "page.md").write_text("# Page\n\n$$\\tilde{P}_i = 2$$\n\nand $x^2$\n")
+    given = ["-q", "-W", "-c", str(DOCS), "-D", "root_doc=page", str(tmp_path), str(tmp_path / "out")]
+    assert build(given) == 0
+    page = (tmp_path / "out" / "page.html").read_text()
+    equation, inline = re.findall(r"<math.*?</math>", page)
+    assert "display=\"block\"" in equation
+    tilde, index = "<mover><mrow><mi>P</mi></mrow><mo stretchy=\"false\">&#x0007E;</mo></mover>", "<mi>i</mi>"
+    assert f"<msub>{tilde}{index}</msub>" in equation
+    assert "<msup><mi>x</mi><mn>2</mn></msup>" in inline
+    assert "$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    assert "mathjax" not in re.sub(r'class="[^"]*"', "", page).lower()
