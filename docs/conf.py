@@ -26,7 +26,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphin
 exclude_patterns = ["_build"]
 default_role = "py:obj"
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
@@ -57,15 +57,41 @@ def from_root(name: str) -> str:
     return text.replace("](docs/", "](")
 
 
+def in_code(prose: str) -> str:
+    """A text with its options and metavars as code, so that two dashes stay two and brackets stay brackets."""
+    return re.sub(r"(?<![\w-])--[a-z][\w.-]*\b|<[^>]*>", r"`\g<0>`", prose)
+
+
+def defined(box: str) -> str:
+    """The options in a box of a help as a list of definitions. An entry is indented by 2, its text by more; a rule follows a title."""
+    found: list[list[str]] = []
+    title, *lines = (line.rstrip() for line in box.splitlines())
+    for line in lines:
+        if not line or set(line.strip()) == {"-"}:
+            continue
+        entry = re.match(r" {2,4}(?:• )?(\S.*?)(?:  +(\S.*))?$", line)
+        if entry and len(line) - len(line.lstrip()) <= 4:
+            found.append([entry[1], *filter(None, entry.groups()[1:])])
+        else:
+            found[-1].append(line.strip())
+    text = [f"**{title.strip().capitalize()}**"]
+    for name, *words in found:
+        if words and name != "-h, --help":
+            text.append(f"`{name}`\n: {in_code(' '.join(words))}")
+        elif not words and name != "(required)":
+            text.append(in_code(name))
+    return "\n\n".join(text)
+
+
 def help_page(name: str, printed: str) -> str:
-    """The help of a command as a section: prose as prose, examples and options as code."""
+    """The help of a command as a section: prose as prose, examples as code, options as a list of definitions."""
     usage, _, rest = re.sub(r" +$", "", printed.strip(), flags=re.MULTILINE).partition("\n\n")
-    prose, *boxes = re.split(r"\n(?= (?:positional arguments|options)\n)", rest)
-    options = "\n".join(boxes).strip("\n")
+    prose, *boxes = re.split(r"\n(?= [a-z][\w. ]*\n -{9})", rest)
     prose, _, examples = prose.partition("Examples\n")
     examples = "\n".join(line.removeprefix("- ") for line in examples.strip().splitlines())
     shell = f"```sh\n{examples}\n```\n\n" if examples else ""
-    return f"## semgs {name}\n\n```text\n{usage}\n```\n\n{prose.strip()}\n\n{shell}```text\n{options}\n```\n"
+    options = "\n\n".join(map(defined, boxes))
+    return f"## semgs {name}\n\n```text\n{usage}\n```\n\n{in_code(prose.strip())}\n\n{shell}{options}\n"
 
 
 def commands() -> str:

@@ -71,6 +71,10 @@ def nearest(typed: str, known: Iterable[str]) -> str:
 
 def _parsed(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """The options as tyro parses them. If the arguments are wrong, tyro prints why to stderr and exits."""
+    if {"-h", "--help"} & set(arguments):
+        from semgs.cli.help_text import join_lines
+
+        join_lines(options)
     config = (tyro.conf.FlagCreatePairsOff,)
     return tyro.cli(options, prog=program, args=list(arguments), config=config, registry=_TYPES)
 

@@ -1,6 +1,6 @@
 """Memory plan: how much memory a scene needs, computed before it is encoded, and how many views to process at a time.
 
-The memory of each stage is the sum in `semgs.model.stage_memory`, plus the compiled kernels (`LIBRARIES`) and the gaps between tensors
+The memory of each stage is the sum in `semgs.model.stage_memory`, plus libraries and their compiler (`LIBRARIES`) and the gaps between tensors
 that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks.md says how, and compares the plan with real peaks.
 """
 
@@ -18,15 +18,16 @@ from semgs.model.padded import MULTIPLE
 from semgs.model.semgs import SemGS
 from semgs.model.stage_memory import Work, seen_bytes, stage_bytes
 
-LIBRARIES = 178e6
-"""Memory of the compiled kernels and of the libraries for convolutions [bytes]."""
+LIBRARIES = 225e6
+"""Memory of the libraries for convolutions, and of the compiler of the rendering kernels [bytes]. A process keeps memory that was freed,
+so the compiler comes on top of any stage. Only the first run compiles: later ones need about 80 MB less."""
 
-HOLES, MOST_HOLES = 0.7, 320e6
-"""The allocator's overhead in stages with many layers, relative to their tensors, and its maximum [bytes]: small tensors come from a
-heap, which keeps gaps where tensors were freed; large tensors are released completely."""
+HOLES = {"heads": 0.6, "cost_volume": 0.2, "render": 0.2}
+"""The allocator's overhead relative to a stage's tensors, `MANY_HOLES` in the other stages: small tensors come from a heap, which keeps
+gaps where tensors were freed; large tensors, as in the cost volume and in rendering, are released completely."""
 
-FEW_HOLES = 0.2
-"""The same overhead in stages with a few large tensors: the cost volume, and rendering."""
+MANY_HOLES, MOST_HOLES = 0.7, 250e6
+"""The same overhead in stages of many layers, and its maximum [bytes]."""
 
 ROUNDING = 1.04
 """Factor for small tensors that are not counted."""
@@ -90,8 +91,8 @@ def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, fl
     """Peak memory of a process in each stage, if it used `held` before [bytes]."""
     found = {}
     for stage, tensors in stage_bytes(model, work, chunks).items():
-        share = FEW_HOLES if stage in ("cost_volume", "render") else HOLES
-        found[stage] = held + LIBRARIES + ROUNDING * tensors + min(share * tensors, MOST_HOLES)
+        holes = min(HOLES.get(stage, MANY_HOLES) * tensors, MOST_HOLES)
+        found[stage] = held + LIBRARIES + ROUNDING * tensors + holes
     return found
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from semgs.cli.help_text import paragraphs
 from semgs.cli.main import COMMANDS, main
 from semgs.training.presets import PRESETS
 
@@ -42,6 +43,27 @@ def test_no_help_shows_an_empty_default_or_a_banned_phrase(arguments: list[str],
     text = text_of([word for name in arguments for word in name.split()], capsys)
     assert [found for found in ("default: None)", "default: )") if found in text] == []
     assert banned_in(text) == []
+
+
+def test_paragraphs_and_items_of_a_list_keep_their_lines_and_nothing_else():
+    text = "Two\n    views.\n\n    - One\n      item.\n    - Another."
+    assert paragraphs(text) == "Two views.\n\n    - One item.\n    - Another."
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["reconstruct"], "other frames that they cover are held out for comparison."),
+        (["train", "small"], "inverse_root_frequency counts how often each class occurs in the data"),  # inherited
+    ],
+    ids=["an option", "an inherited one"],
+)
+def test_a_line_of_a_help_ends_where_the_terminal_does(
+    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("COLUMNS", "1000")
+    assert main([*arguments, "--help"]) == 0
+    assert any(sentence in line for line in capsys.readouterr().out.splitlines())
 
 
 def test_the_readme_fits_on_two_screens_and_is_free_of_those_phrases():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -117,10 +118,13 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
 
 
 def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planning, "stage_bytes", lambda *_: {"cnn": 1e9, "cost_volume": 1e8, "depth": 1e8})
+    monkeypatch.setattr(
+        planning, "stage_bytes", lambda *_: {"cnn": 1e9, "cost_volume": 1e8, "depth": 1e8, "heads": 1e8}
+    )
     found = planning.peaks(model_of("small"), Work(2, (32, 64), 0), WHOLE, 5e6)
-    # What the process held, 178 MB of libraries, 4 % more than the tensors, and gaps: 70 % up to 320 MB, 20 % where tensors are few.
-    assert found == pytest.approx({"cnn": 1543e6, "cost_volume": 307e6, "depth": 357e6})
+    # What the process held, 225 MB of libraries, 4 % more than the tensors, and gaps: 70 % up to 250 MB, 60 % in the heads, 20 % where tensors
+    # are few.
+    assert found == pytest.approx({"cnn": 1520e6, "cost_volume": 354e6, "depth": 404e6, "heads": 394e6})
 
 
 def test_memory_grows_no_faster_than_views_and_pixels_where_views_come_one_at_a_time() -> None:
@@ -220,10 +224,12 @@ def test_the_command_ends_with_one_line_and_code_2_where_nothing_fits(
     assert not out.exists()
 
 
-def measured_and_planned(*arguments: str) -> tuple[float, float]:
-    """Bytes that a process held that reconstructed frames of the embedded room, and that its plan said it would."""
+def measured_and_planned(compiled: Path, *arguments: str) -> tuple[float, float]:
+    """Bytes that a process held that reconstructed frames of the embedded room, and that its plan said it would. Kernels are in a folder."""
     program = Path(__file__).parent / "peak_of_process.py"
-    done = subprocess.run([sys.executable, str(program), *arguments], capture_output=True, text=True, check=True)
+    surrounding = os.environ | {"NUMBA_CACHE_DIR": str(compiled)}
+    command = [sys.executable, str(program), *arguments]
+    done = subprocess.run(command, env=surrounding, capture_output=True, text=True, check=True)
     told = json.loads(done.stdout.splitlines()[-1])
     return told["measured_bytes"], told["peak_bytes"]
 
@@ -232,11 +238,13 @@ SETTINGS = [
     "small 2 120 160", "small 2 240 320", "small 4 240 320", "small 8 240 320", "small 2 480 640", "small 4 480 640",
     "small 8 480 640", "base 2 120 160", "base 4 120 160", "base 8 120 160", "base 2 240 320", "base 4 240 320",
 ]  # fmt: skip
-IN_CHUNKS = ["small 8 240 320 0.55", "small 8 480 640 1.45", "base 4 120 160 0.57"]
+IN_CHUNKS = ["small 8 240 320 0.6", "small 8 480 640 1.45", "base 4 120 160 0.57"]
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("setting", [*SETTINGS, *IN_CHUNKS])
-def test_the_plan_is_the_peak_of_a_process_or_up_to_a_fifth_more(setting: str) -> None:
-    measured, planned = measured_and_planned(*setting.split())
+def test_the_plan_is_the_peak_of_a_first_run_or_up_to_a_fifth_more(setting: str, tmp_path: Path) -> None:
+    measured, planned = measured_and_planned(tmp_path, *setting.split())
     assert ALWAYS_MORE * measured <= planned <= NEVER_MORE * measured
+    again, planned = measured_and_planned(tmp_path, *setting.split())
+    assert again <= planned
