@@ -22,7 +22,7 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         "there is at least one camera, because there are topics",
     ),
     (
-        "semgs/data/layouts/zoo.py",
+        "semgs/data/layouts/zoo/shots.py",
         "labels = scannet20_labels()[np.where((ids < 0) | (ids > len(NAMES)), 0, ids)]",
         "labels = scannet20_labels()[np.where((ids < 1) | (ids > len(NAMES)), 0, ids)]",
         "an id of 0 is replaced by 0",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts import transforms_json, zoo
+from semgs.data.layouts import transforms_json
 from semgs.data.layouts.colmap import model as colmap
 from semgs.data.layouts.parts.recordings import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
@@ -17,6 +17,7 @@ from semgs.data.layouts.rgbd import frame_files, tum
 from semgs.data.layouts.ros import recording as ros
 from semgs.data.layouts.scannet import scan as scannet
 from semgs.data.layouts.scannetpp import scan as scannetpp
+from semgs.data.layouts.zoo import scenes as zoo
 from semgs.data.readings import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import SceneList, calls

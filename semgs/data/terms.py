@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.labeller import Labeller
-from semgs.data.layouts import zoo
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scan as scannet
 from semgs.data.layouts.scannetpp import scan as scannetpp
+from semgs.data.layouts.zoo.data_sets import DATA_SETS, LAYOUT
 from semgs.data.prepared_record import read_record
 from semgs.data.scene import Scene
 from semgs.files.strict_json import parse_json
@@ -134,8 +134,8 @@ def _of_layout(layout: str) -> Terms | None:
         return SCANNET
     if layout.startswith(scannetpp.LAYOUT):
         return SCANNETPP
-    if layout.startswith(f"{zoo.LAYOUT} "):
-        title = next(one.title for one in zoo.DATA_SETS if layout == f"{zoo.LAYOUT} {one.name}")
+    if layout.startswith(f"{LAYOUT} "):
+        title = next(one.title for one in DATA_SETS if layout == f"{LAYOUT} {one.name}")
         return Terms(f"{title}: the terms of use of the data set", own=True)
     return REPLICA if layout == replica.LAYOUT else None
 

@@ -12,7 +12,7 @@ SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
 COLMAP = "semgs/data/layouts/colmap/files.py"
 POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
-ZOO = "semgs/data/layouts/zoo.py"
+ZOO = "semgs/data/layouts/zoo/scenes.py"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
 OF_CHOICE = ("tests/data/test_choice.py",)
 OF_COVISIBILITY = ("tests/data/test_covisibility.py",)
@@ -182,17 +182,17 @@ DATA = (
     Mutant(
         "half a pixel is added to cx only in what scenezoo reads", ZOO,
         "    cy = cy + source.half\n", "",
-        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+        ("tests/data/layouts/zoo/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
     ),
     Mutant(
         "rows of Matterport3D count from the top", ZOO,
         "height - cy if source.from_below", "cy if source.from_below",
-        ("tests/data/layouts/test_zoo.py::test_rows_that_count_from_below_are_turned_round",),
+        ("tests/data/layouts/zoo/test_zoo.py::test_rows_that_count_from_below_are_turned_round",),
     ),
     Mutant(
         "scenezoo's poses are taken as camera to world", ZOO,
         "np.linalg.inv(np.asarray(matrix, np.float64))", "np.asarray(matrix, np.float64)",
-        ("tests/data/layouts/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
+        ("tests/data/layouts/zoo/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
     ),
     Mutant(
         "the position comes first in Record3D's poses", RECORD3D,

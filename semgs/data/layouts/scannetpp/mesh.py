@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import ClassVar, final
 from zipfile import BadZipFile
 
 import numpy as np
@@ -25,7 +24,6 @@ from jaxtyping import Float32, Float64, Int, Num, UInt8, UInt16
 from semgs.data.classes import IGNORE
 from semgs.data.layouts.parts.fields import Fields, parsed
 from semgs.data.layouts.scannet.labels import normal
-from semgs.data.maps import Pixels
 from semgs.data.raycast import Raycaster
 from semgs.files.atomic import write_bytes
 from semgs.files.cache import cache_folder
@@ -96,48 +94,6 @@ class LabelledMesh:
         digest.update(pose)
         digest.update(intrinsics)
         return cache_folder() / KEPT / self.scene / f"{digest.hexdigest()[:32]}.npz"
-
-
-@final
-@dataclass(frozen=True)
-class MeshLabels:
-    """Labels from a mesh.
-
-    Attributes:
-        mesh: of the scan.
-    """
-
-    mesh: LabelledMesh
-    stored: ClassVar[bool] = False
-
-    def read(self, pixels: Pixels) -> UInt8[np.ndarray, "h w"]:
-        """As `MapSource.read`, exact at the centres of the pixels.
-
-        Raises:
-            InputError, ImportError: as `LabelledMesh.seen`.
-        """
-        return self.mesh.seen(pixels.camera)[0]
-
-
-@final
-@dataclass(frozen=True)
-class MeshDepth:
-    """Z-depths from a mesh.
-
-    Attributes:
-        mesh: of the scan.
-    """
-
-    mesh: LabelledMesh
-    stored: ClassVar[bool] = False
-
-    def read(self, pixels: Pixels) -> Float32[np.ndarray, "h w"]:
-        """As `MapSource.read`, exact at the centres of the pixels.
-
-        Raises:
-            InputError, ImportError: as `LabelledMesh.seen`.
-        """
-        return self.mesh.seen(pixels.camera)[1]
 
 
 @lru_cache(maxsize=1)

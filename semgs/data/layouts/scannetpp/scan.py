@@ -18,6 +18,7 @@ from pathlib import Path
 
 from semgs.data.classes import SCANNET20
 from semgs.data.frames import Frame
+from semgs.data.layouts.parts.mesh_maps import MeshDepth, MeshLabels
 from semgs.data.layouts.parts.sentences import lacking
 from semgs.data.layouts.scannet.labels import find_table, read_table
 from semgs.data.layouts.scannetpp.devices import (
@@ -30,7 +31,7 @@ from semgs.data.layouts.scannetpp.devices import (
     read_posed,
 )
 from semgs.data.layouts.scannetpp.labels import labels_of
-from semgs.data.layouts.scannetpp.mesh import MESH, LabelledMesh, MeshDepth, MeshLabels, object_names
+from semgs.data.layouts.scannetpp.mesh import MESH, LabelledMesh, object_names
 from semgs.data.lens import AbstractLens
 from semgs.data.maps import DepthMap, MaskMap
 from semgs.data.readings import READINGS, TOOLBOX_UNDISTORTION

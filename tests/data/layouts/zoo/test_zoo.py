@@ -29,7 +29,10 @@ from zoo_writer import (
 )
 
 from semgs.cli.main import main
-from semgs.data.layouts import zoo
+from semgs.data.layouts.zoo.data_sets import DataSet, Source
+from semgs.data.layouts.zoo.mesh import SceneMesh, label_of
+from semgs.data.layouts.zoo.scenes import zoo_scene
+from semgs.data.layouts.zoo.shots import ShotDepth
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
@@ -184,15 +187,15 @@ class Stand:
         return SimpleNamespace(labels=np.array([7]), id_to_name={7: "Chair"}, domain="face")
 
 
-def stand_in(stand: Stand, source: zoo.Source, scene: str = "office"):
-    data = zoo.DataSet("multiscan", "MultiScan", (source,))
-    return zoo.zoo_scene(stand, stand.made.root, scene, data, source, {}, names_known=True)
+def stand_in(stand: Stand, source: Source, scene: str = "office"):
+    data = DataSet("multiscan", "MultiScan", (source,))
+    return zoo_scene(stand, stand.made.root, scene, data, source, {}, names_known=True)
 
 
 def test_half_a_pixel_is_added_where_the_first_centre_is_0(tmp_path: Path):
     made = photographs(tmp_path)
-    check(stand_in(Stand(made, CENTRED), zoo.Source("", 0.5)), made, has_labels=False)
-    check(stand_in(Stand(made, K), zoo.Source("", 0.0)), made, has_labels=False)
+    check(stand_in(Stand(made, CENTRED), Source("", 0.5)), made, has_labels=False)
+    check(stand_in(Stand(made, K), Source("", 0.0)), made, has_labels=False)
 
 
 def test_rows_that_count_from_below_are_turned_round(tmp_path: Path):
@@ -200,15 +203,15 @@ def test_rows_that_count_from_below_are_turned_round(tmp_path: Path):
     made = photographs(tmp_path)
     given = K.copy()
     given[:2, 2] = 62.6, 47.2
-    lens = stand_in(Stand(made, given), zoo.Source("", 0.5, from_below=True)).frames[0].lens
+    lens = stand_in(Stand(made, given), Source("", 0.5, from_below=True)).frames[0].lens
     assert lens.centre == pytest.approx((63.1, 48.3), abs=1e-5)
 
 
 def test_depth_of_a_camera_of_its_own_is_carried_over(tmp_path: Path):
     made = photographs(tmp_path)
-    scene = stand_in(Stand(made, CENTRED), zoo.Source("", 0.5, own_depth_camera=True))
+    scene = stand_in(Stand(made, CENTRED), Source("", 0.5, own_depth_camera=True))
     depth = scene.frames[0].depth
-    assert isinstance(depth, zoo.ShotDepth)
+    assert isinstance(depth, ShotDepth)
     assert isinstance(depth.lens, Lens)
     assert depth.lens.centre == pytest.approx((63.1, 48.8), abs=1e-5)
     check(scene, made, has_labels=False)
@@ -216,10 +219,10 @@ def test_depth_of_a_camera_of_its_own_is_carried_over(tmp_path: Path):
 
 def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
     """Nine metres to each side of a wall above all cameras: chair is 4 of 20."""
-    data = zoo.DataSet("multiscan", "MultiScan", (zoo.Source("", 0.0),), mesh="ply")
-    cast = zoo.SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data).cast
+    data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
+    cast = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data).cast
     assert cast.labels.tolist() == [4]
-    assert [zoo.label_of(name, None) for name in ("Chair", "refrigerator", "otherfurniture", "ceiling", "hat", None)] == [
+    assert [label_of(name, None) for name in ("Chair", "refrigerator", "otherfurniture", "ceiling", "hat", None)] == [
         4, 14, 19, 255, 255, 255,
     ]  # fmt: skip
 
@@ -234,7 +237,7 @@ def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
 )
 def test_what_is_not_supported_is_refused(tmp_path: Path, stand: dict, scene: str, said: str):
     with pytest.raises(InputError, match=said):
-        stand_in(Stand(photographs(tmp_path), K, **stand), zoo.Source("", 0.0), scene)
+        stand_in(Stand(photographs(tmp_path), K, **stand), Source("", 0.0), scene)
 
 
 @pytest.mark.parametrize(
@@ -273,7 +276,9 @@ def test_a_name_of_another_form_is_refused(name: str):
 
 def test_other_details_are_refused_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     made = photographs(tmp_path)
-    monkeypatch.setattr(zoo, "_scenezoo", lambda: SimpleNamespace(get_dataset=opening(Stand(made, K))))
+    monkeypatch.setattr(
+        "semgs.data.layouts.zoo.scenes.scenezoo_library", lambda: SimpleNamespace(get_dataset=opening(Stand(made, K)))
+    )
     assert len(open_scene(tmp_path, scenezoo="arkitscenes:office:vga_wide")) == len(made.poses)
     with pytest.raises(InputError, match="leave it out"):
         open_scene(tmp_path, scenezoo="arkitscenes:office:vga_wide", depth_unit=0.001)

@@ -1,0 +1,82 @@
+"""The labelled mesh of a scene, read with scenezoo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from semgs.data.layouts.scannet.labels import LabelTable, normal
+from semgs.data.layouts.scannetpp.labels import NYU40_OF
+from semgs.data.layouts.scannetpp.mesh import MILLIMETRES, Cast
+from semgs.data.layouts.zoo.data_sets import DataSet
+from semgs.data.layouts.zoo.library import scenezoo_errors
+from semgs.data.nyu40 import NAMES, scannet20_labels
+from semgs.data.raycast import Raycaster
+from semgs.files.errors import InputError, input_error
+from semgs.geometry.cameras import Cameras
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class SceneMesh:
+    """The labelled mesh of a scene, read on first use.
+
+    Attributes:
+        opened: scenezoo's data set.
+        path: its folder.
+        scene: scenezoo's name of the scene.
+        data: what is known of the data set.
+        table: ScanNet's, if it is with the data; it knows more names.
+    """
+
+    opened: Any
+    path: Path
+    scene: str
+    data: DataSet
+    table: LabelTable | None = None
+
+    @cached_property
+    def cast(self) -> Cast:
+        """The mesh, ready for rays.
+
+        Raises:
+            InputError: scenezoo cannot read it, or it has another number of faces or vertices than labels.
+            ImportError: embreex is not installed.
+        """
+        with scenezoo_errors(self.path):
+            mesh = self.opened.get_mesh(self.scene, mesh_type=self.data.mesh)
+            found = self.opened.get_segmentation(self.scene, **self.data.segmentation)
+        faces, ids = np.asarray(mesh.triangles), np.asarray(found.labels)
+        expected = len(faces) if found.domain == "face" else len(mesh.vertices)
+        if ids.shape != (expected,):
+            raise InputError(
+                self.path, f"a label for each {found.domain} of the mesh ({expected})", f"{len(ids)}", self.scene
+            )
+        known = np.array([label_of(found.id_to_name.get(int(one)), self.table) for one in np.unique(ids)], np.uint8)
+        labels = known[np.unique(ids, return_inverse=True)[1]]
+        with input_error(self.path, "a mesh for ray casting", self.scene):
+            caster = Raycaster(np.asarray(mesh.vertices), faces)
+        return Cast(caster, labels if found.domain == "face" else labels[faces[:, 0]], np.zeros(len(faces), bool))
+
+    def seen(self, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+        """As `SeenMesh.seen`.
+
+        Raises:
+            InputError, ImportError: as `cast`.
+        """
+        labels, millimetres = self.cast.cast(camera.world_from_camera.numpy(), camera.intrinsics.numpy(), camera.size)
+        return labels, millimetres.astype(np.float32) / np.float32(MILLIMETRES)
+
+
+def label_of(name: str | None, table: LabelTable | None) -> int:
+    """The label in `scannet20` of an object's name; 255 if it has none."""
+    key = normal(name or "")
+    nyu40 = (table.by_name.get(key) if table else None) or NYU40_OF.get(key)
+    if nyu40 is None:
+        nyu40 = NAMES.index(key) + 1 if key in NAMES else 0
+    return int(scannet20_labels()[nyu40])
