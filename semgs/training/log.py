@@ -39,7 +39,7 @@ class RunLog:
 
     Args:
         out: the run folder, for log.jsonl and tensorboard/; None writes nothing. Lines after `step`, which a killed run may have left,
-            are dropped. Lines that cannot be read are moved to `DAMAGED`.
+            are dropped, and those of step 0 if it begins there again. Lines that cannot be read are moved to `DAMAGED`.
         step: where the run starts or resumes.
         steps: its last step.
         console: where progress is shown; None shows nothing.
@@ -48,16 +48,17 @@ class RunLog:
     def __init__(self, out: Path | None, step: int, steps: int, console: Console | None) -> None:
         self._file = self._events = None
         if out is not None:
+            last = step or -1  # a run that begins at step 0 validates there
             path = out / "log.jsonl"
             found = [(_step_of(line), line) for line in _lines(path)]
             if damaged := [line for there, line in found if there is None]:
                 with (out / DAMAGED).open("ab") as aside:
                     aside.writelines(damaged)
                 tell(console, [f"{path}: {len(damaged)} lines cannot be read; they were moved to {DAMAGED}"])
-            kept = [line for there, line in found if there is not None and there <= step]
+            kept = [line for there, line in found if there is not None and there <= last]
             write_bytes(path, b"".join(kept))
             self._file = path.open("a")
-            self._events = _events(out / "tensorboard", step)
+            self._events = _events(out / "tensorboard", last)
         self._start, self._steps, self._console = step, steps, console
         self._reports: list[StepReport] = []
         self._waited = self._samples = 0.0

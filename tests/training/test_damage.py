@@ -18,6 +18,7 @@ from semgs.training.run import BEST, SETTINGS, WEIGHTS, claim, hold_assets, read
 from semgs.training.run import network as network_of_a_run
 from semgs.training.state import TrainingState
 from semgs.training.supervision import supervision_of
+from semgs.training.validation import validation_of_views
 
 
 @pytest.fixture
@@ -147,6 +148,16 @@ def test_damaged_lines_of_a_log_are_set_aside_and_the_run_goes_on(tmp_path):
         pass
     assert log.read_bytes() == good[0]
     assert (tmp_path / DAMAGED).read_bytes() == b"".join(bad)
+
+
+def test_a_run_that_begins_again_has_one_validation_of_its_first_weights(tmp_path):
+    """Killed before its first checkpoint, it validates at step 0 again."""
+    log = tmp_path / "log.jsonl"
+    for score in (0.25, 0.5):
+        with RunLog(tmp_path, 0, 100, None) as run:
+            run.validation(0, validation_of_views(20.0, score, 0.75, None))
+    (line,) = log.read_text().splitlines()
+    assert json.loads(line) == {"step": 0, "validation": {"psnr": 20.0, "miou": 0.5, "accuracy": 0.75}}
 
 
 def test_leftovers_of_killed_processes_go_before_a_run_resumes(settings, tmp_path):
