@@ -59,8 +59,11 @@ def outputs(result: Reconstruction, page: bool = False) -> tuple[Link, ...]:
         ),
         Link("semantics.ply", "the same coloured by class, with the shapes of the semantic Gaussians"),
         Link("export.json", "the matrix from the PLY files to the scene's coordinates, and the class table"),
-        Link("scene.safetensors", "everything, for `semgs.load_scene`: Gaussians, cameras, depth, confidence, classes"),
-        Link("features.safetensors", "the features of the Gaussians, for `semgs query`"),
+        Link(
+            "scene.safetensors",
+            "everything, for semgs.load_scene in Python: Gaussians, cameras, depth, confidence, classes",
+        ),
+        Link("features.safetensors", "the features of the Gaussians, for semgs query"),
         Link("segmenter/", "the segmenter's maps of the input photos, used again by --overwrite"),
         Link("renders/", f"images of every view: photo, render, {maps}{depth} and its uncertainty, alpha"),
     ]
