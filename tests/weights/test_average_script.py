@@ -1,0 +1,53 @@
+"""scripts/average_weights.py: the mean of weights, and what its header says."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+
+import pytest
+import torch
+from networks import network
+
+from semgs.data.terms import FURNISHED, ROOMS, terms_text
+from semgs.files.errors import InputError
+from semgs.model.semgs import SemGS
+from semgs.weights.file import read_header, read_tensors, save
+from semgs.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes
+
+AVERAGE = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "average_weights.py"))["average"]
+
+
+def of_ones(value: float) -> SemGS:
+    """A network whose parameters all have one value."""
+    model = network()
+    with torch.no_grad():
+        for one in model.parameters():
+            one.fill_(value)
+    return model
+
+
+def test_a_file_that_is_named_twice_counts_twice(tmp_path: Path):
+    one, other = tmp_path / "one.safetensors", tmp_path / "other.safetensors"
+    save(one, of_ones(1.0), {SCENES: json.dumps(["b", "a"]), DATA_TERMS: terms_text([ROOMS])})
+    save(other, of_ones(2.5), {SCENES: json.dumps(["c", "a"]), DATA_TERMS: terms_text([FURNISHED])})
+    AVERAGE([one, one, other], tmp_path / "mean.safetensors")
+    named = dict(of_ones(0.0).named_parameters())
+    assert all(
+        (tensor == 1.5).all() for name, tensor in read_tensors(tmp_path / "mean.safetensors").items() if name in named
+    )
+    assert trained_scenes(tmp_path / "mean.safetensors") == ("a", "b", "c")
+    assert data_terms(tmp_path / "mean.safetensors") == (ROOMS, FURNISHED)
+    description = read_header(tmp_path / "mean.safetensors").metadata["description"]
+    assert description == "the mean of one.safetensors, one.safetensors, other.safetensors"
+
+
+def test_other_networks_are_refused_and_nothing_is_written(tmp_path: Path):
+    save(tmp_path / "one.safetensors", of_ones(1.0), {})
+    save(tmp_path / "other.safetensors", network(channels=16), {})
+    with pytest.raises(
+        InputError, match=r"other\.safetensors: expected weights of the network and classes of one\.safetensors"
+    ):
+        AVERAGE([tmp_path / "one.safetensors", tmp_path / "other.safetensors"], tmp_path / "mean.safetensors")
+    assert not (tmp_path / "mean.safetensors").exists()
