@@ -14,6 +14,7 @@ import torch
 from chromium import page_of, picture_of
 from glb import read_glb
 from node_tools import FOLDER, node, package, splat_transform
+from scipy.ndimage import maximum_filter, minimum_filter
 from test_gltf import SPLAT, some_scene
 
 from semgs.cli.main import main
@@ -237,8 +238,12 @@ def test_the_viewer_page_shows_our_picture_and_our_classes(moved: Moved, tmp_pat
         html = page.replace(behind, f'"background":{{"color":[{level},{level},{level}]}}')
         theirs.append(shown(tmp_path / "classes.html", html, camera.size))
         own.append(image_of(ours(scene, camera, hard, float(level))))
-    same = _nearest(*theirs, palette.numpy()) == _nearest(*own, palette.numpy())
-    assert same[seen].mean() > 0.98
+    # Where two classes mix, at their borders, the nearest colour is a matter of rounding.
+    our_classes = _nearest(*own, palette.numpy())
+    same = _nearest(*theirs, palette.numpy()) == our_classes
+    inside = minimum_filter(our_classes, 3) == maximum_filter(our_classes, 3)
+    assert inside[seen].mean() > 0.85
+    assert same[seen & inside].mean() > 0.99
 
 
 def _nearest(on_black: np.ndarray, on_white: np.ndarray, palette: np.ndarray) -> np.ndarray:
