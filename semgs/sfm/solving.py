@@ -226,7 +226,7 @@ def _models(database: Path, folder: Path, work: Path, held: bool, count: int) ->
     options.min_model_size, options.random_seed = least, SEED
     options.mapper.random_seed = options.triangulation.random_seed = SEED
     options.max_runtime_seconds = 60 + 10 * count
-    options.num_threads = options.mapper.num_threads = 1  # with more, one solution in 50 differs: threads share random numbers
+    options.num_threads = options.mapper.num_threads = 1  # with more, about one solution in a hundred differs
     for part in (options, options.mapper, options.triangulation):
         part.min_focal_length_ratio, part.max_focal_length_ratio = PLAUSIBLE
     mapper, triangulation = options.mapper, options.triangulation
