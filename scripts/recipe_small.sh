@@ -87,7 +87,7 @@ if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder
 eighth="$folder/eighth_$share""_$seed"
 train "$eighth" 2600 --init "$seventh/weights.safetensors" "${taught[@]}" --seed "$((seed + 23))" --data "$folder/new" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
 
-# And from as many of the second edition: version 10.
+# And from 1,200 rooms of the second edition: version 10.
 rooms homes 1200 3 2303 240x320
 if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/homes"; fi
 ninth="$folder/ninth_$share""_$seed"
