@@ -82,7 +82,7 @@ DATA = (
         of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
     ),
     Mutant(
-        "rays are cast through the corners of pixels", "semgs/data/layouts/scannetpp/mesh.py",
+        "rays are cast through the corners of pixels", "semgs/data/layouts/parts/mesh_maps.py",
         "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(

@@ -19,10 +19,11 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, Num, UInt8, UInt16
+from jaxtyping import Float32, Float64, Int, UInt8, UInt16
 
 from semgs.data.classes import IGNORE
 from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.mesh_maps import LabelledTriangles, metres
 from semgs.data.layouts.scannet.labels import normal
 from semgs.data.raycast import Raycaster
 from semgs.files.atomic import write_bytes
@@ -39,12 +40,6 @@ KEPT = "casts"
 """The folder in the cache; every scan has its own folder in it."""
 FORM = 1
 """Version of the cached files; increase it if the same input gives other results."""
-
-MILLIMETRES = 1000
-FARTHEST = 65.535
-"""Depth is stored as 16-bit millimetres; beyond this it is unknown [m]."""
-AT_ONCE = 1 << 18
-"""Rays that are cast at once: some tens of megabytes."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +75,7 @@ class LabelledMesh:
         """
         pose, intrinsics = camera.world_from_camera.numpy().tobytes(), camera.intrinsics.numpy().tobytes()
         labels, counts = _seen(self, self._place(pose, intrinsics, camera.size), pose, intrinsics, camera.size)
-        return labels.copy(), counts.astype(np.float32) / np.float32(MILLIMETRES)
+        return labels.copy(), metres(counts)
 
     def state(self) -> tuple:
         """A key that changes when a file of the scan does."""
@@ -111,8 +106,8 @@ def _seen(
     """
     found = _kept(place, size)
     if found is None:
-        cast = _mesh(mesh.folder, mesh.labels, mesh.state())
-        found = cast.cast(np.frombuffer(pose).reshape(4, 4), np.frombuffer(intrinsics).reshape(3, 3), size)
+        triangles = _mesh(mesh.folder, mesh.labels, mesh.state())
+        found = triangles.cast(np.frombuffer(pose).reshape(4, 4), np.frombuffer(intrinsics).reshape(3, 3), size)
         _keep(place, *found)
     return found
 
@@ -133,41 +128,8 @@ def object_names(path: Path) -> dict[str, int]:
     return names
 
 
-@dataclass(frozen=True, eq=False)
-class Cast:
-    """A mesh prepared for ray casting.
-
-    Attributes:
-        caster: its triangles.
-        labels: of each triangle, 255 = none.
-        hidden: whether to ignore a triangle, including its depth.
-    """
-
-    caster: Raycaster
-    labels: UInt8[np.ndarray, " m"]
-    hidden: np.ndarray
-
-    def cast(
-        self, world_from_camera: Num[np.ndarray, "4 4"], intrinsics: Num[np.ndarray, "3 3"], size: tuple[int, int]
-    ) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]]:
-        """Labels and z-depths [mm] at the pixel centres of a pinhole."""
-        height, width = size
-        labels, counts = np.empty(height * width, np.uint8), np.empty(height * width, np.uint16)
-        turned = (world_from_camera[:3, :3] @ np.linalg.inv(intrinsics)).T
-        for start in range(0, height * width, AT_ONCE):
-            row, column = np.divmod(np.arange(start, min(start + AT_ONCE, height * width)), width)
-            rays = np.stack((column + 0.5, row + 0.5, np.ones(len(row))), axis=-1) @ turned
-            # For a direction with z = 1 in the camera, the distance is the z-depth.
-            triangles, depths = self.caster.cast(np.broadcast_to(world_from_camera[:3, 3], rays.shape), rays)
-            seen = (triangles >= 0) & ~self.hidden[triangles]
-            labels[start : start + len(row)] = np.where(seen, self.labels[triangles], IGNORE)
-            near = seen & (depths <= FARTHEST)
-            counts[start : start + len(row)] = np.round(np.where(near, depths, 0).astype(np.float64) * MILLIMETRES)
-        return labels.reshape(size), counts.reshape(size)
-
-
 @lru_cache(maxsize=1)
-def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> Cast:
+def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> LabelledTriangles:
     """The mesh of a scan; the last one stays in memory, because frames are mostly read scan by scan."""
     vertices, faces = read_mesh(folder / MESH)
     of_vertices = np.full(len(vertices), IGNORE, np.uint8)
@@ -178,7 +140,7 @@ def _mesh(folder: Path, labels: tuple[tuple[str, int], ...], state: tuple) -> Ca
         hidden[masked_vertices(folder / MASKED, len(vertices))] = True
     first = faces[:, 0]
     with input_error(folder / MESH, "a mesh for ray casting"):
-        return Cast(Raycaster(vertices, faces), of_vertices[first], hidden[first])
+        return LabelledTriangles(Raycaster(vertices, faces), of_vertices[first], hidden[first])
 
 
 def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
 from semgs.data.layouts.scannet.labels import LabelTable, normal
 from semgs.data.layouts.scannetpp.labels import NYU40_OF
-from semgs.data.layouts.scannetpp.mesh import MILLIMETRES, Cast
 from semgs.data.layouts.zoo.data_sets import DataSet
 from semgs.data.layouts.zoo.library import scenezoo_errors
 from semgs.data.nyu40 import NAMES, scannet20_labels
@@ -24,7 +24,7 @@ from semgs.geometry.cameras import Cameras
 @final
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """The labelled mesh of a scene, read on first use.
+    """The labelled mesh of a scene, read when somebody looks.
 
     Attributes:
         opened: scenezoo's data set.
@@ -40,37 +40,38 @@ class SceneMesh:
     data: DataSet
     table: LabelTable | None = None
 
-    @cached_property
-    def cast(self) -> Cast:
-        """The mesh, ready for rays.
-
-        Raises:
-            InputError: scenezoo cannot read it, or it has another number of faces or vertices than labels.
-            ImportError: embreex is not installed.
-        """
-        with scenezoo_errors(self.path):
-            mesh = self.opened.get_mesh(self.scene, mesh_type=self.data.mesh)
-            found = self.opened.get_segmentation(self.scene, **self.data.segmentation)
-        faces, ids = np.asarray(mesh.triangles), np.asarray(found.labels)
-        expected = len(faces) if found.domain == "face" else len(mesh.vertices)
-        if ids.shape != (expected,):
-            raise InputError(
-                self.path, f"a label for each {found.domain} of the mesh ({expected})", f"{len(ids)}", self.scene
-            )
-        known = np.array([label_of(found.id_to_name.get(int(one)), self.table) for one in np.unique(ids)], np.uint8)
-        labels = known[np.unique(ids, return_inverse=True)[1]]
-        with input_error(self.path, "a mesh for ray casting", self.scene):
-            caster = Raycaster(np.asarray(mesh.vertices), faces)
-        return Cast(caster, labels if found.domain == "face" else labels[faces[:, 0]], np.zeros(len(faces), bool))
-
     def seen(self, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
         """As `SeenMesh.seen`.
 
         Raises:
-            InputError, ImportError: as `cast`.
+            InputError, ImportError: as `triangles`.
         """
-        labels, millimetres = self.cast.cast(camera.world_from_camera.numpy(), camera.intrinsics.numpy(), camera.size)
-        return labels, millimetres.astype(np.float32) / np.float32(MILLIMETRES)
+        return triangles(self).seen(camera)
+
+
+@lru_cache(maxsize=1)
+def triangles(mesh: SceneMesh) -> LabelledTriangles:
+    """A mesh, ready for rays; the last one stays in memory, because frames are mostly read scene by scene.
+
+    Raises:
+        InputError: scenezoo cannot read it, or it has another number of faces or vertices than labels.
+        ImportError: embreex is not installed.
+    """
+    with scenezoo_errors(mesh.path):
+        read = mesh.opened.get_mesh(mesh.scene, mesh_type=mesh.data.mesh)
+        found = mesh.opened.get_segmentation(mesh.scene, **mesh.data.segmentation)
+    faces, ids = np.asarray(read.triangles), np.asarray(found.labels)
+    expected = len(faces) if found.domain == "face" else len(read.vertices)
+    if ids.shape != (expected,):
+        raise InputError(
+            mesh.path, f"a label for each {found.domain} of the mesh ({expected})", f"{len(ids)}", mesh.scene
+        )
+    known = np.array([label_of(found.id_to_name.get(int(one)), mesh.table) for one in np.unique(ids)], np.uint8)
+    labels = known[np.unique(ids, return_inverse=True)[1]]
+    with input_error(mesh.path, "a mesh for ray casting", mesh.scene):
+        caster = Raycaster(np.asarray(read.vertices), faces)
+    of_faces = labels if found.domain == "face" else labels[faces[:, 0]]
+    return LabelledTriangles(caster, of_faces, np.zeros(len(faces), bool))
 
 
 def label_of(name: str | None, table: LabelTable | None) -> int:

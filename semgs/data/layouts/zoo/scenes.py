@@ -20,7 +20,7 @@ from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.layouts.scannet.labels import find_table, read_table
 from semgs.data.layouts.zoo.data_sets import LAYOUT, DataSet, Source, chosen
 from semgs.data.layouts.zoo.library import scenezoo_errors, scenezoo_library
-from semgs.data.layouts.zoo.mesh import SceneMesh
+from semgs.data.layouts.zoo.mesh import SceneMesh, triangles
 from semgs.data.layouts.zoo.shots import Shot, ShotDepth, ShotLabels
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
@@ -162,7 +162,7 @@ def _mesh(opened: Any, path: Path, scene: str, data: DataSet, names_known: bool,
     found = find_table(path)
     mesh = SceneMesh(opened, path, scene, data, read_table(found) if found else None)
     try:
-        _ = mesh.cast
+        triangles(mesh)
     except (InputError, ImportError) as error:
         notes.append(f"The labels are left out: {error.found if isinstance(error, InputError) else error}")
         return None

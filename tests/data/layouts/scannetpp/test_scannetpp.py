@@ -40,13 +40,13 @@ from scannetpp_writer import (
 
 from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
+from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
 from semgs.data.layouts.scannetpp import mesh as scannetpp_mesh
 from semgs.data.layouts.scannetpp import scan as scannetpp
 from semgs.data.layouts.scannetpp.devices import in_mesh_world
 from semgs.data.layouts.scannetpp.labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
-from semgs.data.layouts.scannetpp.mesh import Cast, object_names, vertex_labels
+from semgs.data.layouts.scannetpp.mesh import object_names, vertex_labels
 from semgs.data.nyu40 import NAMES as NYU40_NAMES
-from semgs.data.raycast import Raycaster
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
@@ -364,20 +364,6 @@ def test_of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_la
     assert labels.tolist() == [0, 0, 255, 7, 7, 255]  # of two as small as each other the first
 
 
-def test_a_triangle_has_the_label_of_its_first_corner_and_hidden_ones_have_nothing():
-    vertices = np.array([[-1.0, -1, 2], [1, -1, 2], [0, 1, 2], [-9, -9, 3], [9, -9, 3], [0, 9, 3]])
-    faces = np.array([[0, 1, 2], [3, 4, 5]])
-    labels = np.array([4, 1, 1, 2, 0, 0], np.uint8)
-    k = np.array([[40.0, 0, 20], [0, 40, 15], [0, 0, 1]])
-    cast = Cast(Raycaster(vertices, faces), labels[faces[:, 0]], np.array([False, False]))
-    seen, depth = cast.cast(np.eye(4), k, (30, 40))
-    assert set(np.unique(seen)) == {2, 4}
-    assert (depth == np.where(seen == 4, 2000, 3000)).all()
-    seen, depth = Cast(cast.caster, cast.labels, np.array([True, False])).cast(np.eye(4), k, (30, 40))
-    assert set(np.unique(seen)) == {2, 255}
-    assert (depth == np.where(seen == 2, 3000, 0)).all()
-
-
 def test_what_was_cast_is_kept_and_what_changed_is_cast_anew(copied, cache, monkeypatch):
     scene = open_scene(copied)
     first = scene.read([0, 1], size=(40, 60))
@@ -388,7 +374,7 @@ def test_what_was_cast_is_kept_and_what_changed_is_cast_anew(copied, cache, monk
     def refused(*_):
         raise AssertionError("cast again")
 
-    monkeypatch.setattr(Cast, "cast", refused)
+    monkeypatch.setattr(LabelledTriangles, "cast", refused)
     again = scene.read([0, 1], size=(40, 60))
     assert torch.equal(first.labels, again.labels)
     assert torch.equal(first.depths, again.depths)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +31,7 @@ from zoo_writer import (
 
 from semgs.cli.main import main
 from semgs.data.layouts.zoo.data_sets import DataSet, Source
-from semgs.data.layouts.zoo.mesh import SceneMesh, label_of
+from semgs.data.layouts.zoo.mesh import SceneMesh, label_of, triangles
 from semgs.data.layouts.zoo.scenes import zoo_scene
 from semgs.data.layouts.zoo.shots import ShotDepth
 from semgs.data.lens import Lens
@@ -64,6 +65,8 @@ def test_a_room_comes_out_of_every_data_set_as_it_went_in(tmp_path: Path, librar
     assert scene.notes == ()
     assert terms_of(scene).own
     check(scene, made, has_labels="arkit" not in name, coarse="3rscan" in name)
+    sent = pickle.loads(pickle.dumps(scene))  # as to a worker of a training
+    check(sent, made, has_labels="arkit" not in name, coarse="3rscan" in name)
 
 
 def check(scene: Scene, made: Written, has_labels: bool, coarse: bool = False) -> None:
@@ -220,11 +223,21 @@ def test_depth_of_a_camera_of_its_own_is_carried_over(tmp_path: Path):
 def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
     """Nine metres to each side of a wall above all cameras: chair is 4 of 20."""
     data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
-    cast = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data).cast
-    assert cast.labels.tolist() == [4]
+    mesh = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data)
+    assert triangles(mesh).labels.tolist() == [4]
     assert [label_of(name, None) for name in ("Chair", "refrigerator", "otherfurniture", "ceiling", "hat", None)] == [
         4, 14, 19, 255, 255, 255,
     ]  # fmt: skip
+
+
+def test_a_mesh_that_was_looked_at_can_be_sent_to_a_worker(tmp_path: Path):
+    data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
+    mesh = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data)
+    first = triangles(mesh)
+    assert triangles(mesh) is first
+    sent = pickle.loads(pickle.dumps(mesh))
+    assert triangles(sent) is not first
+    assert triangles(sent).labels.tolist() == [4]
 
 
 @pytest.mark.parametrize(
