@@ -3,7 +3,7 @@
     python scripts/average_weights.py OUT.safetensors FILE FILE [FILE ...]
 
 Each FILE counts alike; name one twice to count it twice. They must have the same settings and classes, and should have begun from the same
-weights: the mean of networks that were trained apart knows nothing. The header joins the names of their scenes and the terms of their data.
+weights: the mean of networks that were trained apart knows nothing. The header joins their data, seeds, names of scenes and terms.
 Temperatures are left out, so calibrate the mean afterwards (`semgs weights calibrate`).
 """
 
@@ -53,6 +53,10 @@ def average(files: Sequence[Path], out: Path) -> None:
         {
             **({SCENES: json.dumps(scenes)} if scenes else {}),
             DATA_TERMS: terms_text(terms),
+            **{
+                key: ", ".join(dict.fromkeys(one.metadata.get(key, "unknown") for one in headers))
+                for key in ("data", "seed")
+            },
             "description": f"the mean of {', '.join(path.name for path in files)}",
         },
     )

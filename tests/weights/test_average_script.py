@@ -30,7 +30,7 @@ def of_ones(value: float) -> SemGS:
 
 def test_a_file_that_is_named_twice_counts_twice(tmp_path: Path):
     one, other = tmp_path / "one.safetensors", tmp_path / "other.safetensors"
-    save(one, of_ones(1.0), {SCENES: json.dumps(["b", "a"]), DATA_TERMS: terms_text([ROOMS])})
+    save(one, of_ones(1.0), {SCENES: json.dumps(["b", "a"]), DATA_TERMS: terms_text([ROOMS]), "seed": "4"})
     save(other, of_ones(2.5), {SCENES: json.dumps(["c", "a"]), DATA_TERMS: terms_text([FURNISHED])})
     AVERAGE([one, one, other], tmp_path / "mean.safetensors")
     named = dict(of_ones(0.0).named_parameters())
@@ -39,8 +39,9 @@ def test_a_file_that_is_named_twice_counts_twice(tmp_path: Path):
     )
     assert trained_scenes(tmp_path / "mean.safetensors") == ("a", "b", "c")
     assert data_terms(tmp_path / "mean.safetensors") == (ROOMS, FURNISHED)
-    description = read_header(tmp_path / "mean.safetensors").metadata["description"]
-    assert description == "the mean of one.safetensors, one.safetensors, other.safetensors"
+    header = read_header(tmp_path / "mean.safetensors").metadata
+    assert header["description"] == "the mean of one.safetensors, one.safetensors, other.safetensors"
+    assert (header["data"], header["seed"]) == ("unknown", "4, unknown")
 
 
 def test_other_networks_are_refused_and_nothing_is_written(tmp_path: Path):
