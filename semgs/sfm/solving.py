@@ -164,8 +164,12 @@ def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
 
 
 def _extract(database: Path, folder: Path, listed: Sequence[Photo]) -> None:
-    """Find the features of all photos. Photos of one size and focal length share a camera."""
+    """Find the features of all photos. Photos of one size and focal length share a camera.
+
+    The photos are numbered before, in their order: extraction, on all cores, would number them as it ends, and solutions differ with the numbers.
+    """
     library = pycolmap()
+    library.Database.open(database).close()  # creates it
     options = library.FeatureExtractionOptions()
     options.max_image_size, options.use_gpu = LARGEST_SIDE, False
     options.sift.max_num_features, options.sift.peak_threshold = FEATURES, CONTRAST
@@ -178,6 +182,7 @@ def _extract(database: Path, folder: Path, listed: Sequence[Photo]) -> None:
             reader.camera_params = f"{focal_px},{width / 2},{height / 2}" + (",0" if len(listed) >= DISTORTED else "")
         names = [one.name for one in listed if (one.size, one.focal_px) == photo]
         mode = library.CameraMode.SINGLE
+        library.import_images(database, folder, mode, names, reader)
         library.extract_features(database, folder, names, mode, reader, options, library.Device.cpu)
 
 
@@ -237,7 +242,11 @@ def _models(database: Path, folder: Path, work: Path, held: bool, count: int) ->
     models = list(library.incremental_mapping(database, folder, work, options).values())
     if count > 2 and max((model.num_reg_images() for model in models), default=0) < count:
         at_once = library.GlobalPipelineOptions()
-        at_once.min_model_size, at_once.random_seed = least, SEED
+        at_once.min_model_size = least
+        for seeded in (at_once, at_once.mapper, at_once.mapper.rotation_averaging, at_once.mapper.global_positioning):
+            seeded.random_seed = SEED
+        at_once.num_threads = at_once.mapper.num_threads = 1
+        at_once.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
         at_once.mapper.bundle_adjustment.refine_focal_length = not held
         models += library.global_mapping(database, folder, work, at_once).values()
     return [

@@ -9,6 +9,11 @@ OF_REFINE = "tests/sfm/test_refine.py::"
 
 SFM = (
     Mutant(
+        "photos are numbered as their features are found", "semgs/sfm/solving.py",
+        "        library.import_images(database, folder, mode, names, reader)\n", "",
+        (OF_SFM + "solving.py::test_photos_are_numbered_in_their_order_though_a_later_one_is_done_first",),
+    ),
+    Mutant(
         "depth of another camera is read at the inverse zoom", "semgs/sfm/matches.py",
         "zooms[:, None] * offsets[:, None]", "offsets[:, None] / zooms[:, None]",
         ("tests/doctor/test_registered.py::test_depth_of_another_camera_in_the_included_room_is_named",),
