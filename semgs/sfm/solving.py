@@ -62,8 +62,8 @@ LEAST_POINTS = 30
 LEAST_ANGLE_DEG = 1.0
 """Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
 
-SECONDS_PER_PHOTO, SECONDS_PER_PAIR = 2.5, 0.07
-"""On one core, for photos of `LARGEST_SIDE`; less for smaller ones."""
+SECONDS_PER_PHOTO, SECONDS_PER_PAIR, SECONDS_PER_CAMERA = 2.5, 0.09, 0.25
+"""Of one core to find a photo's features at `LARGEST_SIDE`, to match two photos, and to add a camera, which one thread does. Small photos take less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +106,10 @@ def expected_seconds(photos: Sequence[Photo], ordered: bool, cores: int) -> floa
     """About how long `solve` takes."""
     count = len(photos)
     pairs = sum(1 for i in range(count) for j in range(i + 1, count) if not ordered or j - i <= 10)
-    detail = min(1.0, (max(max(photo.size) for photo in photos) / LARGEST_SIDE) ** 2)
-    return 1 + detail * (SECONDS_PER_PHOTO * count + SECONDS_PER_PAIR * pairs) / cores
+    longer = max(max(photo.size) for photo in photos)
+    finding = SECONDS_PER_PHOTO * count * min(1.0, (longer / LARGEST_SIDE) ** 2)
+    matching = SECONDS_PER_PAIR * pairs * min(1.0, (longer / 640) ** 2)
+    return 1 + (finding + matching) / cores + SECONDS_PER_CAMERA * count * min(1.0, longer / 1000)
 
 
 def solve(photos: PhotoSet, listed: Sequence[Photo], focal_given: bool = False) -> Solution:

@@ -82,7 +82,12 @@ DATA = (
         of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
     ),
     Mutant(
-        "rays are cast through the corners of pixels", "semgs/data/layouts/parts/mesh_maps.py",
+        "a mesh that changed is not read again", "semgs/data/layouts/zoo/mesh.py",
+        "self.scene, self.files, self.table", "self.scene, self.table",
+        ("tests/data/layouts/zoo/test_zoo.py::test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes",),
+    ),
+    Mutant(
+        "rays are cast through the corners of pixels", "semgs/data/layouts/parts/triangles.py",
         "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(

@@ -21,7 +21,7 @@ from semgs.sfm.library import pycolmap
 from semgs.sfm.photos import Photo
 from semgs.sfm.scale import KnownDistance, in_metres, scaled
 from semgs.sfm.scene_folder import Known, write_scene
-from semgs.sfm.solving import Solution, best, posed_photos
+from semgs.sfm.solving import Solution, best, expected_seconds, posed_photos
 from semgs.sfm.writing import write_colmap
 
 DISTANCE = float(np.linalg.norm(poses_of(3)[2, :3, 3]))
@@ -84,6 +84,15 @@ def test_photos_are_numbered_in_their_order_though_a_later_one_is_done_first(tmp
         ]
         assert opened.num_keypoints_for_image(1) > 500
         assert opened.num_keypoints_for_image(2) == 0
+
+
+def test_the_expected_time_counts_photos_pairs_and_cameras():
+    large = [Photo(f"{n}.png", (1200, 1600)) for n in range(3)]
+    # 3 photos of 2.5 s and 3 pairs of 0.09 s on two cores, then 3 cameras of 0.25 s on one, and a second to start
+    assert expected_seconds(large, False, 2) == pytest.approx(1 + (7.5 + 0.27) / 2 + 0.75)
+    # at a fifth of the side: 0.04 of the finding, 0.25 of the matching, 0.32 of the cameras
+    small = [Photo(f"{n}.png", (240, 320)) for n in range(3)]
+    assert expected_seconds(small, False, 1) == pytest.approx(1 + 0.3 + 0.0675 + 0.24)
 
 
 def test_the_same_photos_give_the_same_cameras(three: Taken, in_two_metres: Solved, tmp_path: Path):

@@ -1,4 +1,4 @@
-"""ScanNet++'s annotated mesh: labels and depth as a pinhole sees them, by ray casting, cached on disk.
+"""ScanNet++'s annotated mesh: labels and depth as a pinhole sees them, by ray casting.
 
 scans/mesh_aligned_0.05.ply           triangles [m]
 scans/segments.json                   segIndices: the segment of each vertex
@@ -8,38 +8,25 @@ scans/mesh_aligned_0.05_mask.txt      anonymised vertices, to be ignored
 
 from __future__ import annotations
 
-import hashlib
-import io
-import warnings
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, UInt8, UInt16
+from jaxtyping import Float64, Int, UInt8
 
 from semgs.data.classes import IGNORE
 from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.mesh_maps import LabelledTriangles, metres
+from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannet.labels import normal
 from semgs.data.raycast import Raycaster
-from semgs.files.atomic import write_bytes
-from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError, input_error
-from semgs.geometry.cameras import Cameras
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
 ANNOTATIONS = "segments_anno.json"
 MASKED = "mesh_aligned_0.05_mask.txt"
-
-KEPT = "casts"
-"""The folder in the cache; every scan has its own folder in it."""
-FORM = 1
-"""Version of the cached files; increase it if the same input gives other results."""
 
 
 @dataclass(frozen=True)
@@ -66,50 +53,29 @@ class LabelledMesh:
         """The file of the objects, None if there is none."""
         return self.folder / ANNOTATIONS if (self.folder / ANNOTATIONS).is_file() else None
 
-    def seen(self, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-        """What a pinhole sees at its pixel centres: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
+    @property
+    def kept_in(self) -> str:
+        """As `StoredMesh.kept_in`."""
+        return self.scene
+
+    def key(self) -> tuple:
+        """As `StoredMesh.key`."""
+        return str(self.folder.resolve()), self.state(), self.labels
+
+    def triangles(self) -> LabelledTriangles:
+        """As `StoredMesh.triangles`.
 
         Raises:
             InputError: a file of the scan cannot be used.
             ImportError: embreex or trimesh is not installed; the error names the extra to install.
         """
-        pose, intrinsics = camera.world_from_camera.numpy().tobytes(), camera.intrinsics.numpy().tobytes()
-        labels, counts = _seen(self, self._place(pose, intrinsics, camera.size), pose, intrinsics, camera.size)
-        return labels.copy(), metres(counts)
+        return _mesh(self.folder, self.labels, self.state())
 
     def state(self) -> tuple:
         """A key that changes when a file of the scan does."""
         names = (MESH, SEGMENTS, ANNOTATIONS, MASKED)
         held = [(self.folder / name).stat() if (self.folder / name).is_file() else None for name in names]
         return tuple(one and (one.st_size, one.st_mtime_ns) for one in held)
-
-    def _place(self, pose: bytes, intrinsics: bytes, size: tuple[int, int]) -> Path:
-        """The cache file for a camera."""
-        digest = hashlib.sha256(repr((FORM, str(self.folder.resolve()), self.state(), self.labels, size)).encode())
-        digest.update(pose)
-        digest.update(intrinsics)
-        return cache_folder() / KEPT / self.scene / f"{digest.hexdigest()[:32]}.npz"
-
-
-@lru_cache(maxsize=1)
-def _seen(
-    mesh: LabelledMesh, place: Path, pose: bytes, intrinsics: bytes, size: tuple[int, int]
-) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]]:
-    """Labels and z-depths [mm] that a camera sees. The last result stays in memory, because both are read one after the other.
-
-    Args:
-        mesh: of the scan.
-        place: the cache file.
-        pose: the bytes of the pose.
-        intrinsics: the bytes of K.
-        size: (height, width) [px].
-    """
-    found = _kept(place, size)
-    if found is None:
-        triangles = _mesh(mesh.folder, mesh.labels, mesh.state())
-        found = triangles.cast(np.frombuffer(pose).reshape(4, 4), np.frombuffer(intrinsics).reshape(3, 3), size)
-        _keep(place, *found)
-    return found
 
 
 def object_names(path: Path) -> dict[str, int]:
@@ -227,35 +193,3 @@ def _whole_numbers(fields: Fields, key: str) -> Int[np.ndarray, " n"]:
     if numbers.ndim != 1 or (len(numbers) and numbers.min() < 0):
         raise fields.refused(key, "a list of integers from 0", f"{value!r:.40}")
     return numbers
-
-
-def _kept(path: Path, size: tuple[int, int]) -> tuple[UInt8[np.ndarray, "h w"], UInt16[np.ndarray, "h w"]] | None:
-    """The cached result, None if there is none or it is damaged."""
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
-            labels, counts = held["labels"], held["millimetres"]
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
-        return None
-    fits = labels.shape == counts.shape == size and (labels.dtype, counts.dtype) == (np.uint8, np.uint16)
-    return (labels, counts) if fits else None
-
-
-def _keep(path: Path, labels: UInt8[np.ndarray, "h w"], counts: UInt16[np.ndarray, "h w"]) -> None:
-    """Cache a result; if that fails, warn once."""
-    file = io.BytesIO()
-    np.savez_compressed(file, labels=labels, millimetres=counts)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, file.getvalue())
-    except OSError as error:
-        _say_once(str(path.parent.parent), error.strerror or str(error))
-
-
-@cache
-def _say_once(folder: str, reason: str) -> None:
-    """Warn that results are not cached."""
-    warnings.warn(
-        f"labels and depth from meshes cannot be cached in {folder} ({reason}) and are computed each time; "
-        "set SEMGS_CACHE to another folder",
-        stacklevel=2,
-    )

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float32, UInt8
 
-from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
+from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannet.labels import LabelTable, normal
 from semgs.data.layouts.scannetpp.labels import NYU40_OF
 from semgs.data.layouts.zoo.data_sets import DataSet
@@ -18,7 +17,11 @@ from semgs.data.layouts.zoo.library import scenezoo_errors
 from semgs.data.nyu40 import NAMES, scannet20_labels
 from semgs.data.raycast import Raycaster
 from semgs.files.errors import InputError, input_error
-from semgs.geometry.cameras import Cameras
+
+HOLD_MESHES = (".ply", ".json", ".csv", ".tsv", ".txt", ".zip")
+"""Endings of files with meshes, labels and names."""
+SCENES_IN = ("", "download", "scans", "v1/scans")
+"""Where the folders of scenes are, in that of the data set."""
 
 
 @final
@@ -31,6 +34,7 @@ class SceneMesh:
         path: its folder.
         scene: scenezoo's name of the scene.
         data: what is known of the data set.
+        files: name, size and time of each file that may hold the mesh or its labels.
         table: ScanNet's, if it is with the data; it knows more names.
     """
 
@@ -38,25 +42,31 @@ class SceneMesh:
     path: Path
     scene: str
     data: DataSet
+    files: tuple[tuple[str, int, int], ...] = ()
     table: LabelTable | None = None
 
-    def seen(self, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-        """As `SeenMesh.seen`.
+    @property
+    def kept_in(self) -> str:
+        """As `StoredMesh.kept_in`: the data set's, because names of its scenes may not be names of folders."""
+        return self.data.name
+
+    def key(self) -> tuple:
+        """As `StoredMesh.key`."""
+        return str(self.path.resolve()), self.scene, self.files, self.table is not None
+
+    def triangles(self) -> LabelledTriangles:
+        """As `StoredMesh.triangles`.
 
         Raises:
-            InputError, ImportError: as `triangles`.
+            InputError: scenezoo cannot read it, or it has another number of faces or vertices than labels.
+            ImportError: embreex is not installed.
         """
-        return triangles(self).seen(camera)
+        return _triangles(self)
 
 
 @lru_cache(maxsize=1)
-def triangles(mesh: SceneMesh) -> LabelledTriangles:
-    """A mesh, ready for rays; the last one stays in memory, because frames are mostly read scene by scene.
-
-    Raises:
-        InputError: scenezoo cannot read it, or it has another number of faces or vertices than labels.
-        ImportError: embreex is not installed.
-    """
+def _triangles(mesh: SceneMesh) -> LabelledTriangles:
+    """A mesh; the last one stays in memory, because frames are mostly read scene by scene."""
     with scenezoo_errors(mesh.path):
         read = mesh.opened.get_mesh(mesh.scene, mesh_type=mesh.data.mesh)
         found = mesh.opened.get_segmentation(mesh.scene, **mesh.data.segmentation)
@@ -72,6 +82,20 @@ def triangles(mesh: SceneMesh) -> LabelledTriangles:
         caster = Raycaster(np.asarray(read.vertices), faces)
     of_faces = labels if found.domain == "face" else labels[faces[:, 0]]
     return LabelledTriangles(caster, of_faces, np.zeros(len(faces), bool))
+
+
+def mesh_files(path: Path, scene: str) -> tuple[tuple[str, int, int], ...]:
+    """The files that may hold a scene's mesh, its labels, or the names of these: path in the data set, size [bytes], time [ns].
+
+    Args:
+        path: the folder of the data set.
+        scene: its name, which is also that of its folder.
+    """
+    held = [folder.glob("*") for folder in (path, path / "metadata")]
+    held += [(path / above / scene).glob(depth) for above in SCENES_IN for depth in ("*", "*/*")]
+    files = {one for found in held for one in found if one.suffix in HOLD_MESHES and one.is_file()}
+    states = [(str(one.relative_to(path)), one.stat()) for one in sorted(files)]
+    return tuple((name, state.st_size, state.st_mtime_ns) for name, state in states)
 
 
 def label_of(name: str | None, table: LabelTable | None) -> int:

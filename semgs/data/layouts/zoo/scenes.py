@@ -20,7 +20,7 @@ from semgs.data.layouts.parts.poses import checked_poses
 from semgs.data.layouts.scannet.labels import find_table, read_table
 from semgs.data.layouts.zoo.data_sets import LAYOUT, DataSet, Source, chosen
 from semgs.data.layouts.zoo.library import scenezoo_errors, scenezoo_library
-from semgs.data.layouts.zoo.mesh import SceneMesh, triangles
+from semgs.data.layouts.zoo.mesh import SceneMesh, mesh_files
 from semgs.data.layouts.zoo.shots import Shot, ShotDepth, ShotLabels
 from semgs.data.lens import Lens
 from semgs.data.scene import Scene
@@ -160,9 +160,9 @@ def _mesh(opened: Any, path: Path, scene: str, data: DataSet, names_known: bool,
         notes.append(f"The labels are left out: {data.names_file} is not in the data set's folder.")
         return None
     found = find_table(path)
-    mesh = SceneMesh(opened, path, scene, data, read_table(found) if found else None)
+    mesh = SceneMesh(opened, path, scene, data, mesh_files(path, scene), read_table(found) if found else None)
     try:
-        triangles(mesh)
+        mesh.triangles()
     except (InputError, ImportError) as error:
         notes.append(f"The labels are left out: {error.found if isinstance(error, InputError) else error}")
         return None

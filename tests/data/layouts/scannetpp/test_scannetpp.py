@@ -40,8 +40,8 @@ from scannetpp_writer import (
 
 from semgs.data.classes import SCANNET20
 from semgs.data.fisheye import FisheyeLens
-from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
-from semgs.data.layouts.scannetpp import mesh as scannetpp_mesh
+from semgs.data.layouts.parts import mesh_maps
+from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannetpp import scan as scannetpp
 from semgs.data.layouts.scannetpp.devices import in_mesh_world
 from semgs.data.layouts.scannetpp.labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
@@ -393,7 +393,7 @@ def test_what_was_cast_is_kept_and_what_changed_is_cast_anew(copied, cache, monk
 def test_where_nothing_can_be_kept_it_is_cast_and_said_once(scan, tmp_path, monkeypatch):
     (tmp_path / "a file").touch()
     monkeypatch.setenv("SEMGS_CACHE", str(tmp_path / "a file"))
-    scannetpp_mesh._say_once.cache_clear()
+    mesh_maps._say_once.cache_clear()
     scene = open_scene(scan)
     with pytest.warns(UserWarning, match="cannot be cached in .*a file/casts .* set SEMGS_CACHE to another"):
         views = scene.read([0], size=(20, 30))

@@ -30,8 +30,9 @@ from zoo_writer import (
 )
 
 from semgs.cli.main import main
+from semgs.data.layouts.parts.mesh_maps import seen_from
 from semgs.data.layouts.zoo.data_sets import DataSet, Source
-from semgs.data.layouts.zoo.mesh import SceneMesh, label_of, triangles
+from semgs.data.layouts.zoo.mesh import SceneMesh, label_of, mesh_files
 from semgs.data.layouts.zoo.scenes import zoo_scene
 from semgs.data.layouts.zoo.shots import ShotDepth
 from semgs.data.lens import Lens
@@ -39,6 +40,7 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.terms import terms_of
 from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras
 
 ALL = {
     f"arkitscenes:{ARKIT}": write_arkitscenes,
@@ -224,7 +226,7 @@ def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
     """Nine metres to each side of a wall above all cameras: chair is 4 of 20."""
     data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
     mesh = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data)
-    assert triangles(mesh).labels.tolist() == [4]
+    assert mesh.triangles().labels.tolist() == [4]
     assert [label_of(name, None) for name in ("Chair", "refrigerator", "otherfurniture", "ceiling", "hat", None)] == [
         4, 14, 19, 255, 255, 255,
     ]  # fmt: skip
@@ -233,11 +235,43 @@ def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
 def test_a_mesh_that_was_looked_at_can_be_sent_to_a_worker(tmp_path: Path):
     data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
     mesh = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data)
-    first = triangles(mesh)
-    assert triangles(mesh) is first
+    first = mesh.triangles()
+    assert mesh.triangles() is first
     sent = pickle.loads(pickle.dumps(mesh))
-    assert triangles(sent) is not first
-    assert triangles(sent).labels.tolist() == [4]
+    assert sent.triangles() is not first
+    assert sent.triangles().labels.tolist() == [4]
+
+
+def test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("SEMGS_CACHE", str(tmp_path / "cache"))
+    made = photographs(tmp_path / "data")
+    ply = tmp_path / "data" / "v1" / "scans" / "office" / "house" / "office.ply"
+    ply.parent.mkdir(parents=True)
+    ply.write_bytes(b"ply")
+
+    def mesh() -> SceneMesh:
+        data = DataSet("matterport3d", "Matterport3D", (Source("", 0.0),), mesh="house")
+        return SceneMesh(Stand(made, K), made.root, "office", data, mesh_files(made.root, "office"))
+
+    assert ("v1/scans/office/house/office.ply", 3, ply.stat().st_mtime_ns) in mesh().files
+    ahead = np.eye(4)  # the triangle of the stand-in is 5 m ahead of the first camera, along z
+    ahead[:3, 3] = made.poses[0, :3, 3]
+    camera = Cameras(ahead, K, SIZE)
+    labels, depths = seen_from(mesh(), camera)
+    assert (labels == 4).all()
+    assert (depths == 5).all()
+    assert len(list((tmp_path / "cache" / "casts" / "matterport3d").glob("*.npz"))) == 1
+
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError("read again")
+
+    monkeypatch.setattr(Stand, "get_mesh", refused)
+    assert (seen_from(mesh(), camera)[0] == labels).all()
+    ply.write_bytes(b"ply of another time")
+    with pytest.raises(InputError, match="read again"):
+        seen_from(mesh(), camera)
 
 
 @pytest.mark.parametrize(

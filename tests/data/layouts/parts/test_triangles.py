@@ -9,9 +9,8 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
+from semgs.data.layouts.parts.triangles import LabelledTriangles, metres
 from semgs.data.raycast import Raycaster
-from semgs.geometry.cameras import Cameras
 
 
 @pytest.fixture
@@ -37,15 +36,16 @@ def test_a_hidden_triangle_has_neither_label_nor_depth(triangles):
     assert (depth == np.where(seen == 2, 3000, 0)).all()
 
 
-def behind(metres: float) -> Cameras:
-    """A camera that far behind the origin, looking ahead."""
+def from_behind(triangles: LabelledTriangles, metres_behind: float) -> tuple[np.ndarray, np.ndarray]:
+    """What a camera sees that far behind the origin, looking ahead: labels, and depths in metres."""
     pose = np.eye(4)
-    pose[2, 3] = -metres
-    return Cameras(pose, INTRINSICS, (30, 40))
+    pose[2, 3] = -metres_behind
+    labels, counts = triangles.cast(pose, INTRINSICS, (30, 40))
+    return labels, metres(counts)
 
 
 def test_a_camera_sees_metres(triangles):
-    labels, depths = triangles.seen(behind(1))
+    labels, depths = from_behind(triangles, 1)
     assert depths.dtype == np.float32
     assert (labels[15, 20], depths[15, 20]) == (4, 3)
     assert (labels[0, 0], depths[0, 0]) == (2, 4)
@@ -53,7 +53,7 @@ def test_a_camera_sees_metres(triangles):
 
 def test_beyond_16_bits_of_millimetres_a_label_has_no_depth(triangles):
     # From 63.5 m behind, the triangles are 65.5 and 66.5 m away; 2^16 - 1 millimetres lie between.
-    labels, depths = triangles.seen(behind(63.5))
+    labels, depths = from_behind(triangles, 63.5)
     assert (labels[14, 19], depths[14, 19]) == (4, 65.5)
     assert (labels[0, 0], depths[0, 0]) == (255, 0)
     assert (labels[16, 20], depths[16, 20]) == (2, 0)
