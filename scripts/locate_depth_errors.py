@@ -51,13 +51,13 @@ def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
     scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
     features = model.colour.transformer(model.cnn(scene.images), scene)
     cost = model.colour.depth.cost(features, scene, None)
-    depth = model.colour.depth(cost, features, scene)
-    candidates = depth.planes.depths[..., None, None]
+    swept = model.sweep(views)
+    candidates = swept.candidates[..., None, None]
     best = cost.argmax(1, keepdim=True)
     nearest = (1 / candidates - 1 / truth.clamp(min=1e-3)[:, None]).abs().argmin(1, keepdim=True)
     by_step = {
         "raw cost": candidates.expand(cost.shape).gather(1, best)[:, 0],
-        "regressor": expected_depth(depth.probabilities, depth.planes.depths, model.settings.conventions.candidates),
+        "regressor": expected_depth(swept.probabilities, swept.candidates, swept.spacing),
         "final": at_centres(model(views).depths),
     }
     return Found(by_step, ((best - nearest).abs() <= 1)[:, 0])

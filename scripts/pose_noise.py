@@ -212,6 +212,8 @@ def main() -> None:
     parser.add_argument("--plot", type=Path, help="needs all rows")
     arguments = parser.parse_args()
     conditions = [one for one in CONDITIONS if any(word in str(one) for word in arguments.rows or [""])]
+    if not conditions:
+        parser.error(f"no row has one of these words in its name; expected some of: {', '.join(map(str, CONDITIONS))}")
     if arguments.plot is not None and len(conditions) < len(CONDITIONS):
         parser.error("--plot needs all rows")
     found: dict[str, dict[int, dict[Condition, dict[str, float]]]] = {}

@@ -10,6 +10,7 @@ import torch
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
+from semgs.weights.load import load
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "locate_depth_errors.py"))
 SIZE = (32, 64)
@@ -53,3 +54,17 @@ def test_texels_without_true_depth_are_nowhere(wall: Views):
     depths = wall.depths.clone()
     depths[:, :16] = 0
     assert shares(wall.changed(depths=depths))["all"] == 0.5
+
+
+def test_of_a_wall_with_a_pattern_the_included_weights_match_most_of_what_both_views_see(wall: Views):
+    """The picture moves by 32 px * 2 m / 4 m = 16 px; the first view's left 16 columns are out of the second's sight."""
+    pattern = torch.nn.functional.interpolate(
+        torch.rand(1, 3, 16, 40, generator=torch.Generator().manual_seed(0)), (32, 80)
+    )[0]
+    views = wall.changed(images=torch.stack([pattern[:, :, :64], pattern[:, :, 16:]]))
+    truth = torch.full((2, 8, 16), 4.0)
+    found = SCRIPT["found"](load("small"), views, truth)
+    assert list(found.depths) == list(SCRIPT["STEPS"])
+    both = SCRIPT["places"](views)["seen by both"]
+    assert found.right[both].float().mean() > 0.9
+    assert (found.depths["raw cost"][both] / truth[both] - 1).abs().median() < 0.05

@@ -1,0 +1,70 @@
+"""Every script of `scripts` that measures something runs with the included weights, on two small rooms."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from semgs.cli.main import main
+from semgs.rooms.sets.dataset import Recipe, write_dataset
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+RUNS = {
+    "fusion_table": (("small", "{rooms}", "1"), "| 4 | 0% |"),
+    "locate_depth_errors": (("small", "{rooms}"), "| all | 100% |"),
+    "more_views": (("{evaluation}",), " targets in 2 scenes"),
+    "objects_and_floor": (("--rooms", "1"), "\n| truth | "),
+    "pose_error": (("{room}",), "scene_00000 | 6 of 6 |"),
+    "pose_noise": (
+        ("small", "rooms={rooms}", "--scenes", "1", "--targets", "1", "--views", "2", "--rows", "refined"),
+        " refined | ",
+    ),
+    "pose_noise_photos": (("{room}", "--seeds", "1"), "\n2 | 1 | "),
+    "score_regions": (("{rooms}", "small"), "small mIoU 0."),
+    "sensor_depth": (("small", "{rooms}", "--baselines", "0.1", "--rooms", "1"), "10% network: PSNR"),
+    "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
+    "up_error": ((), "degrees; "),
+    "walks": (("{room}", "--every", "3"), ", 6 frames | merged |"),
+}
+"""Arguments of each script, and a part of what it prints. `average_weights` has tests of its own."""
+
+
+def test_every_script_is_run_here() -> None:
+    assert {path.stem for path in SCRIPTS.glob("*.py")} == {*RUNS, "average_weights"}
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scripts") / "rooms"
+    write_dataset(folder, Recipe(77, (240, 320), 6), 2)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluation(rooms: Path) -> Path:
+    out = rooms.parent / "evaluation"
+    options = ["--protocol", "neighbours", "--views", "2", "3", "--out", str(out)]
+    assert main(["evaluate", "small", "--data", str(rooms), *options]) == 0
+    return out
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", RUNS)
+def test_it_runs_with_the_included_weights(
+    name: str, rooms: Path, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    arguments, said = RUNS[name]
+    if name == "teach":
+        pytest.importorskip("ai_edge_litert")
+    places = {"rooms": rooms, "room": rooms / "scene_00000", "out": tmp_path / "out"}
+    for fixture in ("evaluation", "shared"):
+        if any(f"{{{fixture}}}" in one for one in arguments):
+            places[fixture] = request.getfixturevalue(fixture)
+    command = [sys.executable, str(SCRIPTS / f"{name}.py"), *[one.format(**places) for one in arguments]]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=600)
+    assert run.returncode == 0, run.stderr
+    assert said in run.stdout
