@@ -27,10 +27,10 @@ from semgs.evaluation.frames.frame_plan import Task, make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_views
 from semgs.geometry.cameras import back_project, project
+from semgs.geometry.fusion import fused
 from semgs.model.encoding import Encoding
 from semgs.objectives.metrics import confusion_matrix, miou
 from semgs.rendering.rendering import likeliest
-from semgs.segmenters.fusion import fused
 from semgs.weights.load import load
 
 LEVELS = (0.0, 0.1, 0.2, 0.4)

@@ -1,7 +1,7 @@
 """Merging: what many keyframes say about each surface becomes one set of Gaussians.
 
 Each keyframe is one view of a window of two to four views; its Gaussians, depth and classes come from that window. Each of its Gaussians is projected into the
-other keyframes, and each of those votes on it, by the depth that it sees there and the rule of `semgs.segmenters.fusion`:
+other keyframes, and each of those votes on it, by the depth that it sees there and the rule of `semgs.geometry.fusion`:
 
 - its depth agrees: it is the same surface. It pulls the Gaussian to its own depth, its classes count, and if it sees the surface more sharply, it may
   replace the Gaussian;
@@ -28,11 +28,11 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, deviation
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.encoding import Encoding, Places, per_gaussian
 from semgs.model.nearest import inside
 from semgs.model.overlap import PAIR, shrinkage
-from semgs.segmenters.fusion import LEAST, SPREAD, TOLERANCE, deviation
 
 LAYERS = 4
 """A surface gets the Gaussians of this many keyframes, those that see it most sharply."""

@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
+from semgs.geometry.fusion import LEAST
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance, quaternion_from_matrix
 from semgs.model.encoding import Places
-from semgs.segmenters.fusion import LEAST
 
 LARGEST_CELL = 2**20
 """Voxels are numbered within this many of the origin along each axis, so that a key fits into 63 bits."""

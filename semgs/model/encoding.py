@@ -8,11 +8,13 @@ from typing import Any
 
 import torch
 from jaxtyping import Float, Int64
+from numpy import ndindex
 from torch import Tensor
 
 from semgs.data.classes import ClassTable
 from semgs.files.notebook import depth_row, html
 from semgs.geometry.cameras import Cameras
+from semgs.geometry.fusion import fused
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import array_of, summary
 from semgs.rendering.render import render
@@ -244,8 +246,34 @@ class Encoding:
         """
         if self.gaussians.semantic is None:
             raise ValueError("the Gaussians have no classes")
-        shares = self.gaussians.semantic.features.unbind(-1)
-        return self._full(torch.stack([self._maps(share) for share in shares], -3))
+        return self._full(self._class_grid(self.gaussians.semantic.features))
+
+    def fused(self, cameras: Cameras) -> Encoding:
+        """The same Gaussians with classes on which the input views agree, by the rule of `semgs.geometry.fusion`.
+
+        Each Gaussian asks for the class at its place in every other view that sees it there, and takes the mean of the log probabilities.
+
+        Args:
+            cameras: of the input views.
+
+        Raises:
+            ValueError: the Gaussians have no classes, or are not those of whole views.
+        """
+        semantic = self.gaussians.semantic
+        if semantic is None or self.places is not None:
+            raise ValueError("expected Gaussians with classes, one for each pixel or block of pixels of the views")
+        grid, depths = self._class_grid(semantic.features), self._z_depths(cameras)
+        spread = _means(self.depth_spread, self.stride)
+        scale = torch.diag(torch.tensor([1 / self.stride, 1 / self.stride, 1.0], dtype=torch.float64))
+        small = cameras.adjusted(scale, (grid.shape[-2], grid.shape[-1]))
+        scenes = ndindex(*grid.shape[:-4])
+        agreed = torch.stack([fused(grid[at], depths[at], spread[at], small[at]) for at in scenes])
+        features = agreed.movedim(-3, -1).reshape(semantic.features.shape)
+        return replace(self, gaussians=replace(self.gaussians, semantic=replace(semantic, features=features)))
+
+    def _class_grid(self, features: Float[Tensor, "*batch g class"]) -> Float[Tensor, "*batch v class rows columns"]:
+        """The class distribution of each Gaussian, by view, row and column."""
+        return torch.stack([self._maps(share) for share in features.unbind(-1)], -3)
 
     def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
         """The same encoding with `function` applied to each tensor, those of the Gaussians included."""

@@ -65,6 +65,7 @@ class SemGS(nn.Module):
         stride: pixels per Gaussian along each side.
         origin: one sentence on where the weights come from.
         temperatures: calibrate the class distributions; None if the weights have none. The network itself never applies them.
+        fuses: whether, outside training, input views agree on the classes of points that several of them see.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class SemGS(nn.Module):
         self.cnn = cnn
         self.colour = colour
         self.semantic = semantic
+        self.fuses = settings.semantic is not None and settings.semantic.fusion
         self.placer = Placer(
             settings.stride, settings.colour.from_image, settings.conventions, settings.colour.shrink_seen
         )
@@ -135,9 +137,11 @@ class SemGS(nn.Module):
 
         with stage("heads"):
             encoding = by_chunks(placed, len(features), chunks.heads)
-        # So far each view was a scene of its own; now views of the same scene are joined.
-        leading, count = views.images.shape[:-4], len(views)
-        encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
+            # So far each view was a scene of its own; now views of the same scene are joined.
+            leading, count = views.images.shape[:-4], len(views)
+            encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
+            if self.fuses and not self.training:
+                encoding = encoding.fused(views.cameras)
         return replace(encoding, classes=self.classes, temperatures=self.temperatures)
 
     def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:

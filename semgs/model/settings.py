@@ -163,12 +163,14 @@ class SemanticSettings:
         transformer, refinement: its parts.
         own_cnn: its own shallow CNN; else it shares that of the colour branch (ablation *Sh-Layer*).
         hidden: width between the two layers of the semantic head.
+        fusion: outside training, input views agree on the classes of points that several of them see (`Encoding.fused`).
     """
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
     refinement: TwoBlocks | Pyramid | MobileNet = field(default_factory=TwoBlocks)
     own_cnn: bool = False
     hidden: int = 54
+    fusion: bool = False
 
 
 @dataclass(frozen=True)

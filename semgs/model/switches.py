@@ -31,6 +31,8 @@ class Switches:
     class_backbone: bool = False
     """Classify each view with a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
     two residual blocks. Train it with --supervision pictures first."""
+    class_fusion: bool = False
+    """Outside training, let input views agree on the classes of points that several of them see (not in the paper). It has no weights."""
     cost_filter: int = 0
     """Channels of a 3D CNN that filters the cost volume, such as 16; 0 for none (not in the paper). It starts without effect, so --init
     works with weights that lack it."""
@@ -63,6 +65,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
         camera_aware_semantic=semantic.transformer.camera_aware,
         semantic_pyramid=semantic.refinement.widths if isinstance(semantic.refinement, Pyramid) else (),
         class_backbone=isinstance(semantic.refinement, MobileNet),
+        class_fusion=semantic.fusion,
         depth_cue=colour.depth.cue,
     )
 
@@ -97,6 +100,7 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
         semantic = replace(
             semantic,
             own_cnn=not now.shared_layers,
+            fusion=now.class_fusion,
             transformer=replace(semantic.transformer, camera_aware=now.camera_aware_semantic, **both),
         )
         if (now.semantic_pyramid, now.class_backbone) != (before.semantic_pyramid, before.class_backbone):

@@ -22,11 +22,11 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import opened_tensors
 from semgs.geometry.cameras import Cameras
+from semgs.geometry.fusion import pooled
 from semgs.geometry.gaussians import Gaussians
 from semgs.model.encoding import Encoding
 from semgs.rendering.features import render_features
 from semgs.segmenters.compression import Compression, compression_of
-from semgs.segmenters.fusion import pooled
 from semgs.segmenters.maps import resampled
 
 FILE_NAME = "features.safetensors"
@@ -158,7 +158,7 @@ class SceneFeatures:
 class Featuring:
     """How Gaussians get their features.
 
-    The features of a point are averaged over the input views that see it, as far as their depths agree (`semgs.segmenters.fusion`).
+    The features of a point are averaged over the input views that see it, as far as their depths agree (`semgs.geometry.fusion`).
 
     Attributes:
         source: the features of the input photos.

@@ -18,7 +18,7 @@ from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
-from semgs.segmenters.fusion import LEAST
+from semgs.geometry.fusion import LEAST
 from semgs.segmenters.labelling import Votes
 from semgs.segmenters.names import Correspondence
 from semgs.segmenters.source import Source

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.geometry.fusion import LEAST, fused
 from semgs.model.encoding import Encoding
-from semgs.segmenters.fusion import LEAST, fused
 from semgs.segmenters.images import Photos
 from semgs.segmenters.source import Source, Translated, distributions, notes_of
 

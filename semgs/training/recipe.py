@@ -80,7 +80,7 @@ def _classes(common: TrainingSettings, start: Start) -> TrainingSettings:
     return replace(
         common, supervision="pictures", steps=4000, batch=16, contexts=(1, 1), targets=0, half_size=0.6,
         learning_rate=2e-3, clip=2.0, average_decay=0.998, class_weights="inverse_fourth_root_frequency",
-        network=Switches(class_backbone=True), backbone=start.backbone, teacher=start.teacher,
+        network=Switches(class_backbone=True, class_fusion=True), backbone=start.backbone, teacher=start.teacher,
         augmentation=Augmentation(colour=0.5, crop=0.4, flip=True, roll=10.0, camera=1.0),
         validate_every=500, validation_scenes=48,
     )  # fmt: skip

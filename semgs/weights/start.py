@@ -22,6 +22,9 @@ SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
 MORE_DEPTH = ("cost_filter", "depth_cue")
 """Switches that add layers to depth: from weights without these layers, everything else is kept."""
 
+NO_WEIGHTS = ("class_fusion",)
+"""Switches that no layer depends on: weights with other values are kept whole."""
+
 ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.")
 """Beginnings of the tensor names of those layers."""
 
@@ -46,8 +49,8 @@ def start(
         classes: the class table to train on.
         own_classes: use weights with another class table, but with a new class head; otherwise they are refused.
         switches: fields of `semgs.model.switches.Switches` that differ from the network of that name. They must agree with the weights,
-            except for the shape of the semantic branch and for layers added to depth: layers that differ start at random, all others
-            are kept.
+            except for the shape of the semantic branch, for layers added to depth and for switches without layers: layers that differ
+            start at random, all others are kept.
         fresh_semantics: always reinitialise the semantic branch.
         backbone: a file of published MobileNetV2 weights for a network with `class_backbone`; "" keeps that of `init`. With such a file
             as `init`, everything but the backbone is random.
@@ -79,15 +82,16 @@ def start(
     header = read_header(path)
     there = switches_of(header.settings)
     for key, value in asked.items():
-        fits = key in SEMANTIC_SHAPE or (key in MORE_DEPTH and not getattr(there, key))
+        fits = key in (*SEMANTIC_SHAPE, *NO_WEIGHTS) or (key in MORE_DEPTH and not getattr(there, key))
         if getattr(there, key) != value and not fits:
             raise InputError(
                 path, f"weights of a network with {key} = {value}", f"{getattr(there, key)}", key="settings"
             )
-    wanted = _switched(header.settings, {key: asked[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if asked.get(key)})
+    kept = _switched(header.settings, {key: asked[key] for key in NO_WEIGHTS if key in asked})
+    wanted = _switched(kept, {key: asked[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if asked.get(key)})
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
-    fresh_semantics |= wanted.semantic != header.settings.semantic
+    fresh_semantics |= wanted.semantic != kept.semantic
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
         raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
     fresh_classes = header.classes != classes
@@ -151,5 +155,5 @@ def _lent(
             f"drawn anew for the {len(classes)} classes of {classes.name} with seed {seed}: {', '.join(names)}"
         )
     fill(model, kept, path, model.name)
-    model.origin = f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept; {'; '.join(notes)}"
+    model.origin = "; ".join([f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept", *notes])
     return model

@@ -10,6 +10,7 @@ import torch
 from mapping_walls import SIZE, WALL, cameras_at, encoded, seen_at
 
 from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE
 from semgs.mapping.merging import (
     LAYERS,
     REACH,
@@ -26,7 +27,6 @@ from semgs.mapping.merging import (
     settled,
 )
 from semgs.model.encoding import Encoding
-from semgs.segmenters.fusion import LEAST, SPREAD, TOLERANCE
 
 
 def flat(*depths: float) -> torch.Tensor:

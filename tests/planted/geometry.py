@@ -126,4 +126,9 @@ GEOMETRY = (
         "an origin is added for subtracted", CAMERAS, "poses[..., :3, 3] -= as_float64(origin)", "poses[..., :3, 3] += as_float64(origin)",
         ("tests/export/test_scene.py", "tests/reconstruction/test_reconstruct.py"),
     ),
+    Mutant(
+        "views vote that see something nearer", "semgs/geometry/fusion.py",
+        "agrees = inside & (", "agrees = inside | (",
+        ("tests/geometry/test_fusion.py::test_fusion_equals_a_loop_over_points_and_views",),
+    ),
 )  # fmt: skip

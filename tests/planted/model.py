@@ -245,6 +245,16 @@ MODEL = (
         ("tests/model/test_depth_cue.py",),
     ),
     Mutant(
+        "views agree by cameras of full-size images", "semgs/model/encoding.py",
+        "torch.tensor([1 / self.stride, 1 / self.stride, 1.0], dtype=torch.float64)", "torch.ones(3, dtype=torch.float64)",
+        ("tests/model/test_fused_classes.py::test_a_gaussian_takes_the_mean_of_the_log_probabilities_of_the_views_that_see_it",),
+    ),
+    Mutant(
+        "views agree on classes in training too", "semgs/model/semgs.py",
+        "if self.fuses and not self.training:", "if self.fuses:",
+        ("tests/model/test_fused_classes.py::test_the_network_fuses_outside_training_only_and_scene_by_scene",),
+    ),
+    Mutant(
         "the filtered cost is the correction alone", "semgs/model/cost_filter.py",
         "return cost + correction", "return correction",
         ("tests/model/test_cost_filter.py",),

@@ -32,11 +32,6 @@ SEGMENTERS = (
         of_segmenters("labelling", "a_class_that_the_segmenter_cannot_say_gets_a_neutral_vote"),
     ),
     Mutant(
-        "views vote that see something nearer", "semgs/segmenters/fusion.py",
-        "agrees = inside & (", "agrees = inside | (",
-        of_segmenters("fusion", "fusion_equals_a_loop_over_points_and_views"),
-    ),
-    Mutant(
         "common classes take what a segmenter says", "semgs/segmenters/fitting.py",
         "frequency**PRIOR_POWER", "frequency**0",
         of_segmenters("fitting", "the_class_frequency_is_divided_out_by_its_root"),

@@ -14,8 +14,8 @@ from scenes_on_disk import SIZE, TABLE, write_labelled
 from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.geometry.fusion import LEAST
 from semgs.segmenters.fitting import Fit, correspondence, counts, fit, fitted_votes, pixels, read_fit, save_fit
-from semgs.segmenters.fusion import LEAST
 from semgs.segmenters.labelling import Votes, weighed
 from semgs.segmenters.maps import one_hot
 from semgs.segmenters.names import Correspondence

@@ -15,10 +15,10 @@ from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
+from semgs.geometry.fusion import LEAST
 from semgs.model.encoding import Encoding
 from semgs.reconstruction.encode import encode
 from semgs.segmenters.files import MadeBy
-from semgs.segmenters.fusion import LEAST
 from semgs.segmenters.labelling import Labelling, combined
 from semgs.segmenters.names import Correspondence
 from semgs.segmenters.opening import Opened

@@ -123,6 +123,21 @@ def test_more_layers_in_depth_and_other_classes_are_one_start(tmp_path: Path):
         start("small", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
 
 
+def test_whether_views_agree_on_classes_can_change_and_all_weights_are_kept(tmp_path: Path):
+    there = load("small", plain(tmp_path))
+    for fuses in (True, False):
+        path = str(tmp_path / "plain.safetensors")
+        model = start("small", path, seed=3, switches={"class_fusion": fuses})
+        count = len(there.state_dict())
+        assert (model.fuses, model.settings.semantic.fusion) == (fuses, fuses)
+        assert model.origin in (
+            f"plain.safetensors: {count} of {count} tensors kept",
+            f"plain.safetensors: all {count} tensors kept",
+        )
+        assert all(torch.equal(model.state_dict()[name], tensor) for name, tensor in there.state_dict().items())
+        save(tmp_path / "plain.safetensors", model, {})
+
+
 def test_a_cue_without_a_backbone_is_refused_in_one_line():
     with pytest.raises(InputError, match="depth_cue needs the class backbone"):
         start("small", "random", switches={"depth_cue": True})

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from semgs.geometry.cameras import Cameras
-from semgs.segmenters.fusion import LEAST, SPREAD, TOLERANCE, fused
+from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, fused
 
 SIZE = (6, 9)
 
