@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about nine hours on two CPU cores; SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about ten hours on two CPU cores; SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER]
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (six CPU hours; those of an earlier call are kept), ten runs for each SEED, and their mean. To resume, repeat the command. START has the weights that colour
+# gets the rooms (six CPU hours; those of an earlier call are kept), thirteen runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -75,11 +75,13 @@ deepen "$sixth" 130 --contexts 2 4 --batch 3 --learning-rate 4e-4 --init "$fifth
     --size 240x320 --average-decay 0.97 --augmentation.crop 0.7 --augmentation.camera 0.3
 
 # Colour, opacity and the refinement of depth adapt to that depth: rendered views of consecutive frames.
+colour() {  # colour OUT STEPS OPTIONS...
+    $semgs train small --out "$1" --steps "$(steps "$2")" --size 240x320 --batch 2 --contexts 2 4 --targets 2 --frames consecutive \
+        --learning-rate 5e-4 --average-decay 0.98 --sweep-rate 0 --class-rate 0 --losses.semantic 0 --losses.smoothness 0 --depth-weight 0.3 \
+        --augmentation.flip --augmentation.colour 0.2 --validation "$folder/held" --validation-scenes 12 --validate-every "$(steps 160)" "${@:3}"
+}
 seventh="$folder/seventh_$share""_$seed"
-$semgs train small --out "$seventh" --init "$sixth/weights.safetensors" --seed "$((seed + 19))" --data "$folder/long" --size 240x320 --batch 2 \
-    --contexts 2 4 --targets 2 --frames consecutive --steps "$(steps 480)" --learning-rate 5e-4 --average-decay 0.98 --sweep-rate 0 --class-rate 0 \
-    --losses.semantic 0 --losses.smoothness 0 --depth-weight 0.3 --augmentation.flip --augmentation.colour 0.2 \
-    --validation "$folder/held" --validation-scenes 12 --validate-every "$(steps 160)"
+colour "$seventh" 480 --init "$sixth/weights.safetensors" --seed "$((seed + 19))" --data "$folder/long"
 
 # The classes learn on, from rooms that they have not seen: version 9.
 rooms new 1300 3 2302 240x320
@@ -93,12 +95,24 @@ if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder
 ninth="$folder/ninth_$share""_$seed"
 train "$ninth" 2400 --init "$eighth/weights.safetensors" "${taught[@]}" --seed "$((seed + 29))" --data "$folder/homes" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
 
-# And from 1,600 more. The included weights are the mean of the last three runs, the last of which counts twice: version 11.
+# And from 1,600 more. The mean of the last three runs, the last of which counts twice, is version 11.
 rooms others 1600 3 2304 240x320
 if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/others"; fi
 tenth="$folder/tenth_$share""_$seed"
 train "$tenth" 3000 --init "$ninth/weights.safetensors" "${taught[@]}" --seed "$((seed + 33))" --data "$folder/others=2" "$folder/homes=1" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
-python "$(dirname "$0")/average_weights.py" "$folder/mean_$share""_$seed.safetensors" \
+mean="$folder/mean_$share""_$seed.safetensors"
+python "$(dirname "$0")/average_weights.py" "$mean" \
     "$eighth/weights.safetensors" "$ninth/weights.safetensors" "$tenth/weights.safetensors" "$tenth/weights.safetensors"
 
-for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth"; do grep -h '"validation"' "$run/log.jsonl"; done
+# Depth and then colour learn from rooms of the second edition too. Last, classes get used to the apparent size that things have in whole images: version 12.
+rooms walks 200 8 2403 240x320
+eleventh="$folder/eleventh_$share""_$seed"
+deepen "$eleventh" 900 --contexts 2 4 --batch 3 --learning-rate 4e-4 --init "$mean" --seed "$((seed + 35))" --data "$folder/walks" \
+    --size 240x320 --average-decay 0.98 --augmentation.crop 0.6 --augmentation.camera 0.3
+twelfth="$folder/twelfth_$share""_$seed"
+colour "$twelfth" 720 --init "$eleventh/weights.safetensors" --seed "$((seed + 37))" --data "$folder/walks"
+thirteenth="$folder/thirteenth_$share""_$seed"
+train "$thirteenth" 600 --init "$twelfth/weights.safetensors" --network.class-fusion "${taught[@]}" --seed "$((seed + 39))" --data "$folder/others=2" "$folder/homes=1" \
+    --size 240x320 --batch 16 --learning-rate 4e-4 --average-decay 0.995 --augmentation.crop 0.85
+
+for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth"; do grep -h '"validation"' "$run/log.jsonl"; done
