@@ -50,7 +50,7 @@ REPORTS = ("before", "after", "segformer", "scannet", "replica", "robot")
 """Evaluations in `eval/` beside `small`."""
 
 PLACEHOLDERS = {
-    "SCENE": "scans/office", "RECORDING": "recording", "PHOTOS": "photos", "FILE": "runs/small/weights.safetensors", "FILE.onnx": "segformer.onnx", "DIR": "data/rooms",
+    "SCENE": "room", "RECORDING": "recording", "PHOTOS": "photos", "FILE": "runs/small/weights.safetensors", "FILE.onnx": "segformer.onnx", "DIR": "data/rooms",
     "SCENES": "scans", "ROOMS": "data/rooms", "ROOMS60": "data/rooms", "TEACHER": "data/teacher", "ASSETS": "assets",
     "WORK": "work", "SCANNET": "scannet", "W": "runs/small/weights.safetensors", "OUT": "out",
 }  # fmt: skip
@@ -65,7 +65,10 @@ def filled(word: str) -> str:
 
 def build(disk: Path) -> None:
     """Fill a folder, to be run in that folder."""
-    views = resized(open_scene(demo_scene()).read(range(FRAMES), "native"), SIZE)
+    room = open_scene(demo_scene()).read(range(FRAMES), "native")
+    (disk / "room").mkdir()
+    write_views(disk / "room", room)
+    views = resized(room, SIZE)
     for scene in ("scans/office", *(f"{folder}/living" for folder in SCENE_SETS)):
         (disk / scene).mkdir(parents=True)
         write_views(disk / scene, views)
@@ -130,7 +133,7 @@ def _write_results(disk: Path) -> None:
     shutil.copytree(disk / "out", disk / "done")
     shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")
-    shutil.copytree(disk / "out" / "office", disk / "out" / "robot")
+    run("reconstruct", "room", "--out", "out/robot")
     run("export", "out/office", "--out", "office", "--as", "ply")
     run("export", "out/office", "--out", "map", "--as", "objects")
     run("evaluate", "small", "--data", "data/rooms", "--views", "2", "--size", small, "--out", "eval/small")
