@@ -147,7 +147,8 @@ class SemGS(nn.Module):
     def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:
         """The class distribution of every pixel of N >= 2 views, from the semantic branch alone.
 
-        Nothing is placed in space or splatted. Pixels that share a Gaussian have the same distribution.
+        Nothing is placed in space or splatted. Pixels that share a Gaussian have the same distribution. Each view speaks for itself: with
+        `fuses`, the Gaussians of `forward` have classes on which the views agree.
 
         Args:
             views: of one scene, or of a batch of scenes.

@@ -12,7 +12,6 @@ from torch import Tensor
 from semgs.data.classes import IGNORE
 from semgs.evaluation.frames.frame_plan import FramePlan
 from semgs.evaluation.frames.reading import inputs_of, read_views
-from semgs.model.encoding import Encoding
 from semgs.model.semgs import SemGS
 from semgs.objectives.calibration import Bin, expected_calibration_error, fitted_temperature, reliability
 from semgs.reconstruction.encode import encode
@@ -83,23 +82,9 @@ def statements(
         if rendering.semantics is not None:
             found["rendered"] += _drawn(rendering.semantics, [views[task.sample.target].labels], pixels, generator)
         labels = [views[position].labels for position in task.sample.contexts]
-        found["gaussians"] += _drawn(own_classes(encoding, network.stride), labels, pixels, generator)
+        found["gaussians"] += _drawn(encoding.class_maps(), labels, pixels, generator)
         done(index + 1)
     return {kind: _joined(some, len(network.classes or ())) for kind, some in found.items()}
-
-
-def own_classes(encoding: Encoding, stride: int) -> Float[Tensor, "v class h w"]:
-    """The class distribution of each context pixel's own Gaussian: equals `SemGS.classify` up to rounding.
-
-    Args:
-        encoding: of one scene, by a network with classes.
-        stride: side of the square of pixels that share a Gaussian.
-    """
-    assert encoding.gaussians.semantic is not None
-    views, height, width = encoding.depths.shape
-    grid = (views, -(-height // stride), -(-width // stride))
-    maps = encoding.gaussians.semantic.features.unflatten(0, grid).permute(0, 3, 1, 2)
-    return maps.repeat_interleave(stride, -2).repeat_interleave(stride, -1)[..., :height, :width]
 
 
 def temperature_effect(said: Statements, temperature: float | None = None) -> TemperatureEffect:

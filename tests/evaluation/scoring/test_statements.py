@@ -13,7 +13,7 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
-from semgs.evaluation.scoring.confidence import own_classes, statements, temperature_effect
+from semgs.evaluation.scoring.confidence import statements, temperature_effect
 from semgs.rendering.render import render
 from semgs.weights.load import load
 
@@ -31,10 +31,9 @@ def test_statements_are_what_is_rendered_and_what_each_gaussian_says_at_labelled
     found = statements(plan, network, pixels=10**6)
     with torch.no_grad():
         inputs = inputs_of(task, read_views(task))
-        rendering = render(
-            network(inputs.contexts).gaussians, inputs.camera, near=float(inputs.contexts.depth_range[0, 0])
-        )
-        own = network.classify(inputs.contexts)
+        encoding = network(inputs.contexts)
+        rendering = render(encoding.gaussians, inputs.camera, near=float(inputs.contexts.depth_range[0, 0]))
+        own = encoding.class_maps()
     truth = read_frame(task, 1, (0.5, 10.0)).labels[0]
     kept = truth != IGNORE
     assert len(found["rendered"].labels) == kept.sum()
@@ -71,9 +70,10 @@ def test_a_fitted_temperature_does_not_raise_the_cost_and_a_given_one_is_kept(ma
     assert temperature_effect(said, 3.0).temperature == 3.0
 
 
-def test_what_classify_says_of_each_pixel_is_what_its_gaussian_says(network):
+def test_what_classify_says_of_each_pixel_is_what_its_gaussian_says_until_views_agree(network, monkeypatch):
     """In sizes that Gaussians of 2x2 pixels do not fill."""
     views = posed_views(3, (33, 51))
+    monkeypatch.setattr(network, "fuses", False)
     with torch.no_grad():
-        own = own_classes(network(views), network.stride)
+        own = network(views).class_maps()
         torch.testing.assert_close(own, network.classify(views), rtol=1e-5, atol=1e-6)
