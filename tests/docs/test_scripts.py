@@ -1,4 +1,4 @@
-"""Every script of `scripts` that measures something runs with the included weights, on two small rooms."""
+"""Every script of `scripts` that measures something runs with the included weights, on two small rooms and the included one."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.rooms.sets.dataset import Recipe, write_dataset
+from semgs.rooms.sets.demo import demo_scene
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
@@ -18,17 +19,17 @@ RUNS = {
     "locate_depth_errors": (("small", "{rooms}"), "| all | 100% |"),
     "more_views": (("{evaluation}",), " targets in 2 scenes"),
     "objects_and_floor": (("--rooms", "1"), "\n| truth | "),
-    "pose_error": (("{room}",), "scene_00000 | 6 of 6 |"),
+    "pose_error": (("{room}",), "demo | 8 of 8 |"),
     "pose_noise": (
         ("small", "rooms={rooms}", "--scenes", "1", "--targets", "1", "--views", "2", "--rows", "refined"),
         " refined | ",
     ),
     "pose_noise_photos": (("{room}", "--seeds", "1"), "\n2 | 1 | "),
     "score_regions": (("{rooms}", "small"), "small mIoU 0."),
-    "sensor_depth": (("small", "{rooms}", "--baselines", "0.1", "--rooms", "1"), "10% network: PSNR"),
+    "sensor_depth": (("small", "{rooms}", "--rooms", "2"), "| rooms | 40% | 2 | depth_abs_rel |"),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
     "up_error": ((), "degrees; "),
-    "walks": (("{room}", "--every", "3"), ", 6 frames | merged |"),
+    "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
 """Arguments of each script, and a part of what it prints. `average_weights` has tests of its own."""
 
@@ -60,7 +61,7 @@ def test_it_runs_with_the_included_weights(
     arguments, said = RUNS[name]
     if name == "teach":
         pytest.importorskip("ai_edge_litert")
-    places = {"rooms": rooms, "room": rooms / "scene_00000", "out": tmp_path / "out"}
+    places = {"rooms": rooms, "room": demo_scene(), "out": tmp_path / "out"}
     for fixture in ("evaluation", "shared"):
         if any(f"{{{fixture}}}" in one for one in arguments):
             places[fixture] = request.getfixturevalue(fixture)
