@@ -122,8 +122,8 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     last = kept + part * gaussians * (heads.seen + max(again, 2 * s.colour.hidden + 2 * heads.outputs))
     if part < 1:
         last += _result(model, gaussians, pixels) * (1 + part)
-    # The result, and the classes of all views by row and column, their logarithms, and the sums by view and together.
-    fusing = kept + _result(model, gaussians, pixels) + 4 * model.class_count * gaussians
+    # The result, the classes of all views by row and column, their logarithms, the sums by view and together, and points in double precision.
+    fusing = kept + _result(model, gaussians, pixels) + (4 * model.class_count + 10) * gaussians
     if model.fuses:
         last = max(last, fusing)
     return {
