@@ -83,8 +83,13 @@ DATA = (
     ),
     Mutant(
         "a mesh that changed is not read again", "semgs/data/layouts/zoo/mesh.py",
-        "self.scene, self.files, self.table", "self.scene, self.table",
+        "self.scene, self.files, names", "self.scene, names",
         ("tests/data/layouts/zoo/test_zoo.py::test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes",),
+    ),
+    Mutant(
+        "what a mesh shows is kept when ScanNet's table changes", "semgs/data/layouts/zoo/mesh.py",
+        "tuple(self.table.by_name.items()) if self.table else None", "self.table is not None",
+        ("tests/data/layouts/zoo/test_zoo.py::test_what_a_mesh_shows_depends_on_the_names_in_scannets_table",),
     ),
     Mutant(
         "rays are cast through the corners of pixels", "semgs/data/layouts/parts/triangles.py",

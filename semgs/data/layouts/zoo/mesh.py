@@ -52,7 +52,8 @@ class SceneMesh:
 
     def key(self) -> tuple:
         """As `StoredMesh.key`."""
-        return str(self.path.resolve()), self.scene, self.files, self.table is not None
+        names = tuple(self.table.by_name.items()) if self.table else None
+        return str(self.path.resolve()), self.scene, self.files, names
 
     def triangles(self) -> LabelledTriangles:
         """As `StoredMesh.triangles`.

@@ -31,6 +31,7 @@ from zoo_writer import (
 
 from semgs.cli.main import main
 from semgs.data.layouts.parts.mesh_maps import seen_from
+from semgs.data.layouts.scannet.labels import FILE_NAME, read_table
 from semgs.data.layouts.zoo.data_sets import DataSet, Source
 from semgs.data.layouts.zoo.mesh import SceneMesh, label_of, mesh_files
 from semgs.data.layouts.zoo.scenes import zoo_scene
@@ -272,6 +273,18 @@ def test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes(
     ply.write_bytes(b"ply of another time")
     with pytest.raises(InputError, match="read again"):
         seen_from(mesh(), camera)
+
+
+def test_what_a_mesh_shows_depends_on_the_names_in_scannets_table(tmp_path: Path):
+    made, table = photographs(tmp_path), tmp_path / FILE_NAME
+
+    def key(nyu40: int) -> tuple:
+        table.write_text(f"id\traw_category\tnyu40id\n1\tchair\t{nyu40}\n")
+        data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
+        return SceneMesh(Stand(made, K), made.root, "office", data, table=read_table(table)).key()
+
+    assert key(5) == key(5) != key(6)
+    assert (("chair", 5),) in key(5)
 
 
 @pytest.mark.parametrize(
