@@ -187,17 +187,18 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
         run("segmenters", "fit", network, "--data", "scans", "--weights", "small", "--size", "48x64", "--out", fitted)
     (disk / "data" / "teacher" / "wide").mkdir(parents=True)
     np.save(disk / "data" / "teacher" / "wide" / "living.npy", np.full((FRAMES, 6, 8, 31), 1 / 31, np.float16))
-    _without_smoothness(disk / "work/ablation/seed_0/camera/run/weights.safetensors")
+    _say_smoothness(disk / "work/ablation/seed_0/camera/run/weights.safetensors", 0.0)
+    _say_smoothness(disk / "work/runs/scannet/weights.safetensors", 0.001)
     shutil.copytree(assets, disk / "assets")
     write_lock(disk / "assets" / "lock.json", make_lock(disk / "assets"))
 
 
-def _without_smoothness(path: Path) -> None:
-    """Let weights say that they were trained without the smoothness loss."""
+def _say_smoothness(path: Path, weight: float) -> None:
+    """Let weights say that they were trained with the smoothness loss at that weight, 0 for without."""
     with safe_open(path, "pt") as file:
         tensors, said = {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata())  # noqa: SIM118
     training = json.loads(said["training"])
-    training["losses"]["smoothness"] = 0.0
+    training["losses"]["smoothness"] = weight
     save_file(tensors, path, said | {"training": json.dumps(training)})
 
 
