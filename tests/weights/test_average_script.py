@@ -1,4 +1,4 @@
-"""scripts/average_weights.py: the mean of weights, and what its header says."""
+"""scripts/average_weights.py: the mean of weights, the sum of their changes, and what the header says."""
 
 from __future__ import annotations
 
@@ -42,6 +42,26 @@ def test_a_file_that_is_named_twice_counts_twice(tmp_path: Path):
     header = read_header(tmp_path / "mean.safetensors").metadata
     assert header["description"] == "the mean of one.safetensors, one.safetensors, other.safetensors"
     assert (header["data"], header["seed"]) == ("unknown", "4, unknown")
+
+
+def test_with_a_start_the_changes_of_all_files_are_added_to_it(tmp_path: Path):
+    start, one, other, mean = (tmp_path / f"{name}.safetensors" for name in ("start", "one", "other", "sum"))
+    for path, value in ((start, 1.0), (one, 1.5), (other, 3.0)):
+        save(path, of_ones(value), {})
+    AVERAGE([one, other], mean, start)
+    named = dict(of_ones(0.0).named_parameters())
+    assert all((tensor == 3.5).all() for name, tensor in read_tensors(mean).items() if name in named)  # 1 + 0.5 + 2
+    assert read_header(mean).metadata["description"] == (
+        "start.safetensors with the changes of one.safetensors, other.safetensors"
+    )
+
+
+def test_a_start_of_another_network_is_refused(tmp_path: Path):
+    save(tmp_path / "one.safetensors", of_ones(1.0), {})
+    save(tmp_path / "start.safetensors", network(channels=16), {})
+    with pytest.raises(InputError, match=r"start\.safetensors: expected weights of the network and classes of one"):
+        AVERAGE([tmp_path / "one.safetensors"], tmp_path / "sum.safetensors", tmp_path / "start.safetensors")
+    assert not (tmp_path / "sum.safetensors").exists()
 
 
 def test_other_networks_are_refused_and_nothing_is_written(tmp_path: Path):
