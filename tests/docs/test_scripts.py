@@ -24,6 +24,7 @@ RUNS = {
         ("small", "rooms={rooms}", "--scenes", "1", "--targets", "1", "--views", "2", "--rows", "refined"),
         " refined | ",
     ),
+    "depth_spread": (("small", "{rooms}"), " | 4 | "),
     "pose_noise_photos": (("{room}", "--seeds", "1"), "\n2 | 1 | "),
     "score_regions": (("{rooms}", "small"), "small mIoU 0."),
     "sensor_depth": (("small", "{rooms}", "--rooms", "2"), "| rooms | 40% | 2 | depth_abs_rel |"),
