@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about ten hours on two CPU cores; SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about eleven hours on two CPU cores; SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER]
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (six CPU hours; those of an earlier call are kept), twelve runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (seven CPU hours; those of an earlier call are kept), fifteen runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -112,4 +112,15 @@ deepen "$eleventh" 900 --contexts 2 4 --batch 3 --learning-rate 4e-4 --init "$me
 twelfth="$folder/twelfth_$share""_$seed"
 colour "$twelfth" 720 --network.class-fusion --init "$eleventh/weights.safetensors" --seed "$((seed + 37))" --data "$folder/walks"
 
-for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth"; do grep -h '"validation"' "$run/log.jsonl"; done
+# Depth learns on twice, each time from new rooms, then colour: version 13.
+rooms strolls 250 8 2404 240x320
+rooms rambles 240 8 2405 240x320
+thirteenth="$folder/thirteenth_$share""_$seed"
+deeper=(--contexts 2 4 --batch 4 --learning-rate 4e-4 --size 240x320 --average-decay 0.98 --augmentation.crop 0.6 --augmentation.camera 0.3)
+deepen "$thirteenth" 700 "${deeper[@]}" --init "$twelfth/weights.safetensors" --seed "$((seed + 41))" --data "$folder/strolls"
+fourteenth="$folder/fourteenth_$share""_$seed"
+deepen "$fourteenth" 480 "${deeper[@]}" --init "$thirteenth/weights.safetensors" --seed "$((seed + 47))" --data "$folder/rambles=2" "$folder/strolls=1"
+fifteenth="$folder/fifteenth_$share""_$seed"
+colour "$fifteenth" 600 --init "$fourteenth/weights.safetensors" --seed "$((seed + 51))" --data "$folder/strolls" "$folder/rambles"
+
+for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth"; do grep -h '"validation"' "$run/log.jsonl"; done
