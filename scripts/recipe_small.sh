@@ -112,7 +112,7 @@ deepen "$eleventh" 900 --contexts 2 4 --batch 3 --learning-rate 4e-4 --init "$me
 twelfth="$folder/twelfth_$share""_$seed"
 colour "$twelfth" 720 --network.class-fusion --init "$eleventh/weights.safetensors" --seed "$((seed + 37))" --data "$folder/walks"
 
-# Depth learns on twice, each time from new rooms, then colour: version 13.
+# Depth learns on twice, each time from new rooms, then colour. The mean with version 12 is version 13.
 rooms strolls 250 8 2404 240x320
 rooms rambles 240 8 2405 240x320
 thirteenth="$folder/thirteenth_$share""_$seed"
@@ -122,5 +122,6 @@ fourteenth="$folder/fourteenth_$share""_$seed"
 deepen "$fourteenth" 480 "${deeper[@]}" --init "$thirteenth/weights.safetensors" --seed "$((seed + 47))" --data "$folder/rambles=2" "$folder/strolls=1"
 fifteenth="$folder/fifteenth_$share""_$seed"
 colour "$fifteenth" 600 --init "$fourteenth/weights.safetensors" --seed "$((seed + 51))" --data "$folder/strolls" "$folder/rambles"
+python "$(dirname "$0")/average_weights.py" "$folder/version_13_$share""_$seed.safetensors" "$twelfth/weights.safetensors" "$fifteenth/weights.safetensors"
 
 for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth"; do grep -h '"validation"' "$run/log.jsonl"; done
