@@ -197,9 +197,7 @@ def _say_smoothness(path: Path, weight: float) -> None:
     """Let weights say that they were trained with the smoothness loss at that weight, 0 for without."""
     with safe_open(path, "pt") as file:
         tensors, said = {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata())  # noqa: SIM118
-    training = json.loads(said["training"])
-    training["losses"]["smoothness"] = weight
-    save_file(tensors, path, said | {"training": json.dumps(training)})
+    save_file(tensors, path, said | {"training": json.dumps({"losses": {"smoothness": weight}})})
 
 
 def add_published_files(disk: Path, shared: Path) -> None:
