@@ -11,12 +11,10 @@ from __future__ import annotations
 import sys
 
 import torch
+from locate_depth_errors import pairs
 
-from semgs.data.scenes import open_scene, scene_paths
 from semgs.files.errors import InputError
 from semgs.weights.load import load
-
-SIZE = (240, 320)
 
 
 @torch.no_grad()
@@ -26,12 +24,7 @@ def table(weights: str, folders: list[str]) -> str:
     lines = ["| scenes | images | within one | within two | median spread |", "|---|---|---|---|---|"]
     for folder in folders:
         off, spreads = [], []
-        for path in scene_paths(folder):
-            scene = open_scene(path)
-            middle = len(scene) // 2
-            views = scene.read([middle - 1, middle], SIZE)
-            if views.depths is None:
-                raise InputError(path, "a scene with true depth", "one without")
+        for views in pairs([folder]):
             encoding, known = model(views), views.depths > 0
             off.append((encoding.depths[known] / views.depths[known]).log().abs() / encoding.depth_spread[known])
             spreads.append(encoding.depth_spread[known])

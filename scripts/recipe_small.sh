@@ -107,8 +107,8 @@ python "$(dirname "$0")/average_weights.py" "$mean" \
 # Depth and then colour learn from rooms of the second edition too, and input views agree on classes: version 12.
 rooms walks 200 8 2403 240x320
 eleventh="$folder/eleventh_$share""_$seed"
-deepen "$eleventh" 900 --contexts 2 4 --batch 3 --learning-rate 4e-4 --init "$mean" --seed "$((seed + 35))" --data "$folder/walks" \
-    --size 240x320 --average-decay 0.98 --augmentation.crop 0.6 --augmentation.camera 0.3
+deeper=(--contexts 2 4 --learning-rate 4e-4 --size 240x320 --average-decay 0.98 --augmentation.crop 0.6 --augmentation.camera 0.3)
+deepen "$eleventh" 900 "${deeper[@]}" --batch 3 --init "$mean" --seed "$((seed + 35))" --data "$folder/walks"
 twelfth="$folder/twelfth_$share""_$seed"
 colour "$twelfth" 720 --network.class-fusion --init "$eleventh/weights.safetensors" --seed "$((seed + 37))" --data "$folder/walks"
 
@@ -116,10 +116,9 @@ colour "$twelfth" 720 --network.class-fusion --init "$eleventh/weights.safetenso
 rooms strolls 250 8 2404 240x320
 rooms rambles 240 8 2405 240x320
 thirteenth="$folder/thirteenth_$share""_$seed"
-deeper=(--contexts 2 4 --batch 4 --learning-rate 4e-4 --size 240x320 --average-decay 0.98 --augmentation.crop 0.6 --augmentation.camera 0.3)
-deepen "$thirteenth" 700 "${deeper[@]}" --init "$twelfth/weights.safetensors" --seed "$((seed + 41))" --data "$folder/strolls"
+deepen "$thirteenth" 700 "${deeper[@]}" --batch 4 --init "$twelfth/weights.safetensors" --seed "$((seed + 41))" --data "$folder/strolls"
 fourteenth="$folder/fourteenth_$share""_$seed"
-deepen "$fourteenth" 480 "${deeper[@]}" --init "$thirteenth/weights.safetensors" --seed "$((seed + 47))" --data "$folder/rambles=2" "$folder/strolls=1"
+deepen "$fourteenth" 480 "${deeper[@]}" --batch 4 --init "$thirteenth/weights.safetensors" --seed "$((seed + 47))" --data "$folder/rambles=2" "$folder/strolls=1"
 fifteenth="$folder/fifteenth_$share""_$seed"
 colour "$fifteenth" 600 --init "$fourteenth/weights.safetensors" --seed "$((seed + 51))" --data "$folder/strolls" "$folder/rambles"
 python "$(dirname "$0")/average_weights.py" "$folder/version_13_$share""_$seed.safetensors" "$twelfth/weights.safetensors" "$fifteenth/weights.safetensors"
