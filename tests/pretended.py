@@ -190,6 +190,7 @@ def pretended_device() -> Iterator[torch.device]:
             patch("torch.cuda.memory_allocated", return_value=0), patch("torch.cuda.memory_reserved", return_value=0),
             patch("torch.cuda.mem_get_info", return_value=(10**11, 10**11)), patch("torch.cuda.device_count", return_value=1),
             patch("torch.cuda.get_device_capability", return_value=(7, 0)), patch("torch.cuda.set_device"), patch("torch.cuda.empty_cache"),
+            patch("torch.accelerator.is_available", return_value=False),  # optimizers would ask the driver, which may be missing
             _Dispatch(), _Function(),
         ):  # fmt: skip
             yield CUDA
