@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about eleven hours on two CPU cores; SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about twelve hours on two CPU cores; SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER]
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (seven CPU hours; those of an earlier call are kept), fifteen runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), twenty runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -20,7 +20,7 @@ seed=${SEED:-72}
 start=${START:-small}
 steps() { echo $(($1 * share / 100)); }
 
-rooms() { $semgs rooms "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets"; }
+rooms() { $semgs rooms "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets" "${@:6}"; }
 rooms many 1000 4 2200 120x160
 rooms wide 500 3 2300 240x320
 rooms more 211 3 2301 240x320
@@ -121,6 +121,40 @@ fourteenth="$folder/fourteenth_$share""_$seed"
 deepen "$fourteenth" 480 "${deeper[@]}" --batch 4 --init "$thirteenth/weights.safetensors" --seed "$((seed + 47))" --data "$folder/rambles=2" "$folder/strolls=1"
 fifteenth="$folder/fifteenth_$share""_$seed"
 colour "$fifteenth" 600 --init "$fourteenth/weights.safetensors" --seed "$((seed + 51))" --data "$folder/strolls" "$folder/rambles"
-python "$(dirname "$0")/average_weights.py" "$folder/version_13_$share""_$seed.safetensors" "$twelfth/weights.safetensors" "$fifteenth/weights.safetensors"
+version13="$folder/version_13_$share""_$seed.safetensors"
+average="$(dirname "$0")/average_weights.py"
+python "$average" "$version13" "$twelfth/weights.safetensors" "$fifteenth/weights.safetensors"
 
-for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth"; do grep -h '"validation"' "$run/log.jsonl"; done
+# Classes learn on from version 12, then from new rooms with furniture made for them.
+rooms inns 1200 3 2305 240x320
+python -m tools.furniture "$folder/furniture" --pieces 144 --seed 41
+rooms hotels 1600 3 2306 240x320 --assets "$folder/furniture"
+if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/inns" "$folder/hotels"; fi
+sixteenth="$folder/sixteenth_$share""_$seed"
+train "$sixteenth" 2000 --init "$twelfth/weights.safetensors" "${taught[@]}" --seed "$((seed + 43))" --data "$folder/inns" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
+seventeenth="$folder/seventeenth_$share""_$seed"
+train "$seventeenth" 3000 --init "$sixteenth/weights.safetensors" "${taught[@]}" --seed "$((seed + 55))" --data "$folder/hotels=2" "$folder/inns=1" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
+
+# At the same time, depth learns on from other new rooms, then colour.
+rooms hikes 400 8 2406 240x320
+eighteenth="$folder/eighteenth_$share""_$seed"
+deepen "$eighteenth" 800 "${deeper[@]}" --augmentation.camera 0.5 --batch 4 --init "$fifteenth/weights.safetensors" --seed "$((seed + 53))" \
+    --data "$folder/hikes=2" "$folder/rambles=1" "$folder/strolls=1"
+nineteenth="$folder/nineteenth_$share""_$seed"
+colour "$nineteenth" 500 --init "$eighteenth/weights.safetensors" --seed "$((seed + 57))" --data "$folder/hikes" "$folder/strolls" "$folder/rambles"
+
+# Put together, depth learns on with the new classes. Version 14 is the mean with version 13, and, for its classes, with version 12.
+averaged="$folder/averaged_$share""_$seed.safetensors"
+python "$average" "$averaged" "$twelfth/weights.safetensors" "$seventeenth/weights.safetensors"
+both="$folder/both_$share""_$seed.safetensors"
+python "$average" --start "$twelfth/weights.safetensors" "$both" "$averaged" "$nineteenth/weights.safetensors"
+twentieth="$folder/twentieth_$share""_$seed"
+deepen "$twentieth" 300 "${deeper[@]}" --learning-rate 2e-4 --batch 4 --init "$both" --seed "$((seed + 61))" --data "$folder/hikes" "$folder/rambles" "$folder/strolls"
+# The mean with version 13 halves the change of classes, of which there should be half: the other quarter is added.
+half="$folder/half_$share""_$seed.safetensors"
+python "$average" "$half" "$version13" "$twentieth/weights.safetensors"
+quarter="$folder/quarter_$share""_$seed.safetensors"
+python "$average" "$quarter" "$twelfth/weights.safetensors" "$twelfth/weights.safetensors" "$twelfth/weights.safetensors" "$seventeenth/weights.safetensors"
+python "$average" --start "$twelfth/weights.safetensors" "$folder/version_14_$share""_$seed.safetensors" "$half" "$quarter"
+
+for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth"; do grep -h '"validation"' "$run/log.jsonl"; done
