@@ -127,7 +127,7 @@ python "$average" "$version13" "$twelfth/weights.safetensors" "$fifteenth/weight
 
 # Classes learn on from version 12, then from new rooms with furniture made for them.
 rooms inns 1200 3 2305 240x320
-python -m tools.furniture "$folder/furniture" --pieces 144 --seed 41
+PYTHONPATH="$(dirname "$0")/.." python -m tools.furniture "$folder/furniture" --pieces 144 --seed 41
 rooms hotels 1600 3 2306 240x320 --assets "$folder/furniture"
 if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/inns" "$folder/hotels"; fi
 sixteenth="$folder/sixteenth_$share""_$seed"
