@@ -18,9 +18,12 @@ semgs=${SEMGS:-semgs}
 share=${SHARE:-100}
 seed=${SEED:-72}
 start=${START:-small}
+here="$(dirname "$0")"
 steps() { echo $(($1 * share / 100)); }
 
 rooms() { $semgs rooms "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets" "${@:6}"; }
+teach() { if [ -n "$teacher" ]; then python "$here/teach.py" "$teacher" "$folder/teacher" "$@"; fi; }  # SCENES [SCENES ...]
+average() { python "$here/average_weights.py" "$@"; }
 rooms many 1000 4 2200 120x160
 rooms wide 500 3 2300 240x320
 rooms more 211 3 2301 240x320
@@ -35,10 +38,8 @@ held, assets = sys.argv[1:]
 write_dataset(held, Recipe(VALIDATION_SEED, (240, 320), 6, library=Library((assets,), "validation")), 24)
 PYTHON
 taught=()
-if [ -n "$teacher" ]; then
-    python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/wide"
-    taught=(--teacher "$folder/teacher")
-fi
+teach "$folder/wide"
+if [ -n "$teacher" ]; then taught=(--teacher "$folder/teacher"); fi
 backbone_given=(--network.class-backbone)
 if [ "$backbone" != random ]; then backbone_given+=(--backbone "$backbone"); fi
 
@@ -85,23 +86,23 @@ colour "$seventh" 480 --init "$sixth/weights.safetensors" --seed "$((seed + 19))
 
 # The classes learn on, from rooms that they have not seen: version 9.
 rooms new 1300 3 2302 240x320
-if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/new"; fi
+teach "$folder/new"
 eighth="$folder/eighth_$share""_$seed"
 train "$eighth" 2600 --init "$seventh/weights.safetensors" "${taught[@]}" --seed "$((seed + 23))" --data "$folder/new" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
 
 # And from 1,200 rooms of the second edition: version 10.
 rooms homes 1200 3 2303 240x320
-if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/homes"; fi
+teach "$folder/homes"
 ninth="$folder/ninth_$share""_$seed"
 train "$ninth" 2400 --init "$eighth/weights.safetensors" "${taught[@]}" --seed "$((seed + 29))" --data "$folder/homes" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
 
 # And from 1,600 more. The mean of the last three runs, the last of which counts twice, is version 11.
 rooms others 1600 3 2304 240x320
-if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/others"; fi
+teach "$folder/others"
 tenth="$folder/tenth_$share""_$seed"
 train "$tenth" 3000 --init "$ninth/weights.safetensors" "${taught[@]}" --seed "$((seed + 33))" --data "$folder/others=2" "$folder/homes=1" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
 mean="$folder/mean_$share""_$seed.safetensors"
-python "$(dirname "$0")/average_weights.py" "$mean" \
+average "$mean" \
     "$eighth/weights.safetensors" "$ninth/weights.safetensors" "$tenth/weights.safetensors" "$tenth/weights.safetensors"
 
 # Depth and then colour learn from rooms of the second edition too, and input views agree on classes: version 12.
@@ -122,14 +123,13 @@ deepen "$fourteenth" 480 "${deeper[@]}" --batch 4 --init "$thirteenth/weights.sa
 fifteenth="$folder/fifteenth_$share""_$seed"
 colour "$fifteenth" 600 --init "$fourteenth/weights.safetensors" --seed "$((seed + 51))" --data "$folder/strolls" "$folder/rambles"
 version13="$folder/version_13_$share""_$seed.safetensors"
-average="$(dirname "$0")/average_weights.py"
-python "$average" "$version13" "$twelfth/weights.safetensors" "$fifteenth/weights.safetensors"
+average "$version13" "$twelfth/weights.safetensors" "$fifteenth/weights.safetensors"
 
 # Classes learn on from version 12, then from new rooms with furniture made for them.
 rooms inns 1200 3 2305 240x320
-PYTHONPATH="$(dirname "$0")/.." python -m tools.furniture "$folder/furniture" --pieces 144 --seed 41
+PYTHONPATH="$here/.." python -m tools.furniture "$folder/furniture" --pieces 144 --seed 41
 rooms hotels 1600 3 2306 240x320 --assets "$folder/furniture"
-if [ -n "$teacher" ]; then python "$(dirname "$0")/teach.py" "$teacher" "$folder/teacher" "$folder/inns" "$folder/hotels"; fi
+teach "$folder/inns" "$folder/hotels"
 sixteenth="$folder/sixteenth_$share""_$seed"
 train "$sixteenth" 2000 --init "$twelfth/weights.safetensors" "${taught[@]}" --seed "$((seed + 43))" --data "$folder/inns" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
 seventeenth="$folder/seventeenth_$share""_$seed"
@@ -143,18 +143,15 @@ deepen "$eighteenth" 800 "${deeper[@]}" --augmentation.camera 0.5 --batch 4 --in
 nineteenth="$folder/nineteenth_$share""_$seed"
 colour "$nineteenth" 500 --init "$eighteenth/weights.safetensors" --seed "$((seed + 57))" --data "$folder/hikes" "$folder/strolls" "$folder/rambles"
 
-# Put together, depth learns on with the new classes. Version 14 is the mean with version 13, and, for its classes, with version 12.
+# Put together, depth learns on with the new classes. The mean with version 13, which gets the new classes too, is version 14.
 averaged="$folder/averaged_$share""_$seed.safetensors"
-python "$average" "$averaged" "$twelfth/weights.safetensors" "$seventeenth/weights.safetensors"
+average "$averaged" "$twelfth/weights.safetensors" "$seventeenth/weights.safetensors"
 both="$folder/both_$share""_$seed.safetensors"
-python "$average" --start "$twelfth/weights.safetensors" "$both" "$averaged" "$nineteenth/weights.safetensors"
+average --start "$twelfth/weights.safetensors" "$both" "$averaged" "$nineteenth/weights.safetensors"
 twentieth="$folder/twentieth_$share""_$seed"
 deepen "$twentieth" 300 "${deeper[@]}" --learning-rate 2e-4 --batch 4 --init "$both" --seed "$((seed + 61))" --data "$folder/hikes" "$folder/rambles" "$folder/strolls"
-# The mean with version 13 halves the change of classes, of which there should be half: the other quarter is added.
-half="$folder/half_$share""_$seed.safetensors"
-python "$average" "$half" "$version13" "$twentieth/weights.safetensors"
-quarter="$folder/quarter_$share""_$seed.safetensors"
-python "$average" "$quarter" "$twelfth/weights.safetensors" "$twelfth/weights.safetensors" "$twelfth/weights.safetensors" "$seventeenth/weights.safetensors"
-python "$average" --start "$twelfth/weights.safetensors" "$folder/version_14_$share""_$seed.safetensors" "$half" "$quarter"
+with_classes="$folder/with_classes_$share""_$seed.safetensors"
+average --start "$twelfth/weights.safetensors" "$with_classes" "$averaged" "$version13"
+average "$folder/version_14_$share""_$seed.safetensors" "$with_classes" "$twentieth/weights.safetensors"
 
 for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth"; do grep -h '"validation"' "$run/log.jsonl"; done

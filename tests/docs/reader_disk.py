@@ -133,7 +133,7 @@ def _write_results(disk: Path) -> None:
     shutil.copytree(disk / "out", disk / "done")
     shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")
-    run("reconstruct", "room", "--out", "out/robot")
+    shutil.copytree(disk / "out" / "office", disk / "out" / "robot")
     run("export", "out/office", "--out", "office", "--as", "ply")
     run("export", "out/office", "--out", "map", "--as", "objects")
     run("evaluate", "small", "--data", "data/rooms", "--views", "2", "--size", small, "--out", "eval/small")
