@@ -63,6 +63,18 @@ def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views
     return views.changed(images=images.clamp(0, 1))
 
 
+def exposed(views: Views, strength: float, rng: np.random.Generator) -> Views:
+    """The views as a camera on automatic takes them: `recoloured`, but each view by itself.
+
+    Args:
+        views: with one leading axis.
+        strength: as in `recoloured`.
+        rng: random numbers; the same state gives the same colours.
+    """
+    each = [recoloured(views.select([index]), strength, rng).images for index in range(len(views.images))]
+    return views.changed(images=torch.cat(each))
+
+
 def rolled(views: Views, degrees: float) -> Views:
     """The views of cameras rotated clockwise about their optical axes; images rotate the other way about the principal point.
 
@@ -98,7 +110,7 @@ def rolled(views: Views, degrees: float) -> Views:
 
 
 class Variation:
-    """The random changes to one sample, the same for all of its views.
+    """The random changes to one sample, the same for all of its views (but for `exposure`).
 
     Args:
         settings: how strong the changes are.
@@ -114,12 +126,15 @@ class Variation:
         self._colours = int(rng.integers(2**63))
         self._roll = settings.roll and float(rng.uniform(-settings.roll, settings.roll)) * int(rng.integers(2))
         self._camera = int(rng.integers(2**63))
+        self._exposure = int(rng.integers(2**63))
 
     def __call__(self, views: Views, size: tuple[int, int]) -> Views:
         """The changed views at a size (height, width) [px]; without augmentation, the middle of each view."""
         views = self.placed(views, size)
         if self._settings.colour:
             views = recoloured(views, self._settings.colour, np.random.Generator(np.random.PCG64(self._colours)))
+        if self._settings.exposure:
+            views = exposed(views, self._settings.exposure, np.random.Generator(np.random.PCG64(self._exposure)))
         if self._settings.camera:
             views = photographed(views, self._settings.camera, np.random.Generator(np.random.PCG64(self._camera)))
         return views

@@ -30,7 +30,7 @@ PLACES = ("data", "scenes", "validation", "init", "backbone", "teacher", "assets
 
 @dataclass(frozen=True)
 class Augmentation:
-    """Random changes to a sample, the same for all of its views and their cameras."""
+    """Random changes to a sample. All but `exposure` are the same for all of its views and their cameras."""
 
     colour: float = 0.0
     """Change exposure, white balance and saturation by factors of up to exp(this). 0.2 is strong."""
@@ -44,12 +44,15 @@ class Augmentation:
     camera: float = 0.0
     """Imitate a photo camera: blur, vignetting, white balance, noise, gamma, JPEG and, in one sample of ten, grey. 1 is as strong as on
     phones."""
+    exposure: float = 0.0
+    """Change the exposure, white balance and saturation of each view by itself, by factors of up to exp(this), as a camera on automatic does.
+    Not with --supervision rendered, which compares the views' colours."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.colour <= 1 or not 0.2 <= self.crop <= 1:
             raise ValueError(f"augmentation is {self}; expected colour in 0..1 and crop in 0.2..1")
-        if not 0 <= self.roll <= 45 or not 0 <= self.camera <= 1:
-            raise ValueError(f"augmentation is {self}; expected roll in 0..45 degrees and camera in 0..1")
+        if not 0 <= self.roll <= 45 or not 0 <= self.camera <= 1 or not 0 <= self.exposure <= 1:
+            raise ValueError(f"augmentation is {self}; expected roll in 0..45 degrees, and camera and exposure in 0..1")
 
 
 @dataclass(frozen=True)
@@ -199,8 +202,10 @@ class TrainingSettings:
                 "False, unless supervision is labels, pictures or depth",
             ),
             "augmentation": (
-                alone or not self.augmentation.roll,
-                "no roll, except with supervision by pictures: the corners of a rotated image are made up",
+                (alone or not self.augmentation.roll)
+                and (self.supervision != "rendered" or not self.augmentation.exposure),
+                "no roll, except with supervision by pictures: the corners of a rotated image are made up; and no exposure with "
+                "rendered views: their colours are compared",
             ),
             "sweep_rate": (
                 0 <= self.sweep_rate <= 1 and (self.sweep_rate > 0 or self.supervision != "depth"),

@@ -88,8 +88,8 @@ def test_what_differs_from_the_preset_is_told_in_words():
     settings = parsed("small --out run --steps 77 --seed 5 --augmentation.flip").settings
     assert from_preset(settings) == [
         f"steps: 77 (preset small: {small().steps})",
-        "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True, roll=0.0, camera=0.0) "
-        "(preset small: Augmentation(colour=0.0, crop=1.0, flip=False, roll=0.0, camera=0.0))",
+        "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True, roll=0.0, camera=0.0, exposure=0.0) "
+        "(preset small: Augmentation(colour=0.0, crop=1.0, flip=False, roll=0.0, camera=0.0, exposure=0.0))",
         "seed: 5 (preset small: 0)",
     ]
     assert from_preset(small()) == []

@@ -60,6 +60,11 @@ TRAINING = (
         "rng.uniform(-strength, strength, 3) / 3", "rng.uniform(-strength, strength, 3)", ("tests/training/test_augmentation.py",),
     ),
     Mutant(
+        "all views of a sample are exposed alike", "semgs/training/augmentation.py",
+        "recoloured(views.select([index]), strength, rng).images for index", "recoloured(views.select([index]), strength, np.random.default_rng(0)).images for index",
+        ("tests/training/test_augmentation.py",),
+    ),
+    Mutant(
         "samples from folders ignore the seed", "semgs/training/samples.py",
         "SeedSequence((self._seed, k, purpose))", "SeedSequence((0, k, purpose))",
         ("tests/training/test_files.py::test_another_seed_sees_other_scenes_and_frames",),

@@ -10,7 +10,7 @@ import torch
 from posed import posed_views
 
 from semgs.data.views import Views
-from semgs.training.augmentation import Variation, flipped, recoloured, rolled, window
+from semgs.training.augmentation import Variation, exposed, flipped, recoloured, rolled, window
 from semgs.training.settings import Augmentation
 from semgs.training.teacher import coordinates
 
@@ -121,6 +121,17 @@ def test_colours_change_alike_in_all_views_and_stay_colours():
     torch.testing.assert_close(one.images, changed.images[1:])
 
 
+def test_exposure_changes_each_view_by_itself():
+    """Two views of the same grey: exposures of exp(+-0.3) differ by 0.2 in the mean of their logs (a third of the range of 0.6)."""
+    grey = posed_views(2, (1, 2), seed=4)
+    grey = replace(grey, images=torch.full_like(grey.images, 0.4))
+    changed = [exposed(grey, 0.3, np.random.default_rng(seed)).images for seed in range(300)]
+    logs = (torch.stack(changed)[..., 0, 0].double() / 0.4).log().mean(-1)
+    assert 0.18 < (logs[:, 0] - logs[:, 1]).abs().mean() < 0.22
+    varied = Variation(Augmentation(exposure=0.3), 3, 7)(grey, (1, 2)).images
+    assert abs(float(varied[0].mean() / varied[1].mean()) - 1) > 0.02, "the setting reaches the samples"
+
+
 def test_the_variation_of_a_sample_depends_on_seed_and_number_alone():
     views = posed_views(3, SIZE, seed=4)
     settings = Augmentation(colour=0.2, crop=0.5, flip=True)
@@ -138,7 +149,16 @@ def test_without_augmentation_nothing_is_touched():
 
 
 @pytest.mark.parametrize(
-    "change", [{"colour": -0.1}, {"crop": 0.0}, {"crop": 1.2}, {"roll": -1.0}, {"roll": 50.0}, {"camera": 1.5}]
+    "change",
+    [
+        {"colour": -0.1},
+        {"crop": 0.0},
+        {"crop": 1.2},
+        {"roll": -1.0},
+        {"roll": 50.0},
+        {"camera": 1.5},
+        {"exposure": -0.1},
+    ],
 )
 def test_augmentations_that_cannot_be_are_refused(change):
     with pytest.raises(ValueError, match=r"expected (colour|roll) in"):

@@ -149,6 +149,10 @@ def test_a_pooled_scene_serves_no_two_single_pictures_of_a_batch(tmp_path: Path)
             {"supervision": "labels", "contexts": (2, 2), "targets": 1, "augmentation": Augmentation(roll=5.0)},
             "no roll",
         ),
+        (
+            {"supervision": "rendered", "contexts": (2, 2), "targets": 1, "augmentation": Augmentation(exposure=0.1)},
+            "no exposure with rendered views",
+        ),
         ({"sampling": "balanced"}, "take turns"),
         ({"half_size": 0.5}, "0 if a side is below 32 pixels"),
         ({"half_size": 1.5, "size": (32, 48)}, "half_size is 1.5; expected a share in 0..1"),
