@@ -1,4 +1,5 @@
-"""Reconstruct frames of the embedded room and tell what was planned and what the process held at most.
+"""Reconstruct frames of the embedded room and tell what was planned and what the process held at most,
+libraries included.
 
     python tests/reconstruction/peak_of_process.py NETWORK VIEWS HEIGHT WIDTH [FREE_GB]
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict
+from pathlib import Path
 
 from semgs.bench.peak_memory import peak_mb
 from semgs.bench.scenes import network
@@ -29,8 +31,14 @@ def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> N
     choice = given(scene, list(range(count)))
     result = reconstruct(scene, choice, network(name), (int(height), int(width)))
     assert result.plan is not None
-    told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb()}
+    told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb(), "mapped_bytes": mapped_bytes()}
     print(json.dumps({key: value for key, value in told.items() if key != "available_bytes"}))
+
+
+def mapped_bytes() -> float:
+    """Pages of libraries and other files that this process has in memory."""
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("RssFile:"))
 
 
 if __name__ == "__main__":
