@@ -6,7 +6,7 @@
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (eight CPU hours; those of an earlier call are kept), twenty runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), twenty-one runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -154,4 +154,10 @@ with_classes="$folder/with_classes_$share""_$seed.safetensors"
 average --start "$twelfth/weights.safetensors" "$with_classes" "$averaged" "$version13"
 average "$folder/version_14_$share""_$seed.safetensors" "$with_classes" "$twentieth/weights.safetensors"
 
-for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth"; do grep -h '"validation"' "$run/log.jsonl"; done
+# Depth learns on from frames that lie beside each other in a walk, as in evaluation: version 15.
+rooms treks 400 8 2407 240x320
+twentyfirst="$folder/twentyfirst_$share""_$seed"
+deepen "$twentyfirst" 800 "${deeper[@]}" --learning-rate 3e-4 --frames consecutive --augmentation.exposure 0.15 --batch 4 \
+    --init "$folder/version_14_$share""_$seed.safetensors" --seed "$((seed + 63))" --data "$folder/treks=2" "$folder/hikes=1" "$folder/rambles=1" "$folder/strolls=1"
+
+for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth" "$twentyfirst"; do grep -h '"validation"' "$run/log.jsonl"; done
