@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from operator import attrgetter
 from pathlib import PurePath
 from typing import Any, Literal, get_args
 
@@ -49,10 +50,10 @@ class Augmentation:
     Not with --supervision rendered, which compares the views' colours."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.colour <= 1 or not 0.2 <= self.crop <= 1:
-            raise ValueError(f"augmentation is {self}; expected colour in 0..1 and crop in 0.2..1")
-        if not 0 <= self.roll <= 45 or not 0 <= self.camera <= 1 or not 0 <= self.exposure <= 1:
-            raise ValueError(f"augmentation is {self}; expected roll in 0..45 degrees, and camera and exposure in 0..1")
+        bounds = {"colour": (0, 1), "crop": (0.2, 1), "roll": (0, 45), "camera": (0, 1), "exposure": (0, 1)}
+        for name, (least, most) in bounds.items():
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected {least} to {most}")
 
 
 @dataclass(frozen=True)
@@ -201,11 +202,13 @@ class TrainingSettings:
                 not self.hold_shared or self.supervision != "rendered",
                 "False, unless supervision is labels, pictures or depth",
             ),
-            "augmentation": (
-                (alone or not self.augmentation.roll)
-                and (self.supervision != "rendered" or not self.augmentation.exposure),
-                "no roll, except with supervision by pictures: the corners of a rotated image are made up; and no exposure with "
-                "rendered views: their colours are compared",
+            "augmentation.roll": (
+                alone or not self.augmentation.roll,
+                "0, except with supervision by pictures: the corners of a rotated image are made up",
+            ),
+            "augmentation.exposure": (
+                self.supervision != "rendered" or not self.augmentation.exposure,
+                "0 with supervision by rendered views, whose colours are compared",
             ),
             "sweep_rate": (
                 0 <= self.sweep_rate <= 1 and (self.sweep_rate > 0 or self.supervision != "depth"),
@@ -229,7 +232,7 @@ class TrainingSettings:
         }
         for name, (holds, expected) in checks.items():
             if not holds:
-                raise ValueError(f"{name} is {getattr(self, name)}; expected {expected}")
+                raise ValueError(f"{name} is {attrgetter(name)(self)}; expected {expected}")
 
     def check_whole(self) -> None:
         """Refuse settings that lack what a preset cannot know.

@@ -54,7 +54,7 @@ def test_supervision_by_depth_has_weights_of_its_own():
         ("small --out run --stops 3", "--stops"),
         ("small --out run --data scans=0", "data is 'scans=0'; expected rooms or DIR"),
         ("small --out run --class-weights 1 2", "expected 20 factors"),
-        ("small --out run --augmentation.crop 2", "expected colour in"),
+        ("small --out run --augmentation.crop 2", "augmentation: crop is 2.0; expected 0.2 to 1"),
         ("tiny --out run", "tiny"),
     ],
 )

@@ -147,11 +147,11 @@ def test_a_pooled_scene_serves_no_two_single_pictures_of_a_batch(tmp_path: Path)
         ({"supervision": "labels", "contexts": (2, 2)}, "targets is"),
         (
             {"supervision": "labels", "contexts": (2, 2), "targets": 1, "augmentation": Augmentation(roll=5.0)},
-            "no roll",
+            "augmentation.roll is 5.0; expected 0",
         ),
         (
             {"supervision": "rendered", "contexts": (2, 2), "targets": 1, "augmentation": Augmentation(exposure=0.1)},
-            "no exposure with rendered views",
+            "augmentation.exposure is 0.1; expected 0",
         ),
         ({"sampling": "balanced"}, "take turns"),
         ({"half_size": 0.5}, "0 if a side is below 32 pixels"),
