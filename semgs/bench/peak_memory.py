@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from semgs.model.free_memory import process_bytes
 from semgs.reconstruction.allocator import keep_freed_memory
 
 MEGABYTE = 1e6
@@ -24,16 +25,15 @@ CHILD_SECONDS = 3600
 
 def peak_mb() -> float:
     """Peak memory of this process since its start, or since `forget_peak` [10^6 bytes]; NaN on Windows."""
+    peak = process_bytes("VmHWM")
+    if peak is not None:
+        return peak / MEGABYTE
     try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")) / MEGABYTE
-    except (OSError, StopIteration):
-        try:
-            import resource
-        except ImportError:  # Windows
-            return math.nan
-        unit = 1 if sys.platform == "darwin" else 1024
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / MEGABYTE
+        import resource
+    except ImportError:  # Windows
+        return math.nan
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / MEGABYTE
 
 
 def forget_peak() -> bool:

@@ -36,7 +36,19 @@ def free_bytes(root: Path = ROOT) -> float:
 
 def held_bytes(root: Path = ROOT) -> float:
     """Memory that this process uses now; 0 if unknown."""
-    return KIBIBYTE * _numbers(root / "proc/self/status").get("VmRSS", 0.0)
+    return process_bytes("VmRSS", root) or 0.0
+
+
+def process_bytes(name: str, root: Path = ROOT) -> float | None:
+    """Memory of this process as Linux counts it; None if the system does not say.
+
+    Args:
+        name: of a line of `/proc/self/status`: `VmRSS` in use now, `VmHWM` the most since its start, `RssFile` pages of libraries and other
+            files, `VmSize` address space.
+        root: the folder with `proc`.
+    """
+    kibibytes = _numbers(root / "proc/self/status").get(name)
+    return None if kibibytes is None else KIBIBYTE * kibibytes
 
 
 def control_groups(root: Path = ROOT) -> Iterator[Path]:
@@ -99,7 +111,7 @@ def _address_space_left(root: Path) -> float:
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:
         return math.inf
-    return limit - KIBIBYTE * _numbers(root / "proc/self/status").get("VmSize", 0.0)
+    return limit - (process_bytes("VmSize", root) or 0.0)
 
 
 def _numbers(path: Path) -> dict[str, float]:

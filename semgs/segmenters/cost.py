@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from time import perf_counter
 from typing import Protocol, runtime_checkable
 
 from semgs.data.frames import Frame
+from semgs.model.free_memory import process_bytes
 
 MEGABYTE = 1e6
 
@@ -59,16 +59,7 @@ def cost_of(source: object, frames: Sequence[Frame]) -> Cost | None:
 
 def measured(work: Callable[[], object]) -> Cost:
     """The cost of some work, which is done once."""
-    before, start = _of_process("VmRSS"), perf_counter()
+    before, start = process_bytes("VmRSS"), perf_counter()
     work()
-    seconds, peak = perf_counter() - start, _of_process("VmHWM")
-    return Cost(seconds, None if before is None or peak is None else peak - before)
-
-
-def _of_process(key: str) -> float | None:
-    """Memory of this process [10^6 bytes]: in use (VmRSS), or the most since its start (VmHWM); None if Linux does not say."""
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-        return next(int(line.split()[1]) * 1024 / MEGABYTE for line in lines if line.startswith(f"{key}:"))
-    except (OSError, StopIteration):
-        return None
+    seconds, peak = perf_counter() - start, process_bytes("VmHWM")
+    return Cost(seconds, None if before is None or peak is None else (peak - before) / MEGABYTE)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.model.free_memory import control_groups, free_bytes, held_bytes
+from semgs.model.free_memory import control_groups, free_bytes, held_bytes, process_bytes
 
 GIB = 2**30
 
@@ -47,6 +47,8 @@ def version_1(folder: Path, limit: int, used: int, files: int = 0) -> None:
 def test_without_containers_it_is_what_the_system_has_available(root: Path) -> None:
     assert free_bytes(root) == 8 * GIB
     assert held_bytes(root) == GIB
+    assert process_bytes("VmSize", root) == 3 * GIB
+    assert process_bytes("VmHWM", root) is None
 
 
 def test_a_container_of_version_2_leaves_its_limit_less_its_use_files_not_counted(root: Path) -> None:

@@ -11,13 +11,13 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 from semgs.bench.peak_memory import peak_mb
 from semgs.bench.scenes import network
 from semgs.data.choice import given
 from semgs.data.scenes import open_scene
 from semgs.model import memory_plan
+from semgs.model.free_memory import process_bytes
 from semgs.reconstruction.allocator import keep_freed_memory
 from semgs.reconstruction.reconstruct import reconstruct
 from semgs.rooms.sets.demo import demo_scene
@@ -31,14 +31,8 @@ def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> N
     choice = given(scene, list(range(count)))
     result = reconstruct(scene, choice, network(name), (int(height), int(width)))
     assert result.plan is not None
-    told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb(), "mapped_bytes": mapped_bytes()}
+    told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb(), "mapped_bytes": process_bytes("RssFile")}
     print(json.dumps({key: value for key, value in told.items() if key != "available_bytes"}))
-
-
-def mapped_bytes() -> float:
-    """Pages of libraries and other files that this process has in memory."""
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("RssFile:"))
 
 
 if __name__ == "__main__":

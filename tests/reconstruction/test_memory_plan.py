@@ -224,8 +224,8 @@ def test_the_command_ends_with_one_line_and_code_2_where_nothing_fits(
     assert not out.exists()
 
 
-LIBRARIES_IN_USE = 200e6
-"""Of the libraries' pages a process has 220 MB in memory, unless the kernel has dropped them from its cache: then it holds less than it may."""
+MOSTLY = 0.93
+"""A process has this part of the libraries' pages in memory, unless the kernel has dropped them from its cache: then it holds less than it may."""
 
 
 def measured_planned_and_mapped(compiled: Path, *arguments: str) -> tuple[float, float, float]:
@@ -248,14 +248,24 @@ SETTINGS = [
 IN_CHUNKS = ["small 8 240 320 0.6", "small 8 480 640 1.45", "base 4 120 160 0.57"]
 
 
+@pytest.fixture(scope="module")
+def of_libraries(tmp_path_factory: pytest.TempPathFactory) -> float:
+    """Bytes of libraries that a process has in memory when torch's are in the kernel's cache, because they were just read."""
+    for file in Path(torch.__file__).parent.glob("lib/*.so*"):
+        file.read_bytes()
+    return measured_planned_and_mapped(tmp_path_factory.mktemp("first"), *SETTINGS[0].split())[2]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("setting", [*SETTINGS, *IN_CHUNKS])
-def test_the_plan_is_the_peak_of_a_first_run_or_up_to_a_fifth_more(setting: str, tmp_path: Path) -> None:
+def test_the_plan_is_the_peak_of_a_first_run_or_up_to_a_fifth_more(
+    setting: str, tmp_path: Path, of_libraries: float
+) -> None:
     measured, planned, mapped = measured_planned_and_mapped(tmp_path, *setting.split())
     again, planned_again, _ = measured_planned_and_mapped(tmp_path, *setting.split())
     assert again <= planned_again
     assert ALWAYS_MORE * measured <= planned
-    if mapped < LIBRARIES_IN_USE:
+    if mapped < MOSTLY * of_libraries:
         pytest.skip(
             f"only {mapped / 1e6:.0f} MB of the libraries are in memory, because the kernel dropped them from its cache"
         )
