@@ -6,7 +6,7 @@
 #
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py. FOLDER
-# gets the rooms (eight CPU hours; those of an earlier call are kept), twenty-one runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), twenty-five runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -160,4 +160,29 @@ twentyfirst="$folder/twentyfirst_$share""_$seed"
 deepen "$twentyfirst" 800 "${deeper[@]}" --learning-rate 3e-4 --frames consecutive --augmentation.exposure 0.15 --batch 4 \
     --init "$folder/version_14_$share""_$seed.safetensors" --seed "$((seed + 63))" --data "$folder/treks=2" "$folder/hikes=1" "$folder/rambles=1" "$folder/strolls=1"
 
-for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth" "$twentyfirst"; do grep -h '"validation"' "$run/log.jsonl"; done
+# Classes learn on in two more sets of new rooms, each with furniture of its own.
+PYTHONPATH="$here/.." python -m tools.furniture "$folder/furniture_2" --pieces 144 --seed 42
+PYTHONPATH="$here/.." python -m tools.furniture "$folder/furniture_3" --pieces 200 --seed 43
+rooms hostels 1600 3 2307 240x320 --assets "$folder/furniture_2"
+rooms lodges 1600 3 2308 240x320 --assets "$folder/furniture_3"
+teach "$folder/hostels" "$folder/lodges"
+twentysecond="$folder/twentysecond_$share""_$seed"
+train "$twentysecond" 4000 --init "$seventeenth/weights.safetensors" "${taught[@]}" --seed "$((seed + 59))" --data "$folder/hostels=2" "$folder/hotels=1" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
+twentythird="$folder/twentythird_$share""_$seed"
+train "$twentythird" 3600 --init "$twentysecond/weights.safetensors" "${taught[@]}" --seed "$((seed + 65))" --data "$folder/lodges=2" "$folder/hostels=1" --size 240x320 --half-size 0.35 --batch 16 --learning-rate 1.2e-3
+
+# At the same time, depth learns on twice from frames beside each other, whose exposure differs more.
+rooms tours 500 8 2408 240x320 --assets "$folder/furniture_2"
+rooms outings 400 8 2409 240x320 --assets "$folder/furniture_3"
+beside=("${deeper[@]}" --half-size 0.3 --learning-rate 3e-4 --frames consecutive --augmentation.exposure 0.3 --batch 4)
+twentyfourth="$folder/twentyfourth_$share""_$seed"
+deepen "$twentyfourth" 1000 "${beside[@]}" --init "$twentyfirst/weights.safetensors" --seed "$((seed + 69))" --data "$folder/tours=2" "$folder/treks=1" "$folder/hikes=1"
+twentyfifth="$folder/twentyfifth_$share""_$seed"
+deepen "$twentyfifth" 1300 "${beside[@]}" --init "$twentyfourth/weights.safetensors" --seed "$((seed + 71))" --data "$folder/outings=2" "$folder/tours=1" "$folder/treks=1"
+
+# Both put together, with the classes' mean with version 12: version 16.
+newest="$folder/newest_$share""_$seed.safetensors"
+average "$newest" "$twelfth/weights.safetensors" "$twentythird/weights.safetensors"
+average --start "$averaged" "$folder/version_16_$share""_$seed.safetensors" "$newest" "$twentyfifth/weights.safetensors"
+
+for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth" "$twentyfirst" "$twentysecond" "$twentythird" "$twentyfourth" "$twentyfifth"; do grep -h '"validation"' "$run/log.jsonl"; done
