@@ -9,7 +9,23 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from semgs.weights.format1 import PREFIXES
+PREFIXES = {
+    "colour_transformer.": "colour.transformer.swin.",
+    "cost_regressor.": "colour.depth.regressor.",
+    "colour_upsampler.": "colour.heads.upsampler.",
+    "depth_refinement.": "colour.heads.refinement.",
+    "opacity_head.": "colour.heads.opacity.",
+    "colour_head.": "colour.heads.colour.",
+    "semantic_cnn.": "semantic.cnn.",
+    "semantic_refinement.0.": "semantic.refinement.residual.0.",
+    "semantic_refinement.1.": "semantic.refinement.residual.1.",
+    "semantic_refinement.classes.": "semantic.refinement.classifier.",
+    "semantic_refinement.": "semantic.refinement.",
+    "semantic_transformer.": "semantic.transformer.swin.",
+    "semantic_upsampler.": "semantic.upsampler.",
+    "semantic_head.": "semantic.head.",
+}
+"""Beginnings of tensor names in the golden data, which are older than the parts of the network, and today. The rest is the same."""
 
 
 def golden_tensor(key: str, shape: tuple[int, ...]) -> Tensor:
@@ -33,8 +49,8 @@ def golden_tensor(key: str, shape: tuple[int, ...]) -> Tensor:
     return torch.from_numpy(values.reshape(shape).astype(np.float32))
 
 
-def first_name(name: str) -> str:
-    """The name that a tensor of the network had at first, in weights of format 1."""
+def golden_name(name: str) -> str:
+    """The name that a tensor of the network has in the golden data."""
     for first, today in PREFIXES.items():
         if name.startswith(today):
             return first + name.removeprefix(today)
@@ -42,8 +58,8 @@ def first_name(name: str) -> str:
 
 
 def fill_golden(model: nn.Module) -> nn.Module:
-    """The network with golden weights by the names that its tensors had at first: no norm is zero, no clamp saturates."""
+    """The network with golden weights by the names of the golden data: no norm is zero, no clamp saturates."""
     model.load_state_dict(
-        {name: golden_tensor(first_name(name), tuple(tensor.shape)) for name, tensor in model.state_dict().items()}
+        {name: golden_tensor(golden_name(name), tuple(tensor.shape)) for name, tensor in model.state_dict().items()}
     )
     return model.eval()

@@ -21,18 +21,14 @@ from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import opened_tensors
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
-from semgs.weights import format1
 
 FORMAT = "2"
-"""The version that is written."""
-
-OLDER = "1"
-"""The older version, which is still read."""
+"""The version that is written and read."""
 
 WEIGHTS = "a safetensors file of weights"
 
 CHECKSUM = "tensors_sha256"
-"""Key of the hash of all tensors (`checksum`); files of older versions have none."""
+"""Key of the hash of all tensors (`checksum`); other files may have none."""
 
 OWN_KEYS = frozenset({"semgs", "settings", "classes", CHECKSUM})
 """Keys of the header that the format itself uses."""
@@ -131,22 +127,18 @@ def read_header(path: str | Path) -> Header:
     """The header of a weights file.
 
     Raises:
-        InputError: it is not a weights file of semgs, or of a later version.
+        InputError: it is not a weights file of semgs, or of another version.
     """
     with opened_tensors(path, WEIGHTS) as file:
         fields = dict(file.metadata() or {})
     fields.pop(CHECKSUM, None)
     version = fields.pop("semgs", None)
-    if version not in (FORMAT, OLDER):
+    if version != FORMAT:
         raise InputError(path, f"weights of format {FORMAT}, written by semgs", "another header", key="metadata")
     try:
-        saved = parse_json(fields.pop("settings"))
+        settings = NetworkSettings.from_json(parse_json(fields.pop("settings")))
         classes = parse_json(fields.pop("classes"))
         table = None if classes is None else ClassTable.from_json(classes)
-        if version == OLDER:
-            settings = format1.todays_settings(saved, semantic=table is not None)
-        else:
-            settings = NetworkSettings.from_json(saved)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
@@ -168,14 +160,12 @@ def count_parameters(path: str | Path) -> int:
 
 
 def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
-    """All tensors of a safetensors file, in float32; those of format 1 under their names of today.
+    """All tensors of a safetensors file, in float32.
 
     Raises:
         InputError: the file cannot be read, or is damaged.
     """
-    header, stored = _content(path)
-    tensors = {name: _single(tensor) for name, tensor in stored.items()}
-    return format1.todays_tensors(tensors) if header.get("semgs") == OLDER else tensors
+    return {name: _single(tensor) for name, tensor in _content(path)[1].items()}
 
 
 def _content(path: str | Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:

@@ -41,7 +41,7 @@ def read_saved_scene(path: Path, out: Path, changed: Sequence[str]) -> None:
 
 
 def weights(folder: Path) -> Path:
-    """The settings and class table of `small`, with some tensors; and one file of format 1."""
+    """The settings and class table of `small`, with some tensors."""
     from dataclasses import asdict
 
     from safetensors.torch import save_file
