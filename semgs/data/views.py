@@ -279,12 +279,3 @@ def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
     raise ValueError(
         f"an image is {tensor.dtype} {tuple(tensor.shape)}; expected uint8 [h w 3] or float [3 h w] in 0..1"
     )
-
-
-def __getattr__(name: str) -> Any:
-    """Names that moved to `semgs.data.resampling`, kept for one more release."""
-    from semgs.data import resampling
-
-    if name in ("DEFAULT_PIXELS", "STRETCH", "cropped", "default_size", "kept_size", "reframed", "resized"):
-        return getattr(resampling, name)
-    raise AttributeError(f"module {__name__} has no attribute {name}")
