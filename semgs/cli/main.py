@@ -23,9 +23,6 @@ from semgs.cli.terminal import Plain, open_streams
 from semgs.files.errors import InputError
 from semgs.files.text import printable
 
-BAKE = ["rooms", "bake"]
-"""A command that is now a tool of the repository; the hint will be removed after the next release."""
-
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
@@ -163,10 +160,6 @@ def _run(arguments: list[str]) -> int:
     if not arguments:
         print(_help(), file=sys.stderr)
         return BAD_INPUT
-    if arguments[:2] == BAKE:
-        raise UsageError(
-            "semgs rooms bake is now python -m tools.furniture, in a clone of the repository, with the same options"
-        )
     words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
     name, rest = " ".join(arguments[:words]), arguments[words:]
     if name in ("-h", "--help", "help"):

@@ -321,9 +321,8 @@ class Reconstruct:
 
     def _named(self) -> tuple[str, str | None]:
         """The network, and its weights unless they are the included ones, as `load` takes them."""
-        if self.weights in (None, "shipped"):
+        if self.weights is None:
             return self.model or "small", None
         if self.weights == "random":
             return self.model or "small", "random"
-        assert self.weights is not None
         return (self.weights, None) if self.model in (None, self.weights) else (self.model or "small", self.weights)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -10,8 +10,7 @@ import tyro
 from semgs.cli.types import height_and_width, one_word, shown_size
 from semgs.data.class_files import read_class_file
 from semgs.data.classes import ClassTable
-from semgs.model.switches import Switches
-from semgs.training import presets
+from semgs.training.presets import PRESETS
 from semgs.training.settings import TrainingSettings
 
 CLASS_FILE = one_word(
@@ -25,17 +24,6 @@ CLASS_FILE = one_word(
 def default_shown(default: str) -> str:
     """The default as the help shows it; nothing if it is empty."""
     return "" if default in ("", "None") else f"(default: {default})"
-
-
-@dataclass(frozen=True)
-class TypedSwitches(Switches):
-    """The field of `Switches` that the help shows in its own way; used like `TypedSettings`."""
-
-    semantic_pyramid: Annotated[tuple[int, ...], tyro.conf.arg(help_behavior_hint=default_shown)] = ()
-
-    def __new__(cls, **values: Any) -> Switches:  # type: ignore[misc]
-        """The switches with these values."""
-        return Switches(**values)
 
 
 @dataclass(frozen=True)
@@ -54,7 +42,6 @@ class TypedSettings(TrainingSettings):
         tyro.conf.arg(help_behavior_hint=default_shown),
     ] = TrainingSettings.class_weights
     assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = TrainingSettings.assets
-    network: Annotated[Switches, tyro.conf.arg(constructor=TypedSwitches)] = field(default_factory=Switches)
     preset: Annotated[str, tyro.conf.Suppress] = TrainingSettings.preset
 
     def __new__(cls, **values: Any) -> TrainingSettings:  # type: ignore[misc]
@@ -63,16 +50,9 @@ class TypedSettings(TrainingSettings):
 
 
 def _preset(name: str) -> object:
-    """A preset as a subcommand, with its alias."""
-    preset = presets.PRESETS[name]
-    other = presets.OTHER_NAMES.get(name)
-    return tyro.conf.subcommand(
-        name,
-        default=preset(),
-        description=preset.__doc__,
-        aliases=None if other is None else [other],
-        constructor=TypedSettings,
-    )
+    """A preset as a subcommand."""
+    preset = PRESETS[name]
+    return tyro.conf.subcommand(name, default=preset(), description=preset.__doc__, constructor=TypedSettings)
 
 
 PresetSettings = (

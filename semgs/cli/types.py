@@ -126,10 +126,8 @@ Device = Annotated[str, one_word("{auto,cpu,cuda}", _device)]
 Weights = Annotated[str, one_word("WEIGHTS", _weights)]
 """Weights: a name of included ones, a file, or a hub id."""
 
-WeightsOrRandom = Annotated[
-    str | None, one_word("WEIGHTS", lambda text: text if text in ("random", "shipped") else _weights(text))
-]
-"""The same, or "random", or "shipped", the old name of the included weights, which stays for one release."""
+WeightsOrRandom = Annotated[str | None, one_word("WEIGHTS", lambda text: text if text == "random" else _weights(text))]
+"""The same, or "random"."""
 
 Protocol = Annotated[
     tuple[str, ...],

@@ -87,7 +87,6 @@ def train(
     execution: Execution | None = None,
     *,
     console: Console | None = None,
-    **named: Any,
 ) -> Outcome:
     """Train, or resume training, into a run folder.
 
@@ -96,7 +95,6 @@ def train(
         out: the run folder.
         execution: how to run it; None is the default. A run may resume on another device, but not to the same bits.
         console: where the first process shows progress; None shows nothing.
-        named: fields of `Execution` by name, as this function took them before; for one release.
 
     Raises:
         ValueError: the folder is a run with other settings, a required setting is missing, or a step cannot be shared equally.
@@ -106,7 +104,7 @@ def train(
         FloatingPointError: ten steps in a row had no finite gradient; the last batch is saved in the run folder.
     """
     began = time.monotonic()
-    execution = replace(execution or Execution(), **named)
+    execution = execution or Execution()
     settings.check_whole()
     execution.share().check(settings.batch)
     for folder in settings.assets:

@@ -50,9 +50,6 @@ def base_text() -> TrainingSettings:
 PRESETS = {"small": small, "base": base, "paper": paper, "base_text": base_text}
 """The trainings that `semgs train` knows by name."""
 
-OTHER_NAMES = {"small": "small-cpu", "base": "base-rooms"}
-"""What some of them are called too."""
-
 
 def from_preset(settings: TrainingSettings) -> list[str]:
     """How settings differ from the preset that they began as, a sentence for each field."""

@@ -276,19 +276,12 @@ class TrainingSettings:
         """The settings from `as_json`; missing fields take their defaults.
 
         Raises:
-            ValueError: this version does not know a field, or the style of rooms.
+            ValueError: this version does not know a field.
         """
-        saved = dict(saved)
-        if "weights" in saved:  # its name before there were mixtures of data
-            saved["init"] = saved.pop("weights")
-        if (style := saved.pop("style", "home")) != "home":  # a setting while there was a second world to train in
-            raise ValueError(f"style is {style}; this version of semgs trains in rooms of style home only")
         unknown = sorted(set(saved) - {one.name for one in fields(cls)})
         if unknown:
             raise ValueError(f"this version of semgs does not know the settings {', '.join(unknown)}")
         values = _with_tuples(saved)
-        if not isinstance(values.get("assets", ()), tuple):  # as older versions kept it
-            values["assets"] = (values["assets"],) if values["assets"] else ()
         kinds = {
             "losses": LossWeights, "depth_losses": DepthLossWeights, "augmentation": Augmentation, "network": Switches,
         }  # fmt: skip

@@ -164,7 +164,7 @@ def test_cuda_where_there_is_none(refused: Refused, scene: Path, monkeypatch: py
 
 def test_a_model_that_does_not_exist_or_has_no_weights(refused: Refused, scene: Path) -> None:
     assert "--model" in refused(scene, "--model", "huge")
-    assert "there are no included weights" in refused(scene, "--model", "mvsplat", "--weights", "shipped")
+    assert "there are no included weights" in refused(scene, "--weights", "mvsplat")
 
 
 def test_weights_that_are_missing_damaged_or_of_something_else(refused: Refused, scene: Path, tmp_path: Path) -> None:

@@ -104,7 +104,6 @@ def test_files_that_are_not_there_are_named_in_full(typed: str, told: str):
     [
         ("", "small", None),
         ("--weights small", "small", None),
-        ("--weights shipped", "small", None),
         ("--weights FILE", "FILE", None),
         ("--weights random", "small", "random"),
         ("--weights random --model base", "base", "random"),

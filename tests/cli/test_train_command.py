@@ -95,9 +95,9 @@ def test_what_differs_from_the_preset_is_told_in_words():
     assert from_preset(small()) == []
 
 
-def test_presets_have_the_names_of_what_they_are_for_too():
-    assert parsed("small-cpu --out run").settings == small()
-    assert parsed("base-rooms --out run").settings == base()
+def test_a_preset_is_given_by_its_name():
+    assert parsed("small --out run").settings == small()
+    assert parsed("base --out run").settings == base()
     settings = parsed("paper --out run --data scans rooms=0.5 --init weights.ckpt --devices 4").settings
     assert settings == replace(paper(), data=("scans", "rooms=0.5"), init="weights.ckpt")
     assert settings.preset == "paper"

@@ -128,9 +128,4 @@ TRAINING = (
         "if shares.get(name, 1.0) > 0}", "}",
         ("tests/training/test_supervision.py::test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else",),
     ),
-    Mutant(
-        "a run in a world that is given up continues in homes", "semgs/training/settings.py",
-        '(style := saved.pop("style", "home")) != "home"', '(style := saved.pop("style", "home")) == "other"',
-        ("tests/training/test_whole_runs.py::test_worlds_that_no_training_may_see_are_refused",),
-    ),
 )  # fmt: skip

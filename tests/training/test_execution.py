@@ -16,9 +16,7 @@ def test_the_processes_of_all_machines_share_a_step():
     assert [k for piece in pieces for k in piece] == list(range(12, 24))
 
 
-def test_a_training_takes_the_old_names_for_one_release(settings, tmp_path: Path):
+def test_a_step_that_cannot_be_shared_ends_a_training_before_it_makes_its_folder(settings, tmp_path: Path):
     with pytest.raises(ValueError, match="a step of 2 scenes cannot be shared by 3 processes"):
-        train(settings, tmp_path / "run", devices=3, minutes=1.0)
-    with pytest.raises(TypeError, match="wrokers"):
-        train(settings, tmp_path / "run", wrokers=0)
+        train(settings, tmp_path / "run", Execution(devices=3))
     assert not (tmp_path / "run").exists()

@@ -43,13 +43,13 @@ def test_settings_survive_json(name: str, tmp_path):
     assert read_settings(tmp_path / "own") == own
 
 
-def test_a_run_of_the_version_before_mixtures_goes_on(tmp_path):
-    """Its settings.json, word by word, but for numbers of the run's own."""
+def test_a_run_that_began_before_some_settings_existed_goes_on(tmp_path):
+    """They have their defaults then."""
     (tmp_path / "settings.json").write_text(
         """{"model": "small", "steps": 12000, "batch": 2, "size": [96, 128], "contexts": [2, 3], "targets": 2,
         "context_targets": true, "learning_rate": 0.001, "warmup": 0.05, "clip": 0.5, "average_decay": 0.998,
         "losses": {"semantic": 0.1, "colour": 1.0, "smoothness": 0.001}, "class_weights": null, "depth_weight": 0.1,
-        "weights": "random", "seed": 0, "scene_reuse": 1, "style": "home", "assets": null, "validate_every": 1000,
+        "init": "random", "seed": 0, "scene_reuse": 1, "validate_every": 1000,
         "validation_scenes": 16}"""
     )
     claim(tmp_path, PRESETS["small"]())
