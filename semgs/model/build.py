@@ -14,7 +14,6 @@ from semgs.model.depth import CostRegressor, PlaneSweepDepth
 from semgs.model.heads import Decoder, DepthRefinement, Head, MVSplatDecoder, PaperDecoder, PlainUpsampler, Upsampler
 from semgs.model.mobilenet import CUE_WIDTHS, MobileNetRefinement
 from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
-from semgs.model.pyramid import SemanticPyramid
 from semgs.model.refinement import ClassRefinement, ResidualRefinement
 from semgs.model.semantic import SHAPE, SemanticBranch
 from semgs.model.semgs import ColourBranch, SemGS
@@ -23,7 +22,6 @@ from semgs.model.settings import (
     MVSplatHeads,
     NetworkSettings,
     PaperHeads,
-    Pyramid,
     SemanticSettings,
     TransformerSettings,
     TwoBlocks,
@@ -100,10 +98,8 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
     return SemanticBranch(cnn, refinement, transformer, upsampler, head)
 
 
-def _refinement(settings: TwoBlocks | Pyramid | MobileNet, channels: int, classes: int) -> ClassRefinement:
+def _refinement(settings: TwoBlocks | MobileNet, channels: int, classes: int) -> ClassRefinement:
     """The class refinement."""
-    if isinstance(settings, Pyramid):
-        return SemanticPyramid(channels, settings.widths, classes)
     if isinstance(settings, MobileNet):
         return MobileNetRefinement(channels, classes, settings.width)
     return ResidualRefinement(channels)

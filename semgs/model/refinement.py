@@ -7,12 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.cnn import ResidualBlock
-from semgs.model.memory_format import lay_out
 
 Shallow = Callable[[Tensor], Tensor]
 """From images [n 3 h w] to the shallow CNN's features [n c h/4 w/4]."""
@@ -66,7 +64,7 @@ class ClassRefinement(nn.Module, ABC):
 
         Args:
             images: with sides that are multiples of 16.
-            shallow: computes shallow features, of these images or of smaller ones.
+            shallow: computes their shallow features, if they are used.
         """
 
     def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
@@ -77,16 +75,6 @@ class ClassRefinement(nn.Module, ABC):
             seen: `Refined.seen` from `forward`; without it, only the necessary layers are computed.
         """
         return ()
-
-
-class ImageRefinement(ClassRefinement):
-    """A refinement on the images. Its convolutions use channels last in training too, which halves the time of a step."""
-
-    def train(self, mode: bool = True) -> ImageRefinement:
-        """Set the mode, as for every module, and keep the memory format."""
-        super().train(mode)
-        lay_out(self, torch.channels_last)
-        return self
 
 
 class ResidualRefinement(ClassRefinement):

@@ -94,7 +94,7 @@ class SemanticBranch(nn.Module):
         """
 
         def features(images: Tensor) -> Tensor:
-            if shallow is not None and self.cnn is None and images is scene.images:
+            if shallow is not None and self.cnn is None:
                 return shallow
             own: Tensor = (self.cnn or cnn)(images)
             return own

@@ -130,21 +130,9 @@ class TwoBlocks:
 
 
 @dataclass(frozen=True)
-class Pyramid:
-    """A pyramid of coarser maps that classifies each view on its own; the head corrects its classes.
-
-    Attributes:
-        widths: of the maps at 1/8 of the image and so on.
-        kind: which refinement this is, in JSON.
-    """
-
-    widths: tuple[int, ...]
-    kind: Literal["pyramid"] = "pyramid"
-
-
-@dataclass(frozen=True)
 class MobileNet:
-    """MobileNetV2 on the image and a light decoder: it classifies each view on its own and can start from published weights.
+    """MobileNetV2 on the image and a light decoder: it classifies each view on its own, the head corrects its classes, and it can
+    start from published weights.
 
     Attributes:
         width: channels in the decoder.
@@ -167,7 +155,7 @@ class SemanticSettings:
     """
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
-    refinement: TwoBlocks | Pyramid | MobileNet = field(default_factory=TwoBlocks)
+    refinement: TwoBlocks | MobileNet = field(default_factory=TwoBlocks)
     own_cnn: bool = False
     hidden: int = 54
     fusion: bool = False

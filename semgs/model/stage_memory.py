@@ -15,7 +15,7 @@ from semgs.model.heads import RENDERED_HARMONICS
 from semgs.model.mobilenet import CUE_WIDTHS
 from semgs.model.semantic import SHAPE
 from semgs.model.semgs import SemGS
-from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, Pyramid, TransformerSettings
+from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, TransformerSettings
 
 DRAWN_PAIRS = 30e6
 """The pairs of Gaussian and tile that are rendered at a time [bytes]."""
@@ -147,10 +147,7 @@ def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
     if settings.semantic is None:
         return 0.0
     refinement = 0.0
-    if isinstance(settings.semantic.refinement, Pyramid):
-        # Its finest level, with a residual block like that of a U-Net, and its input: features and image.
-        refinement = features + features / settings.channels * 3 * SHRINK**2 + UNET_MAPS * features
-    elif isinstance(settings.semantic.refinement, MobileNet):
+    if isinstance(settings.semantic.refinement, MobileNet):
         # The widest maps of the backbone, at half the image: 16 channels in, 96 before and after padding; 96 out at 1/4.
         refinement = features / settings.channels * (4 * (16 + 2 * 96) + 96)
     return max(_attention(settings.semantic.transformer, features, views), refinement)

@@ -207,7 +207,7 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
     return path
 
 
-def _switched(switches: Switches) -> dict[str, bool | int | tuple[int, ...]]:
+def _switched(switches: Switches) -> dict[str, bool | int]:
     """The switches that differ from their defaults."""
     usual = Switches()
     return {

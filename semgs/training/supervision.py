@@ -176,7 +176,7 @@ class Pictures(Supervision):
         if not channels:
             raise InputError(
                 "--teacher", "a network that classifies each view on its own", "one that does not",
-                advice="give --network.class-backbone or --network.semantic-pyramid",
+                advice="give --network.class-backbone",
             )  # fmt: skip
         head = nn.Conv2d(channels, self.teacher_classes, 1)
         for parameter in head.parameters():

@@ -16,7 +16,7 @@ from semgs.weights.file import fill, is_ours, read_header, read_tensors
 from semgs.weights.load import as_large_as, find, from_mvsplat, load, other_table, semantic_tensors, shipped, untrained
 from semgs.weights.published import is_published, with_backbone
 
-SEMANTIC_SHAPE = ("semantic_pyramid", "class_backbone")
+SEMANTIC_SHAPE = ("class_backbone",)
 """Switches that only shape the semantic branch: from weights with other values, everything else is kept."""
 
 MORE_DEPTH = ("cost_filter", "depth_cue")

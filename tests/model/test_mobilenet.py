@@ -8,11 +8,14 @@ import cv2
 import pytest
 import torch
 from golden import fill_golden
+from networks import preset
+from posed import posed_views
 from safetensors.torch import load_file
 from torch import Tensor, nn
-from torch.nn.functional import conv2d, interpolate, linear, relu6
+from torch.nn.functional import avg_pool2d, conv2d, interpolate, linear, relu6
 
-from semgs.model.mobilenet import InvertedResidual, MobileNetRefinement, MobileNetV2, SameConv2d
+from semgs.model.mobilenet import InvertedResidual, MobileNetRefinement, MobileNetV2, SameConv2d, near_side
+from semgs.training.state import hold_statistics
 
 RED_FOX = 278
 """Position of the red fox among the 1,001 classes of the ImageNet file."""
@@ -172,8 +175,21 @@ def test_shallow_features_are_not_read_and_features_are_linear_in_the_decoders_m
     torch.testing.assert_close(refined.features, by_hand + model.features.bias[:, None, None])
 
 
+def test_pictures_are_averaged_down_by_the_whole_number_that_brings_their_shorter_side_nearest_to_240():
+    sizes = {
+        (240, 320): (240, 320),
+        (352, 480): (352, 480),
+        (368, 480): (184, 240),
+        (480, 640): (240, 320),
+        (736, 992): (248, 332),
+    }
+    assert {size: near_side(torch.zeros(1, 3, *size), 4).shape[-2:] for size in sizes} == sizes
+    pictures = torch.rand(1, 3, 480, 480)
+    assert torch.allclose(near_side(pictures, 4), avg_pool2d(pictures, 2), atol=1e-6)
+
+
 def test_a_picture_twice_as_large_has_the_maps_of_the_small_one_widened(monkeypatch):
-    monkeypatch.setattr("semgs.model.pyramid.SIDE", 32)
+    monkeypatch.setattr("semgs.model.mobilenet.SIDE", 32)
     torch.manual_seed(0)
     model, pictures = refinement(), torch.rand(1, 3, 32, 48, dtype=torch.float64)
     large = pictures.repeat_interleave(2, -2).repeat_interleave(2, -1)
@@ -182,6 +198,45 @@ def test_a_picture_twice_as_large_has_the_maps_of_the_small_one_widened(monkeypa
         many = model(large, not_asked)
     for small, wide in ((few.features, many.features), (few.evidence, many.evidence)):
         torch.testing.assert_close(wide, interpolate(small, scale_factor=2, mode="bilinear", align_corners=False))
+
+
+def test_a_view_by_itself_has_the_backbones_classes_and_a_fresh_head_leaves_them_as_they_are():
+    torch.manual_seed(3)
+    model = preset("small", class_backbone=True).eval()
+    views = posed_views(2, (32, 48))
+    with torch.inference_mode():
+        torch.testing.assert_close(model.classify(views), model.classify(views, alone=True))
+        assert model.classify(views, alone=True).amax(-3).sub(0.05).amax() > 1e-3
+        model.semantic.head[-1].weight[7:12] += 0.1
+        assert (model.classify(views) - model.classify(views, alone=True)).abs().amax() > 1e-3
+
+
+@pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
+def test_what_teaches_a_view_by_itself_are_the_layers_that_see_it_alone(backbone: bool):
+    model = preset("small", class_backbone=backbone)
+    model.classify(posed_views(2, (32, 48)), alone=True).square().sum().backward()
+    learned = {name for name, parameter in model.named_parameters() if parameter.grad is not None}
+    assert learned == model.semantic_parameters(alone=True)
+    if backbone:
+        assert {".".join(name.split(".")[:3]) for name in learned} == {
+            f"semantic.refinement.{layer}" for layer in ("backbone", "lateral", "merged", "last", "classifier")
+        }
+    else:
+        assert not any(name.startswith("semantic.transformer") for name in learned)
+
+
+def test_norms_tell_pictures_of_a_batch_apart_and_measure_only_while_they_may():
+    torch.manual_seed(0)
+    model, pictures = refinement().train(), torch.rand(2, 3, 48, 80, dtype=torch.float64)
+    norm = model.last[1]
+    before = norm.running_mean.clone()
+    hold_statistics(model)
+    held = model(pictures, not_asked).evidence
+    assert torch.equal(norm.running_mean, before)
+    torch.testing.assert_close(model(pictures[:1], not_asked).evidence, held[:1])
+    model.train()
+    model(pictures, not_asked)
+    assert not torch.equal(norm.running_mean, before)
 
 
 def test_the_imagenet_file_knows_a_fox(shared: Path):

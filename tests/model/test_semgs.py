@@ -276,9 +276,9 @@ def test_a_network_of_colours_alone_does_not_classify():
         preset("mvsplat").classify(posed_views(2, SIZE))
 
 
-@pytest.mark.parametrize("pyramid", [(), (16, 24)], ids=["blocks", "pyramid"])
-def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(pyramid: tuple[int, ...]):
-    model = fill_golden(preset("small", semantic_pyramid=pyramid))
+@pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
+def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(backbone: bool):
+    model = fill_golden(preset("small", class_backbone=backbone))
     views = posed_views(2, (32, 48))
     kernel = model.colour.heads.refinement.project.weight
     assert kernel.is_contiguous(memory_format=torch.channels_last)

@@ -110,11 +110,11 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     assert planned["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + transformer)
     assert planned["cost_volume"] == 4 * (3072 + cost)
     assert planned["depth"] == 4 * (3072 + refinement)
-    pyramid = stage_bytes(preset("small", semantic_pyramid=(16, 24)), Work(2, (32, 64), 0))
-    # The features, the image of 3 numbers for each of a texel's 16 pixels, and ten maps of the features' width.
-    assert pyramid["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + 12_288 + 256 * 3 * 16 + 10 * 12_288)
-    padded = stage_bytes(preset("small", semantic_pyramid=(16, 24)), Work(2, (32, 64), 0, padded=True))
-    assert padded["transformer_semantic"] - pyramid["transformer_semantic"] == 4 * 3 * 4096
+    backbone = stage_bytes(preset("small", class_backbone=True), Work(2, (32, 64), 0))
+    # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.
+    assert backbone["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + 256 * (4 * (16 + 2 * 96) + 96))
+    padded = stage_bytes(preset("small", class_backbone=True), Work(2, (32, 64), 0, padded=True))
+    assert padded["transformer_semantic"] - backbone["transformer_semantic"] == 4 * 3 * 4096
 
 
 def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatch) -> None:

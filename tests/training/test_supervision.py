@@ -179,15 +179,18 @@ def test_scenes_without_depth_will_do_for_all_but_depth():
     ],
     ids=["rendered", "labels", "labels held", "pictures", "pictures held"],
 )
-def test_a_training_begins_with_all_frozen_that_does_not_learn(supervision, classify_with, measures: bool):
-    model = start("small", "random", switches={"semantic_pyramid": (16, 24)})
+@pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
+def test_a_training_begins_with_all_frozen_that_does_not_learn(
+    supervision, classify_with, measures: bool, backbone: bool
+):
+    model = start("small", "random", switches={"class_backbone": backbone})
     state = TrainingState.begin(model, supervision, 1e-3, 0.99)
     everything = {name for name, _ in model.named_parameters()}
     learning = {name for name, parameter in model.named_parameters() if parameter.requires_grad}
     assert learning == (everything if classify_with is None else model.semantic_parameters(**classify_with))
     assert state.supervision is supervision
     norms = [module for module in model.modules() if isinstance(module, nn.BatchNorm2d)]
-    assert norms
+    assert bool(norms) == backbone
     assert all(norm.training == measures for norm in norms)
     assert model.training
 

@@ -66,7 +66,7 @@ def test_a_broken_index_is_told_of(folder: Path, text: str):
 
 def test_a_header_tells_its_scores_as_they_were_put_there(tmp_path: Path):
     path = tmp_path / "scored.safetensors"
-    model = preset("small", semantic_pyramid=(16, 24))
+    model = preset("small", class_backbone=True)
     save(path, model, {KEY: scores_text([SCORE])})
     assert read_scores(path) == (SCORE,)
     assert count_parameters(path) == sum(parameter.numel() for parameter in model.parameters())

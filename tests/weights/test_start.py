@@ -58,13 +58,14 @@ def test_weights_that_are_not_there_are_refused(init: str, told: str):
         start("base", init)
 
 
-def test_weights_lend_a_network_with_another_semantic_branch_all_else():
-    model = start("small", "small", seed=3, switches={"semantic_pyramid": (16, 24), "windows": 2})
-    there, here = load("small").state_dict(), model.state_dict()
-    assert model.settings == switched(load("small").settings, {"semantic_pyramid": (16, 24)})
+def test_weights_lend_a_network_with_another_semantic_branch_all_else(tmp_path: Path):
+    save(tmp_path / "small.safetensors", start("small", "random"), {})
+    given = load("small", tmp_path / "small.safetensors")
+    model = start("small", str(tmp_path / "small.safetensors"), seed=3, switches={"class_backbone": True, "windows": 2})
+    there, here = given.state_dict(), model.state_dict()
+    assert model.settings == switched(given.settings, {"class_backbone": True})
     kept = {name for name in here if not name.startswith("semantic.")}
-    cue = {name for name in there if name.startswith("colour.depth.regressor.cues.")}  # it goes with the backbone
-    assert kept == {name for name in there if not name.startswith("semantic.")} - cue
+    assert kept == {name for name in there if not name.startswith("semantic.")}
     assert all(torch.equal(here[name], there[name]) for name in kept)
     assert f"small.safetensors: {len(kept)} of {len(here)} tensors kept" in model.origin
     assert "the semantic branch drawn anew with seed 3" in model.origin
@@ -79,10 +80,9 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
 
 
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
-    save(tmp_path / "pyramid.safetensors", start("small", "small", switches={"semantic_pyramid": (16, 24)}), {})
-    model = load("small", tmp_path / "pyramid.safetensors")
-    for switches in ({}, {"semantic_pyramid": (16, 24)}, {"semantic_pyramid": ()}):
-        again = start("small", str(tmp_path / "pyramid.safetensors"), seed=4, switches=switches)
+    model = load("small", plain(tmp_path))
+    for switches in ({}, {"class_backbone": True}, {"class_backbone": False}):
+        again = start("small", str(tmp_path / "plain.safetensors"), seed=4, switches=switches)
         assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
 
 
