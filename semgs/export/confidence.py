@@ -15,10 +15,3 @@ def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
     if semantic is None:
         return scene.per_gaussian(scene.confidences)
     return highest(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)
-
-
-def depth_spreads(scene: SavedScene) -> Float[Tensor, " g"] | None:
-    """The standard deviation of each Gaussian's log depth in its own input view; None if unknown."""
-    if scene.depth_spread is None:
-        return None
-    return scene.per_gaussian(scene.depth_spread)

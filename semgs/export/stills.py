@@ -24,9 +24,6 @@ class; the opacity; the colours with the opacity as transparency."""
 OF_CLASSES = ("classes", "overlay", "confidence")
 """Images of scenes that have classes."""
 
-TRANSPARENT = ("rgba",)
-"""Images with a fourth channel, which videos cannot have."""
-
 LEAST_ALPHA = 1 / 255
 """The colour of pixels with less opacity would be noise."""
 

@@ -155,7 +155,7 @@ def _reconstruction(
         notes=(
             *notes,
             *scene.notes,
-            *_notes(scene, mapper, bounds),
+            *_notes(scene, mapper),
             *(measured.notes(merged.names) if measured else ()),
             *(labelling.notes if labelling else ()),
         ),
@@ -172,7 +172,7 @@ def _held_out(mapper: Mapper, keyframes: Sequence[int]) -> tuple[int, ...]:
     return tuple(others[(2 * place + 1) * len(others) // (2 * count)] for place in range(count))
 
 
-def _notes(scene: Scene, mapper: Mapper, bounds: DepthRange) -> list[str]:
+def _notes(scene: Scene, mapper: Mapper) -> list[str]:
     """What the user should know about the frames, a sentence each."""
     notes = []
     if summary := _summary(mapper):

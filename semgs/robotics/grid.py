@@ -127,7 +127,7 @@ def occupancy(
         )
     origin = np.array([*(low * resolution), floor - below * resolution])
     freed = passes(*free_parts(rays, reach, origin, resolution), shape)
-    inside, hits = _hits(points, weights, origin, resolution, shape)
+    inside, hits = _hits(points, origin, resolution, shape)
     if on_floor is not None:
         on_floor &= np.abs(points[:, 2] - floor) <= UNEVEN
     obstacle = np.ones(len(points), bool) if on_floor is None else ~on_floor
@@ -195,7 +195,6 @@ def _near(
 
 def _hits(
     points: Float64[np.ndarray, "n 3"],
-    weights: Float64[np.ndarray, " n"],
     origin: Float64[np.ndarray, " 3"],
     resolution: float,
     shape: tuple[int, int, int],

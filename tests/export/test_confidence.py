@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from semgs.data.classes import ClassTable
-from semgs.export.confidence import class_confidences, depth_spreads
+from semgs.export.confidence import class_confidences
 from semgs.export.scene import SavedScene
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
@@ -60,9 +60,9 @@ def test_without_classes_it_is_the_confidence_of_the_depth() -> None:
 
 
 def test_a_gaussians_depth_spread_is_the_mean_of_its_pixels() -> None:
-    found = depth_spreads(scene(None))
-    assert found is not None
-    assert found.tolist() == pytest.approx([0.2, 0.5, 0.8, 0.2, 0.2, 0.2])
+    wall = scene(None)
+    assert wall.depth_spread is not None
+    assert wall.per_gaussian(wall.depth_spread).tolist() == pytest.approx([0.2, 0.5, 0.8, 0.2, 0.2, 0.2])
 
 
 def test_a_rendered_pixel_is_calibrated_by_the_temperature_of_pixels() -> None:

@@ -30,7 +30,7 @@ def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[Rows], worker
     return [
         *_left_out(plan, scenes),
         *_without_truth(plan),
-        *_without_prediction(plan, rows),
+        *_without_prediction(rows),
         *_stretched(plan),
         *_below_copy(rows),
         *_intervals(rows),
@@ -63,7 +63,7 @@ def _without_truth(plan: FramePlan) -> list[str]:
     return found
 
 
-def _without_prediction(plan: FramePlan, rows: Sequence[Rows]) -> list[str]:
+def _without_prediction(rows: Sequence[Rows]) -> list[str]:
     """Kinds of truth for which the method predicts nothing."""
     found = []
     frames = [frame for one in rows for frame in one.method]
