@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float, Float64, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE, SCANNET20, ClassTable
-from semgs.files.notebook import class_row, depth_row, html, photo_row
+from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
+from semgs.files.images.notebook import class_row, depth_row, html, photo_row
 from semgs.geometry.cameras import Arrays, Cameras, as_float64
 from semgs.geometry.summaries import array_of, summary
 

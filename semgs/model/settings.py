@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from itertools import cycle
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from semgs.model.conventions import OURS, Conventions
+from semgs.model.layers.conventions import OURS, Conventions
 
 Part = TypeVar("Part")
 
@@ -52,7 +52,7 @@ class DepthSettings:
         cost_prior: predict logits as a correction of the cost, from normalised features. Without it, at a high learning rate, they
             saturate at one candidate before the features have learned to match.
         initial_scale: factor for the random weights of depth's last layers; below 1, all candidates start with similar probability.
-        cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.cost_filter`); 0 for none.
+        cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.sweep.cost_filter`); 0 for none.
         cue: the U-Net also reads coarse maps of single views from the class branch, which must be a `MobileNet`.
     """
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.differences import differences, shown
-from semgs.training.settings import TrainingSettings
+from semgs.training.run.differences import differences, shown
+from semgs.training.training_settings import TrainingSettings
 
 
 def small() -> TrainingSettings:

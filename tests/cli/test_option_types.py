@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from semgs.cli.arguments import parse
-from semgs.cli.errors import UsageError
-from semgs.cli.reconstruct import Reconstruct
-from semgs.cli.types import (
+from semgs.cli.commands.scenes.reconstruct import Reconstruct
+from semgs.cli.options.types import (
     AutoSize,
     Count,
     Device,
@@ -22,6 +21,7 @@ from semgs.cli.types import (
     WeightsOrRandom,
     Workers,
 )  # fmt: skip
+from semgs.cli.usage_errors import UsageError
 
 
 @dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from networks import network, preset
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.semgs import PARTS, SemGS

@@ -10,12 +10,12 @@ from posed import posed_views
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
-from semgs.model.depth import Depth
-from semgs.model.encoding import Encoding
-from semgs.model.padded import Padded
+from semgs.model.layers.network_input import Padded
 from semgs.model.settings import NetworkSettings
+from semgs.model.sweep.depth import Depth
 from semgs.model.switches import Switches, switches_of
 from semgs.model.switches import switched as with_switches
+from semgs.scene.encoding import Encoding
 
 SIZE = (32, 48)
 

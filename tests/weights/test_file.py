@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import save_file
 
 from semgs.files.errors import InputError
-from semgs.weights.file import read_header
+from semgs.model.weights.weights_file import read_header
 
 
 @pytest.mark.parametrize("version", ["1", "3", ""])

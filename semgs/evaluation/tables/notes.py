@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import FramePlan
-from semgs.evaluation.scoring.evaluate import Rows
 from semgs.evaluation.scoring.intervals import FEWEST_SCENES, units
+from semgs.evaluation.scoring.method_scores import Rows
 from semgs.evaluation.scoring.summary import summary
 from semgs.evaluation.tables.evaluation_report import below
 from semgs.files.text import listed
