@@ -262,7 +262,7 @@ def test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is(network, batc
 
 
 def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
-    model = preset("small", class_backbone=True)
+    model = preset("small_plain", class_backbone=True)
     settings = TrainingSettings(model="small", steps=1, class_rate=0.5, sweep_rate=0.25, backbone_rate=0.1)
     shares = rate_shares(model, settings)
     assert {shares[name] for name in model.pretrained_parameters()} == {0.05}
@@ -274,11 +274,11 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
         assert shares.get(name, 1.0) == expected
         assert name in dict(model.named_parameters())
     plain = TrainingSettings(model="small", steps=1)
-    assert rate_shares(preset("small"), plain) == {}, "the paper's network learns at one rate"
+    assert rate_shares(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
 
 
 def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
-    model = preset("small", class_backbone=True)
+    model = preset("small_plain", class_backbone=True)
     settings = TrainingSettings(model="small", steps=10, class_rate=0.0, sweep_rate=0.5)
     state = TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, shares=rate_shares(model, settings))
     frozen = {name for name, one in model.named_parameters() if not one.requires_grad}
