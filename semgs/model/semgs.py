@@ -20,6 +20,7 @@ from semgs.model.layers.chunks import WHOLE, Chunks, by_chunks
 from semgs.model.layers.cnn import FeatureCNN
 from semgs.model.layers.memory_format import lay_out
 from semgs.model.layers.network_input import Padded, widened
+from semgs.model.memory.memory_plan import MemoryPlan, memory_plan
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
 from semgs.model.sweep.depth import PlaneSweepDepth
@@ -107,7 +108,7 @@ class SemGS(nn.Module):
         Args:
             views: of one scene, or of a batch of scenes.
             chunks: views to process at a time; fewer need less memory and give the same numbers. None uses
-                `semgs.model.memory.memory_plan.memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
+                `memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
             stage: context manager around each of `semgs.model.stages.STAGES`, for example to time it.
 
         Raises:
@@ -116,7 +117,7 @@ class SemGS(nn.Module):
             RuntimeError: this process was forked from one that had already rendered or encoded.
         """
         scene = self._padded(views)
-        chunks = self._planned(views) if chunks is None else chunks
+        chunks = self._chunks(views) if chunks is None else chunks
         with stage("cnn"):
             shallow = self.cnn(scene.images)
         with stage("transformer_colour"):
@@ -265,13 +266,20 @@ class SemGS(nn.Module):
             return ()
         return self.semantic.refinement.cue_layers
 
-    def _planned(self, views: Views) -> Chunks:
-        """How many views to process at a time."""
-        if self.training or views.images.ndim > 4:
-            return WHOLE
-        from semgs.model.memory.memory_plan import memory_plan  # which imports this class
+    def memory_plan(
+        self, views: Views, targets: Views | None = None, *, available_bytes: float | None = None
+    ) -> MemoryPlan:
+        """The memory for encoding a scene and rendering its views, on the network's device; arguments and errors as for
+        `semgs.model.memory.memory_plan.memory_plan`."""
+        weight = self.cnn.conv1.weight
+        return memory_plan(
+            views, targets, settings=self.settings, classes=self.class_count, fuses=self.fuses,
+            dtype=weight.dtype, device=weight.device, available_bytes=available_bytes,
+        )  # fmt: skip
 
-        return memory_plan(self, views).chunks
+    def _chunks(self, views: Views) -> Chunks:
+        """How many views to process at a time."""
+        return WHOLE if self.training or views.images.ndim > 4 else self.memory_plan(views).chunks
 
     def _padded(self, views: Views, fewest: int = 2) -> Padded:
         """The views in the form that the layers take; refuses too few views, and a forked process whose parent has computed."""
