@@ -13,7 +13,7 @@ import torch
 
 from semgs.data.views import Views
 from semgs.model.layers.chunks import Chunks
-from semgs.model.layers.network_input import MULTIPLE
+from semgs.model.layers.network_input import MULTIPLE, padded_size
 from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
 from semgs.model.settings import NetworkSettings
 from semgs.runtime.free_memory import free_bytes, held_bytes
@@ -162,8 +162,8 @@ def _too_much(work: Work, size: tuple[int, int], best: MemoryPlan, held: float) 
 
 def _resized(work: Work, size: tuple[int, ...]) -> Work:
     """The same work on views of another (height, width), padded if necessary [px]."""
-    height, width = (-(-side // MULTIPLE) * MULTIPLE for side in size)
-    return replace(work, size=(height, width), padded=(height, width) != tuple(size))
+    padded = padded_size(size)
+    return replace(work, size=padded, padded=padded != tuple(size))
 
 
 def _rounded(side: float) -> int:
