@@ -30,7 +30,7 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, deviation
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.scene.encoding import Encoding, Places, per_gaussian
+from semgs.scene.encoding import Encoding, per_gaussian
 from semgs.scene.nearest import inside
 from semgs.scene.overlap import PAIR, shrinkage
 
@@ -202,10 +202,8 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Pa
     stride = encoding.stride
     rows, columns = (-(-side // stride) for side in cameras.size)
     every = encoding.gaussians.map(lambda tensor: tensor.unflatten(0, (views, count)))
-    spreads = per_gaussian(encoding.depth_spread[:, None], len(encoding.gaussians)).reshape(views, rows, columns)
-    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], len(encoding.gaussians)).reshape(
-        views, rows, columns
-    )
+    spreads = per_gaussian(encoding.depth_spread[:, None], stride).reshape(views, rows, columns)
+    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], stride).reshape(views, rows, columns)
     if views > PAIR:  # the network made them smaller because of the other views of the window
         times = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
         grown = every.colour.scales / shrinkage(times.to(every.means), SHRINK)[..., None]
@@ -370,11 +368,11 @@ def settled(part: Part) -> Part:
     return replace(part, gaussians=moved)
 
 
-def joined(parts: Sequence[Part]) -> tuple[Gaussians, Places]:
+def joined(parts: Sequence[Part]) -> tuple[Gaussians, Int64[Tensor, " g"]]:
     """All Gaussians of some keyframes, and the places that they stand for, counted over the views in this order."""
     first = parts[0]
     blocks = first.sheet.depths.numel()
     index = torch.cat([part.index + view * blocks for view, part in enumerate(parts)])
     names = list(zip(*(part.gaussians.tensors().values() for part in parts), strict=True))
     tensors = iter([torch.cat(one) for one in names])
-    return first.gaussians.map(lambda _: next(tensors)), Places(index, first.sheet.stride)
+    return first.gaussians.map(lambda _: next(tensors)), index

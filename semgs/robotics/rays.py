@@ -42,11 +42,13 @@ def rays_of(
     """From each camera to its own Gaussians, or to the points at given depths if the Gaussians do not belong to pixels."""
     (views,), count = cameras.batch, len(gaussians)
     spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
-    try:
-        block_size(count, views, *cameras.size)
-    except ValueError:
+    stride = block_size(count, views, *cameras.size)
+    if not stride:
         if depths is None:
-            raise
+            height, width = cameras.size
+            raise ValueError(
+                f"{count} Gaussians for {views} views of {height}x{width}; expected one for each pixel or block of pixels"
+            )
         ends = back_project(depths.double(), cameras)
         known = depths > 0
         origins = cameras.centres[:, None, None].expand(ends.shape)[known]
@@ -54,7 +56,7 @@ def rays_of(
     else:
         ends = gaussians.means.detach().double()
         origins = cameras.centres.repeat_interleave(count // views, 0)
-        spread = per_gaussian(spread[:, None], count)[:, 0]
+        spread = per_gaussian(spread[:, None], stride)[:, 0]
     found = (one.cpu().double().numpy() for one in (origins, ends))
     origins, ends = (one @ level.T for one in found)
     return Rays(origins, ends, spread.cpu().double().numpy())

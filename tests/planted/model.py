@@ -261,7 +261,7 @@ MODEL = (
     ),
     Mutant(
         "a sensor's depth is a distance where the network's is one", "semgs/scene/encoding.py",
-        "(placed / self._z_depths(cameras))", "(placed / _lower_median(self.depths, stride))",
+        "(own_depths / self._z_depths(cameras))", "(own_depths / _lower_median(self.depths, stride))",
         ("tests/scene/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
     ),
     Mutant(

@@ -222,6 +222,7 @@ class Placer:
             self._full(decoded.confidences, size),
             self._full(decoded.depth_spread, size),
             depth_range[:, None],
+            stride=self.stride,
         )
 
     def _full(self, maps: Float[Tensor, "n h w"], size: tuple[int, int]) -> Float[Tensor, "n 1 height width"]:

@@ -60,7 +60,7 @@ def encoding(views: Views, depths: tuple[float, ...], stride: int = 1) -> Encodi
     shape = Appearance(torch.tensor([1.0, 0, 0, 0]).expand(count, 4), torch.full((count, 3), 0.1), torch.zeros(count, 1, 3))  # fmt: skip
     gaussians = Gaussians(torch.zeros(count, 3), torch.full((count,), 0.5), shape)
     maps = torch.ones(len(views), height, width) * torch.tensor(depths)[:, None, None]
-    return Encoding(gaussians, maps, maps, torch.full_like(maps, 1e-3), views.depth_range)
+    return Encoding(gaussians, maps, maps, torch.full_like(maps, 1e-3), views.depth_range, stride=stride)
 
 
 def columns(name: str, size: tuple[int, int]) -> np.ndarray:
