@@ -21,6 +21,7 @@ from semgs.model.layers.cnn import FeatureCNN
 from semgs.model.layers.memory_format import lay_out
 from semgs.model.layers.network_input import NetworkInput, widen
 from semgs.model.memory.memory_plan import MemoryPlan, memory_plan
+from semgs.model.memory.stage_memory import Work
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
 from semgs.model.sweep.depth import PlaneSweepDepth
@@ -281,13 +282,19 @@ class SemGS(nn.Module):
     def memory_plan(
         self, views: Views, targets: Views | None = None, *, available_bytes: float | None = None
     ) -> MemoryPlan:
-        """The memory for encoding a scene and rendering its views, on the network's device; arguments and errors as for
-        `semgs.model.memory.memory_plan.memory_plan`."""
-        weight = self.cnn.conv1.weight
-        return memory_plan(
-            views, targets, settings=self.settings, classes=self.class_count, fuses=self.fuses,
-            dtype=weight.dtype, device=weight.device, available_bytes=available_bytes,
-        )  # fmt: skip
+        """The memory for encoding a scene with this network on its device, and for rendering its views.
+
+        Args:
+            views: the input views of one scene.
+            targets: target views to render as well, as `semgs.reconstruction.pipeline` does.
+            available_bytes: as for `semgs.model.memory.memory_plan.memory_plan`.
+
+        Raises:
+            NotEnoughMemoryError: it does not fit even with one view at a time.
+        """
+        weight, drawn = self.cnn.conv1.weight, len(views) + (0 if targets is None else len(targets))
+        network = (self.settings, self.class_count, self.fuses, weight.dtype, weight.device)
+        return memory_plan(Work(*network, len(views), views.size, drawn), available_bytes)
 
     def _chunks(self, views: Views) -> Chunks:
         """How many views to process at a time."""

@@ -144,12 +144,8 @@ class Encoding:
         Raises:
             ValueError: a map is not of the context views' size, or a depth is not a positive number.
         """
-        for name, maps in (
-            ("depths", depths),
-            ("opacities", opacities),
-            ("confidences", confidences),
-            ("depth_spread", depth_spread),
-        ):
+        given = {"depths": depths, "opacities": opacities, "confidences": confidences, "depth_spread": depth_spread}
+        for name, maps in given.items():
             if maps is not None and maps.shape != self.depths.shape:
                 raise ValueError(
                     f"{name} are {tuple(maps.shape)}; expected {tuple(self.depths.shape)}: views, height, width"

@@ -271,7 +271,6 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
     version = FAR_VERSION if any(scene.origin) else VERSION
     if scene.places is not None:
         tensors["places"], version = scene.places.contiguous(), MERGED_VERSION
-    table = scene.classes
     header = {
         "format": FORMAT,
         "version": version,
@@ -280,14 +279,8 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         "frames": list(scene.frames),
         "source": scene.source,
         "model": scene.model,
-        "classes": table
-        and {
-            "name": table.name,
-            "names": list(table.names),
-            "colours": [list(colour) for colour in table.colours],
-            "raw_ids": list(table.raw_ids),
-        },
-        "applied_transform": scene.applied_transform and [list(row) for row in scene.applied_transform],
+        "classes": None if scene.classes is None else asdict(scene.classes),
+        "applied_transform": scene.applied_transform,
         "applied_scale": scene.applied_scale,
         **({"temperatures": asdict(scene.temperatures)} if scene.temperatures else {}),
         **({"origin": list(scene.origin)} if any(scene.origin) else {}),
@@ -364,13 +357,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         confidences=tensors["confidences"],
         depth_range=tensors["depth_range"],
         unit=header["unit"],
-        classes=table
-        and ClassTable(
-            name=table["name"],
-            names=tuple(table["names"]),
-            colours=tuple((red, green, blue) for red, green, blue in table["colours"]),
-            raw_ids=tuple(table["raw_ids"]),
-        ),
+        classes=None if table is None else ClassTable.from_json(table),
         frames=tuple(header["frames"]),
         source=header["source"],
         model=header["model"],

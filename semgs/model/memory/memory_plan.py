@@ -11,11 +11,9 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from semgs.data.views import Views
 from semgs.model.layers.chunks import Chunks
 from semgs.model.layers.network_input import MULTIPLE, padded_size
 from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
-from semgs.model.settings import NetworkSettings
 from semgs.runtime.free_memory import free_bytes, held_bytes
 
 LIBRARIES = 225e6
@@ -62,40 +60,22 @@ class MemoryPlan:
     available_bytes: float
 
 
-def memory_plan(
-    views: Views,
-    targets: Views | None = None,
-    *,
-    settings: NetworkSettings,
-    classes: int,
-    fuses: bool,
-    dtype: torch.dtype,
-    device: torch.device,
-    available_bytes: float | None = None,
-) -> MemoryPlan:
+def memory_plan(work: Work, available_bytes: float | None = None) -> MemoryPlan:
     """The memory for encoding a scene and rendering its views, with the fastest chunks or, if memory is short, the largest that fit.
 
     Args:
-        views: the input views of one scene.
-        targets: target views to render as well, as `semgs.reconstruction.pipeline` does.
-        settings: of the network.
-        classes: number of its classes, 0 for colour alone.
-        fuses: whether views agree on classes.
-        dtype: of the network's parameters.
-        device: on which it will compute.
+        work: on views that are not padded yet.
         available_bytes: memory that may be used in total; None reads it from the system, its containers and limits, or the CUDA device.
 
     Raises:
         NotEnoughMemoryError: it does not fit even with one view at a time.
     """
     if available_bytes is None:
-        available_bytes = _available(device)
-    held = _held(device)
-    drawn = len(views) + (0 if targets is None else len(targets))  # input views are rendered too
-    work = _resized(Work(settings, classes, fuses, dtype, device, len(views), views.size, drawn), views.size)
-    best = _fitting(work, held, available_bytes)
+        available_bytes = _available(work.device)
+    held, padded = _held(work.device), _resized(work, work.size)
+    best = _fitting(padded, held, available_bytes)
     if best.peak_bytes > available_bytes:
-        raise NotEnoughMemoryError(_too_much(work, views.size, best, held))
+        raise NotEnoughMemoryError(_too_much(padded, work.size, best, held))
     return best
 
 
