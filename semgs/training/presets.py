@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.run.differences import differences, shown
+from semgs.training.run.differences import describe, differences
 from semgs.training.training_settings import TrainingSettings
 
 
@@ -51,11 +51,12 @@ PRESETS = {"small": small, "base": base, "paper": paper, "base_text": base_text}
 """The trainings that `semgs train` knows by name."""
 
 
-def from_preset(settings: TrainingSettings) -> list[str]:
+def preset_changes(settings: TrainingSettings) -> list[str]:
     """How settings differ from the preset that they began as, a sentence for each field."""
     if settings.preset not in PRESETS:
         return []
-    found = differences(settings, PRESETS[settings.preset]())
+    changes = differences(settings, PRESETS[settings.preset]())
     return [
-        f"{name}: {shown(here)} (preset {settings.preset}: {shown(there)})" for name, (here, there) in found.items()
+        f"{name}: {describe(here)} (preset {settings.preset}: {describe(there)})"
+        for name, (here, there) in changes.items()
     ]

@@ -67,8 +67,8 @@ class TinySweep(nn.Module):
         depths = expected_depth(probabilities, candidates)
         return CoarseDepth(widened(depths, 4), probabilities, candidates, "inverse")
 
-    def depth_parameters(self, shared: bool = True) -> set[str]:
-        return {"layer.weight", "layer.bias"} if shared else {"layer.weight"}
+    def depth_parameters(self) -> set[str]:
+        return {"layer.weight", "layer.bias"}
 
 
 def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None, clamp: bool = True) -> Rendering:

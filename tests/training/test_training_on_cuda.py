@@ -19,7 +19,7 @@ from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import export_weights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 
 pytestmark = [pytest.mark.gpu, pytest.mark.usefixtures("real_rendering", "gsplat")]
 
@@ -41,7 +41,7 @@ def test_a_step_measures_the_same_on_both_devices_and_validates(cuda, supervisio
     settings = replace(presets.small(), supervision=supervision)
     reports = []
     for device in ("cpu", cuda):
-        chosen = supervision_of(settings)
+        chosen = make_supervision(settings)
         state = TrainingState.begin(fill_golden(preset("small")).to(device), chosen, 1e-3, 0.99)
         reports.append(training_step(state, [labelled(0)], settings))
         assert chosen.validate(state.average.module, [labelled(1)]).pictures is not None

@@ -16,6 +16,7 @@ import pytest
 import torch
 from rich.console import Console
 from scenes_on_disk import write_labelled, write_table
+from training_data import run_data, run_portions, run_validation
 
 from semgs.data.origin.licences import ROOMS
 from semgs.data.tables.class_files import read_class_file
@@ -27,12 +28,14 @@ from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
 from semgs.rooms.sets.room_stream import RoomSamples, sample
 from semgs.training.data import batches
-from semgs.training.data.batches import surveyed, training_batches, validation_batches
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.batches import validation_batches
+from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train
 from semgs.training.run.checkpoints import newest_checkpoint
 from semgs.training.run.execution import Execution
-from semgs.training.run.run_folder import hold_assets
-from semgs.training.training_settings import VALIDATION_SEED, Augmentation, TrainingSettings
+from semgs.training.run.run_folder import record_assets
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
     model="small",
@@ -53,13 +56,13 @@ SETTINGS = TrainingSettings(
 def batches_of(settings: TrainingSettings, folder: Path, start: int = 0) -> list[Batch]:
     """The batches that a run sees from a step on; `folder` is its own."""
     folder.mkdir(exist_ok=True)
-    portions = training_batches(settings, surveyed(settings, folder), start, workers=0, pool=folder / "rooms")
+    portions = run_portions(settings, folder, start)
     return [batch for portion in portions for batch in portion.pieces]
 
 
 def validated(settings: TrainingSettings, folder: Path) -> list[Batch]:
     """The batches that a run is validated on."""
-    return validation_batches(settings, surveyed(settings, folder))
+    return run_validation(settings, folder)
 
 
 @pytest.mark.usefixtures("real_rendering")
@@ -102,7 +105,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
         SETTINGS, supervision=supervision, init=str(with_shared_cnn), data=(str(own),), validation=str(own), depth_weight=0.0,
-        hold_shared=held,
+        shared_rate=0.0 if held else 1.0,
     )  # fmt: skip
     train(settings, tmp_path / "run", Execution(workers=0))
     model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
@@ -131,7 +134,8 @@ def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one
     monkeypatch.setattr("semgs.scene.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1)
     settings = replace(
-        SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own), hold_shared=held
+        SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own),
+        shared_rate=0.0 if held else 1.0,
     )  # fmt: skip
     train(settings, tmp_path / "run", Execution(workers=0))
     model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
@@ -248,13 +252,13 @@ def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same
             "train", "small", "--out", str(out), "--save-minutes", "0.02", *options.split(),
         ]  # fmt: skip
 
-    def finished(out: Path) -> dict[str, torch.Tensor]:
+    def is_finished(out: Path) -> dict[str, torch.Tensor]:
         subprocess.run(command(out), check=True, capture_output=True, timeout=900, start_new_session=True)
         return newest_checkpoint(out / "checkpoints").tensors
 
     generator = torch.Generator().manual_seed(0)
     began = time.monotonic()
-    whole = finished(tmp_path / "whole")
+    whole = is_finished(tmp_path / "whole")
     length = time.monotonic() - began
     told = (tmp_path / "cut.txt").open("w")
     for kind in [signal.SIGKILL] * 16 + [signal.SIGTERM] * 4:
@@ -264,7 +268,7 @@ def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same
         run.send_signal(kind)
         run.wait(timeout=120)
     told.close()
-    parts = finished(tmp_path / "cut")
+    parts = is_finished(tmp_path / "cut")
     assert whole.keys() == parts.keys()
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
     assert processes_that_hold(tmp_path / "cut.txt") == []
@@ -300,8 +304,8 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
     settings = TrainingSettings(
         model="small", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=(str(tmp_path),)
     )
-    data = surveyed(settings, tmp_path)
-    training_batches(settings, data, 0, workers=0, pool=Path("unused"))
+    data = run_data(settings, tmp_path)
+    run_portions(settings, Path("unused"), data=data)
     validation_batches(settings, data)
     assert splits == {settings.seed: "training", VALIDATION_SEED: "validation"}
 
@@ -318,8 +322,8 @@ def test_a_run_goes_on_with_the_assets_that_it_began_with(tmp_path):
     run.mkdir()
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "lock.json").write_text("one")
-    hold_assets(run, [str(tmp_path / "assets")])
-    hold_assets(run, [str(tmp_path / "assets")])
+    record_assets(run, [str(tmp_path / "assets")])
+    record_assets(run, [str(tmp_path / "assets")])
     (tmp_path / "assets" / "lock.json").write_text("grown")
     with pytest.raises(InputError, match="those that the run started with"):
-        hold_assets(run, [str(tmp_path / "assets")])
+        record_assets(run, [str(tmp_path / "assets")])

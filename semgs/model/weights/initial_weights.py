@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from semgs.files.errors import InputError
 from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
-from semgs.model.switches import switched, switches_of
+from semgs.model.switches import Switches, switched, switches_of
 from semgs.model.weights.load import (
     as_large_as,
     find,
@@ -38,7 +39,7 @@ ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.")
 """Beginnings of the tensor names of those layers."""
 
 
-def start(
+def initial_network(
     name: str,
     init: str,
     *,
@@ -69,10 +70,10 @@ def start(
     """
     asked = {} if switches is None else dict(switches)
     if backbone:
-        begun = start(
+        network = initial_network(
             name, init, seed=seed, classes=classes, own_classes=own_classes, switches=switches, fresh_semantics=fresh_semantics
         )  # fmt: skip
-        return with_backbone(begun, backbone)
+        return with_backbone(network, backbone)
     if init == "random":
         return untrained(_switched(NETWORKS[name](), asked), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
@@ -109,6 +110,11 @@ def start(
     model = load(name, path, classes=classes)
     model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
     return model
+
+
+def changed_switches(switches: Switches) -> dict[str, Any]:
+    """The switches that differ from their defaults."""
+    return {name: value for name, value in asdict(switches).items() if value != getattr(Switches, name)}
 
 
 def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:

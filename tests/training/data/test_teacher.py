@@ -11,23 +11,24 @@ import pytest
 import torch
 from posed import posed_views
 from scenes_on_disk import write_labelled
+from training_data import run_portions
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import initial_network
 from semgs.training import presets
 from semgs.training.data.augmentation import Variation
-from semgs.training.data.batches import surveyed, training_batches
+from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.teacher import Teacher, coordinates, divergence, teacher_of
 from semgs.training.loop import train
 from semgs.training.run.checkpoints import newest_checkpoint
 from semgs.training.run.execution import Execution
 from semgs.training.state import averaged_weights
-from semgs.training.supervision.supervision import Pictures, supervision_of
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.supervision.supervision import Pictures, make_supervision
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=2, batch=2, size=(32, 48), contexts=(1, 1), targets=0, supervision="pictures", seed=3,
+    model="small", steps=2, batch=2, size=(32, 48), supervision="pictures", seed=3,
     validation_scenes=0,
 )  # fmt: skip
 
@@ -85,7 +86,7 @@ def test_the_divergence_of_an_undecided_head_is_what_the_teacher_knows():
 
 def test_a_teacher_in_the_home_folder(scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    single = replace(presets.small(), supervision="pictures", contexts=(1, 1), targets=0, teacher="~/teacher")
+    single = replace(presets.small(), supervision="pictures", teacher="~/teacher")
     teacher = teacher_of(single)
     assert teacher is not None
     assert teacher.folder == tmp_path / "teacher"
@@ -107,14 +108,14 @@ def test_maps_are_found_by_the_names_of_scene_and_source(scans: Path, tmp_path: 
 
 def test_a_folder_that_says_nothing_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match=r"scripts/teach.py writes them"):
-        supervision_of(replace(SETTINGS, teacher=str(tmp_path)))
+        make_supervision(replace(SETTINGS, teacher=str(tmp_path)))
 
 
 def test_a_batch_has_zeros_where_the_teacher_says_nothing(scans: Path, tmp_path: Path):
     settings = replace(SETTINGS, data=(str(scans),), teacher=str(tmp_path / "teacher"))
-    assert supervision_of(settings) == Pictures(teacher_classes=3)
+    assert make_supervision(settings) == Pictures(teacher_classes=3)
     (tmp_path / "run").mkdir()
-    for portion in training_batches(settings, surveyed(settings, tmp_path / "run"), 0, workers=0, pool=tmp_path):
+    for portion in run_portions(settings, tmp_path / "run"):
         (batch,) = portion.pieces
         assert batch.taught.shape == (2, 1, 3, 4, 6)
         sums = dict(zip(batch.scenes, batch.taught.sum(2).flatten(1).mean(1).tolist(), strict=True))
@@ -124,7 +125,7 @@ def test_a_batch_has_zeros_where_the_teacher_says_nothing(scans: Path, tmp_path:
 
 def test_a_network_that_does_not_classify_by_itself_has_no_place_for_a_head():
     with pytest.raises(InputError, match="class-backbone"):
-        Pictures(teacher_classes=3).head(start("small", "random"))
+        Pictures(teacher_classes=3).head(initial_network("small", "random"))
 
 
 def test_a_run_with_a_teacher_resumes_exactly_and_keeps_its_head_to_itself(scans: Path, tmp_path: Path):
