@@ -37,7 +37,7 @@ MINIATURE = {
     "refine_levels": 3, "projected_channels": 8, "colour_blocks": 2, "semantic_blocks": 2, "harmonics": 4, "paper_heads": True,
     "gaussian_stride": 2,
 }  # fmt: skip
-NETWORKS = {"small": lambda: preset("small"), "miniature, paper_heads": lambda: network(**MINIATURE)}
+NETWORKS = {"small": lambda: preset("small_plain"), "miniature, paper_heads": lambda: network(**MINIATURE)}
 
 pytestmark = pytest.mark.filterwarnings("ignore:Gaussians on a CUDA device are rendered on the CPU")
 

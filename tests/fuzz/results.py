@@ -106,7 +106,7 @@ def training_run(folder: Path) -> Path:
     from semgs.training.training_settings import TrainingSettings
 
     settings = TrainingSettings(
-        model="small", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
+        model="small_plain", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
     )
     claim_folder(folder / "run", settings)
     torch.manual_seed(0)

@@ -20,14 +20,14 @@ from semgs.scene.encoding import Encoding
 SIZE = (32, 48)
 
 
-@pytest.fixture(scope="module", params=["small", "base"])
+@pytest.fixture(scope="module", params=["small_plain", "base"])
 def model(request):
     return fill_golden(preset(request.param)).double()
 
 
 @pytest.fixture(scope="module")
 def small():
-    return fill_golden(preset("small"))
+    return fill_golden(preset("small_plain"))
 
 
 def encode(model, views) -> Encoding:
@@ -278,7 +278,7 @@ def test_a_network_of_colours_alone_does_not_classify():
 
 @pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
 def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(backbone: bool):
-    model = fill_golden(preset("small", class_backbone=backbone))
+    model = fill_golden(preset("small_plain", class_backbone=backbone))
     views = posed_views(2, (32, 48))
     kernel = model.colour.heads.refinement.project.weight
     assert kernel.is_contiguous(memory_format=torch.channels_last)

@@ -20,7 +20,7 @@ SIZE = (32, 48)
 def test_the_near_bound_of_a_scene_is_the_smallest_of_its_views() -> None:
     views = posed_views(3, SIZE)
     with torch.inference_mode():
-        encoding = fill_golden(preset("small"))(views, Chunks(heads=2))
+        encoding = fill_golden(preset("small_plain"))(views, Chunks(heads=2))
         assert torch.equal(encoding.depth_range, views.depth_range)
         # Bounds whose near planes, a fifth of them, lie among the Gaussians.
         bounds = 5 * float(encoding.depths.median()) * torch.tensor([[0.9, 9.0], [0.4, 8.0], [0.7, 7.0]])
@@ -35,7 +35,7 @@ def test_the_near_bound_of_a_scene_is_the_smallest_of_its_views() -> None:
 def test_each_scene_of_a_batch_has_its_own_near_bound() -> None:
     one, other = posed_views(2, SIZE, seed=1), posed_views(2, SIZE, seed=5)
     other = other.changed(depth_range=2 * other.depth_range)
-    model = fill_golden(preset("small"))
+    model = fill_golden(preset("small_plain"))
     with torch.inference_mode():
         encoding = model(stack([one, other]))
         together = encoding.render(stack([one, other]).cameras)
@@ -47,7 +47,7 @@ def test_each_scene_of_a_batch_has_its_own_near_bound() -> None:
 
 def test_bounds_stay_where_they_are_when_an_encoding_moves() -> None:
     with torch.inference_mode():
-        encoding = fill_golden(preset("small"))(posed_views(2, SIZE))
+        encoding = fill_golden(preset("small_plain"))(posed_views(2, SIZE))
     moved = encoding.to("cpu", torch.float16)
     assert (moved.depths.dtype, moved.gaussians.means.dtype) == (torch.float16, torch.float16)
     assert moved.depth_range.dtype == torch.float64

@@ -83,7 +83,7 @@ def test_gaussians_without_classes_or_of_parts_of_views_are_refused():
 
 def test_the_network_fuses_outside_training_only_and_scene_by_scene():
     model, one, other = (
-        fill_golden(preset("small", class_fusion=True)),
+        fill_golden(preset("small_plain", class_fusion=True)),
         posed_views(2, (32, 48)),
         posed_views(2, (32, 48), seed=5),
     )
@@ -102,9 +102,10 @@ def test_the_network_fuses_outside_training_only_and_scene_by_scene():
         )
 
 
-def test_no_preset_fuses_and_files_that_do_not_say_are_of_networks_that_do_not():
-    assert not any(settings().semantic and settings().semantic.fusion for settings in NETWORKS.values())
-    saved = preset("small", class_fusion=True).settings.as_json()
+def test_small_alone_fuses_and_files_that_do_not_say_are_of_networks_that_do_not():
+    branches = {name: settings().semantic for name, settings in NETWORKS.items()}
+    assert [name for name, branch in branches.items() if branch and branch.fusion] == ["small"]
+    saved = preset("small_plain", class_fusion=True).settings.as_json()
     assert NetworkSettings.from_json(saved).semantic.fusion
     del saved["semantic"]["fusion"]
     assert not NetworkSettings.from_json(saved).semantic.fusion

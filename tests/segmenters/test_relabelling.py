@@ -123,7 +123,7 @@ def test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms(tmp_path: P
     teacher = Columns(SCANNET20, MadeBy("teacher.onnx", "7e", "Apache-2.0"))
     PreparedSet(tmp_path / "taught", Preparation(SIZE), fake(teacher, 0.2)).prepare(sources(tmp_path / "rooms"))
     settings = TrainingSettings(
-        model="small", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
+        model="small_plain", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
     )  # fmt: skip
     run_data(settings, tmp_path)
     (terms,) = data_terms_of(tmp_path / RECORD)

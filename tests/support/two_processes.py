@@ -18,6 +18,7 @@ from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Batch, Views, stack
 from semgs.model.semgs import SemGS
 from semgs.objectives.loss_weights import LossWeights
+from semgs.training.engine import launch
 from semgs.training.run.execution import Execution, Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
@@ -30,7 +31,7 @@ TINY = {
     "refine_width": 16, "refine_levels": 3, "projected_channels": 8, "colour_blocks": 2, "semantic_blocks": 2,
 }  # fmt: skip
 SETTINGS = TrainingSettings(
-    model="small", steps=9, batch=SCENES, size=SIZE, context_targets=True, depth_weight=0.1, clip=1e9,
+    model="small_plain", steps=9, batch=SCENES, size=SIZE, context_targets=True, depth_weight=0.1, clip=1e9,
     losses=LossWeights(semantic=0.5, smoothness=0.5), supervision=sys.argv[1],  # type: ignore[arg-type]
 )  # fmt: skip
 
@@ -67,7 +68,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
     for engine, pieces in ((fabric, share.pieces(0, SCENES)), (None, Share().pieces(0, SCENES))):
         model = fill_golden(network(**TINY)).to(dtype)
         state = TrainingState.begin(model, make_supervision(SETTINGS), 1e-3, 0.9, engine)
-        report = descend(state, [batch(piece, dtype) for piece in pieces], SETTINGS, 1e-3)
+        report = descend(state, [batch(piece, dtype) for piece in pieces], SETTINGS.clip, 1e-3)
         found.append((gradient(model), report))
     (shared, said), (whole, alone) = found
     return {
@@ -94,7 +95,7 @@ def broken(fabric) -> bool:
             )
         )
     share = Share(fabric.global_rank, fabric.world_size)
-    report = descend(state, [batch(piece, torch.float32) for piece in share.pieces(0, SCENES)], SETTINGS, 1e-3)
+    report = descend(state, [batch(piece, torch.float32) for piece in share.pieces(0, SCENES)], SETTINGS.clip, 1e-3)
     return not report.moved
 
 

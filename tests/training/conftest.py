@@ -151,7 +151,7 @@ def real_rendering() -> None:
 def settings() -> TrainingSettings:
     """A run of 12 steps."""
     return TrainingSettings(
-        model="small",
+        model="small_plain",
         steps=12,
         size=SIZE,
         learning_rate=1e-2,

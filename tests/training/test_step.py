@@ -120,7 +120,7 @@ def test_the_average_starts_at_the_weights_and_forgets_more_slowly_as_it_ages(ne
 
 
 def test_slow_parameters_move_by_their_share_of_the_rate_and_keep_their_moments_over_a_restart():
-    settings = TrainingSettings(model="small", steps=10, learning_rate=1e-3)
+    settings = TrainingSettings(model="small_plain", steps=10, learning_rate=1e-3)
 
     def begun() -> TrainingState:
         torch.manual_seed(0)

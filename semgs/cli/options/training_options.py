@@ -50,6 +50,7 @@ def _preset(name: str) -> object:
 
 PresetSettings = (
     Annotated[TrainingSettings, _preset("small")]
+    | Annotated[TrainingSettings, _preset("small_plain")]
     | Annotated[TrainingSettings, _preset("base")]
     | Annotated[TrainingSettings, _preset("paper")]
     | Annotated[TrainingSettings, _preset("base_text")]

@@ -86,7 +86,7 @@ def initial_network(
             untrained(_switched(NETWORKS[name](), {"class_backbone": True, **asked}), seed, classes), path
         )
     if not is_ours(path):
-        if not asked or name == "small":
+        if not asked or name.startswith("small"):
             return load(name, path, seed=seed, classes=classes)
         return from_mvsplat(untrained(_switched(NETWORKS[name](), asked), seed, classes), path, seed)
     header = read_header(path)

@@ -233,8 +233,8 @@ def as_large_as(path: Path) -> Iterator[None]:
 
 
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
-    if name == "small":
-        raise InputError(path, 'weights of "small", written by semgs', "another file")
+    if name.startswith("small"):
+        raise InputError(path, f'weights of "{name}", written by semgs', "another file")
     return from_mvsplat(untrained(networks.NETWORKS[name](), seed, classes), path, seed)
 
 

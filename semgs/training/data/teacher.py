@@ -39,7 +39,7 @@ class Teacher:
     classes: int
 
     @staticmethod
-    def open(name: str) -> Teacher:
+    def open(name: str | Path) -> Teacher:
         """The teacher of a folder, whose name the user has typed.
 
         Raises:

@@ -19,7 +19,7 @@ from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import claim_folder, read_settings
 from semgs.training.training_settings import TrainingSettings
 
-LINE = "ablate small --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
+LINE = "ablate small_plain --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
 
 
 @pytest.fixture
@@ -142,7 +142,7 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
 
     def apart(run: Path, execution: Execution):
         given.append((run.parent.name, execution))
-        model = initial_network("small", "random", switches=asdict(read_settings(run).network))
+        model = initial_network("small_plain", "random", switches=asdict(read_settings(run).network))
         save(run / "weights.safetensors", model, {})
 
     monkeypatch.setattr("semgs.cli.commands.networks.training_runs.train_apart", apart)
@@ -161,7 +161,7 @@ def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tm
     claim_folder(tmp_path / "table1", settings)
     assert main(line) == 2
     assert "is not finished" in capsys.readouterr().err
-    save(tmp_path / "table1" / "weights.safetensors", initial_network("small", "random"), {})
+    save(tmp_path / "table1" / "weights.safetensors", initial_network("small_plain", "random"), {})
     assert main([*line, "--steps", "3"]) == 2
     assert "has other settings: steps = 2 there, 3 here" in " ".join(capsys.readouterr().err.split())
     assert main(line) == 0

@@ -73,7 +73,7 @@ def test_a_sitting_that_cannot_be_is_refused(line: str, tmp_path: Path):
 
 def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_path: Path, capsys, monkeypatch):
     line = ["train", "small", "--out", str(tmp_path / "run")]
-    monkeypatch.setattr("semgs.training.loop.launched", lambda *args, **options: pytest.skip("the run was accepted"))
+    monkeypatch.setattr("semgs.training.loop.launch", lambda *args, **options: pytest.skip("the run was accepted"))
     (tmp_path / "run").mkdir()
     from semgs.training.run.run_folder import claim_folder
 

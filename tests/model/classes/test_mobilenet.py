@@ -202,7 +202,7 @@ def test_a_picture_twice_as_large_has_the_maps_of_the_small_one_widened(monkeypa
 
 def test_a_view_by_itself_has_the_backbones_classes_and_a_fresh_head_leaves_them_as_they_are():
     torch.manual_seed(3)
-    model = preset("small", class_backbone=True).eval()
+    model = preset("small_plain", class_backbone=True).eval()
     views = posed_views(2, (32, 48))
     with torch.inference_mode():
         torch.testing.assert_close(model.classify(views), model.classify(views, alone=True))
@@ -213,7 +213,7 @@ def test_a_view_by_itself_has_the_backbones_classes_and_a_fresh_head_leaves_them
 
 @pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
 def test_what_teaches_a_view_by_itself_are_the_layers_that_see_it_alone(backbone: bool):
-    model = preset("small", class_backbone=backbone)
+    model = preset("small_plain", class_backbone=backbone)
     model.classify(posed_views(2, (32, 48)), alone=True).square().sum().backward()
     learned = {name for name, parameter in model.named_parameters() if parameter.grad is not None}
     assert learned == model.semantic_parameters(alone=True)

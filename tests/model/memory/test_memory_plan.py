@@ -73,9 +73,9 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
 @pytest.mark.parametrize(
     ("name", "views", "size", "chunks"),
     [
-        ("small", 2, (112, 160), WHOLE),
-        ("small", 6, (96, 112), WHOLE),
-        ("small", 6, (96, 112), Chunks(2, 1)),
+        ("small_plain", 2, (112, 160), WHOLE),
+        ("small_plain", 6, (96, 112), WHOLE),
+        ("small_plain", 6, (96, 112), Chunks(2, 1)),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         ("base", 3, (64, 80), Chunks(1, 1)),
         pytest.param("mvsplat", 2, (64, 96), WHOLE, marks=pytest.mark.long),
@@ -104,16 +104,16 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     known = 5 * 12_288
     cost = known + 256 * (96 + 128) + 256 * 64
     refinement = known + 2 * 256 * 64 + 2 * 1024 + 2 * 12_288 + 1024 * (1 + 32) + 1024 * (2 * 16 + 5 + 10 * 16)
-    planned = stage_bytes(model_of("small"), Work(2, (32, 64), 0))
+    planned = stage_bytes(model_of("small_plain"), Work(2, (32, 64), 0))
     assert planned["cnn"] == 4 * (3072 + cnn)
     assert planned["transformer_colour"] == 4 * (3072 + 12_288 + transformer)
     assert planned["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + transformer)
     assert planned["cost_volume"] == 4 * (3072 + cost)
     assert planned["depth"] == 4 * (3072 + refinement)
-    backbone = stage_bytes(preset("small", class_backbone=True), Work(2, (32, 64), 0))
+    backbone = stage_bytes(preset("small_plain", class_backbone=True), Work(2, (32, 64), 0))
     # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.
     assert backbone["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + 256 * (4 * (16 + 2 * 96) + 96))
-    padded = stage_bytes(preset("small", class_backbone=True), Work(2, (32, 64), 0, padded=True))
+    padded = stage_bytes(preset("small_plain", class_backbone=True), Work(2, (32, 64), 0, padded=True))
     assert padded["transformer_semantic"] - backbone["transformer_semantic"] == 4 * 3 * 4096
 
 
@@ -121,7 +121,7 @@ def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(
         planning, "stage_bytes", lambda *_: {"cnn": 1e9, "cost_volume": 1e8, "depth": 1e8, "heads": 1e8}
     )
-    found = planning.peaks(model_of("small"), Work(2, (32, 64), 0), WHOLE, 5e6)
+    found = planning.peaks(model_of("small_plain"), Work(2, (32, 64), 0), WHOLE, 5e6)
     # What the process held, 225 MB of libraries, 4 % more than the tensors, and gaps: 70 % up to 250 MB, 60 % in the heads, 20 % where tensors
     # are few.
     assert found == pytest.approx({"cnn": 1520e6, "cost_volume": 354e6, "depth": 404e6, "heads": 394e6})
@@ -129,20 +129,20 @@ def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatc
 
 def test_memory_grows_no_faster_than_views_and_pixels_where_views_come_one_at_a_time() -> None:
     one = Chunks(1, 1)
-    few, many = (allocated("small", views, (64, 96), one) for views in (3, 6))
+    few, many = (allocated("small_plain", views, (64, 96), one) for views in (3, 6))
     assert max(many.values()) < 2.1 * max(few.values())
-    larger = allocated("small", 3, (128, 192), one)
+    larger = allocated("small_plain", 3, (128, 192), one)
     assert max(larger.values()) < 4.2 * max(few.values())
 
 
 def test_no_warped_features_of_all_depths_are_ever_in_memory() -> None:
-    settings, (height, width) = model_of("small").settings, (112, 160)
+    settings, (height, width) = model_of("small_plain").settings, (112, 160)
     warped = 4 * settings.channels * settings.colour.depth.candidates * height * width / 16
-    assert allocated("small", 2, (height, width), WHOLE)["cost_volume"] < 0.5 * warped
+    assert allocated("small_plain", 2, (height, width), WHOLE)["cost_volume"] < 0.5 * warped
 
 
 def test_chunks_are_as_large_as_memory_allows() -> None:
-    model, views = model_of("small"), posed_views(8, (480, 640))
+    model, views = model_of("small_plain"), posed_views(8, (480, 640))
     needed = [memory_plan(model, views, available_bytes=float("inf"))]
     assert not needed[0].short
     for _ in range(3):
@@ -158,7 +158,7 @@ def test_chunks_are_as_large_as_memory_allows() -> None:
         assert (less.chunks.cost or 8, less.chunks.heads or 8) < (more.chunks.cost or 8, more.chunks.heads or 8)
 
 
-@pytest.mark.parametrize(("name", "size", "joined"), [("base", (240, 320), 1), ("small", (240, 320), None)])
+@pytest.mark.parametrize(("name", "size", "joined"), [("base", (240, 320), 1), ("small_plain", (240, 320), None)])
 def test_views_whose_maps_are_large_come_one_at_a_time_wherever_there_is_room(
     name: str, size: tuple[int, int], joined: int | None
 ) -> None:
@@ -180,7 +180,7 @@ def test_what_does_not_fit_is_told_with_what_would() -> None:
 
 def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)  # which changes while tests run
-    model = model_of("small")
+    model = model_of("small_plain")
     planned = [
         memory_plan(model, posed_views(2, size), available_bytes=float("inf")).peak_bytes
         for size in ((97, 145), (112, 160))
@@ -191,7 +191,7 @@ def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: 
 def test_reconstruction_follows_its_plan_and_says_so(
     wall_scene: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene, model = wall_scene(), model_of("small")
+    scene, model = wall_scene(), model_of("small_plain")
     choice = given(scene, [0, 1, 2, 3])
     whole = reconstruct(scene, choice, model)
     assert whole.plan is not None

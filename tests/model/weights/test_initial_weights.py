@@ -59,9 +59,11 @@ def test_weights_that_are_not_there_are_refused(init: str, told: str):
 
 
 def test_weights_lend_a_network_with_another_semantic_branch_all_else(tmp_path: Path):
-    save(tmp_path / "small.safetensors", initial_network("small", "random"), {})
-    given = load("small", tmp_path / "small.safetensors")
-    model = initial_network("small", str(tmp_path / "small.safetensors"), seed=3, switches={"class_backbone": True, "windows": 2})
+    save(tmp_path / "small.safetensors", initial_network("small_plain", "random"), {})
+    given = load("small_plain", tmp_path / "small.safetensors")
+    model = initial_network(
+        "small_plain", str(tmp_path / "small.safetensors"), seed=3, switches={"class_backbone": True, "windows": 2}
+    )
     there, here = given.state_dict(), model.state_dict()
     assert model.settings == switched(given.settings, {"class_backbone": True})
     kept = {name for name in here if not name.startswith("semantic.")}
@@ -80,23 +82,23 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
 
 
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
-    model = load("small", plain(tmp_path))
+    model = load("small_plain", plain(tmp_path))
     for switches in ({}, {"class_backbone": True}, {"class_backbone": False}):
-        again = initial_network("small", str(tmp_path / "plain.safetensors"), seed=4, switches=switches)
+        again = initial_network("small_plain", str(tmp_path / "plain.safetensors"), seed=4, switches=switches)
         assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
 
 
 def plain(folder: Path) -> Path:
     """Weights of a network with a class backbone and nothing added to depth."""
-    save(folder / "plain.safetensors", initial_network("small", "random", switches={"class_backbone": True}), {})
+    save(folder / "plain.safetensors", initial_network("small_plain", "random", switches={"class_backbone": True}), {})
     return folder / "plain.safetensors"
 
 
 def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp_path: Path):
     more = {"cost_filter": 4, "depth_cue": True}
     path = plain(tmp_path)
-    model = initial_network("small", str(path), seed=3, switches=more)
-    there, here = load("small", path).state_dict(), model.state_dict()
+    model = initial_network("small_plain", str(path), seed=3, switches=more)
+    there, here = load("small_plain", path).state_dict(), model.state_dict()
     assert all(torch.equal(here[name], tensor) for name, tensor in there.items())
     # Five 3D convolutions; two cues of a norm and two convolutions; weight and bias each.
     assert len(here) - len(there) == 2 * (5 + 2 * 3)
@@ -105,29 +107,29 @@ def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp
     )
     views = posed_views(2, (32, 48))
     with torch.inference_mode():
-        torch.testing.assert_close(model.eval().sweep(views).depths, load("small", path).sweep(views).depths)
+        torch.testing.assert_close(model.eval().sweep(views).depths, load("small_plain", path).sweep(views).depths)
     save(tmp_path / "more.safetensors", model, {})
-    there = load("small", tmp_path / "more.safetensors").state_dict()
+    there = load("small_plain", tmp_path / "more.safetensors").state_dict()
     for switches in ({}, more):
-        again = initial_network("small", str(tmp_path / "more.safetensors"), seed=4, switches=switches).state_dict()
+        again = initial_network("small_plain", str(tmp_path / "more.safetensors"), seed=4, switches=switches).state_dict()
         assert all(torch.equal(tensor, again[name]) for name, tensor in there.items())
     with pytest.raises(InputError, match="cost_filter = 8, found 4"):
-        initial_network("small", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
+        initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
 
 
 def test_more_layers_in_depth_and_other_classes_are_one_start(tmp_path: Path):
     path = str(plain(tmp_path))
-    model = initial_network("small", path, seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
+    model = initial_network("small_plain", path, seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
     assert "the layers added to depth drawn with seed 3; drawn anew for the 5 classes of five" in model.origin
     with pytest.raises(InputError, match="class table five"):
-        initial_network("small", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
+        initial_network("small_plain", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
 
 
 def test_whether_views_agree_on_classes_can_change_and_all_weights_are_kept(tmp_path: Path):
-    there = load("small", plain(tmp_path))
+    there = load("small_plain", plain(tmp_path))
     for fuses in (True, False):
         path = str(tmp_path / "plain.safetensors")
-        model = initial_network("small", path, seed=3, switches={"class_fusion": fuses})
+        model = initial_network("small_plain", path, seed=3, switches={"class_fusion": fuses})
         count = len(there.state_dict())
         assert (model.fuses, model.settings.semantic.fusion) == (fuses, fuses)
         assert model.origin in (
@@ -140,7 +142,7 @@ def test_whether_views_agree_on_classes_can_change_and_all_weights_are_kept(tmp_
 
 def test_a_cue_without_a_backbone_is_refused_in_one_line():
     with pytest.raises(InputError, match="depth_cue needs the class backbone"):
-        initial_network("small", "random", switches={"depth_cue": True})
+        initial_network("small_plain", "random", switches={"depth_cue": True})
 
 
 def test_weights_of_another_network_are_refused():
@@ -151,11 +153,14 @@ def test_weights_of_another_network_are_refused():
 
 
 def test_switches_make_another_network_and_must_be_those_of_the_weights(tmp_path: Path):
-    plain, full = initial_network("small", "random", seed=2), initial_network("small", "random", seed=2, switches={"windows": 1})
+    plain, full = (
+        initial_network("small_plain", "random", seed=2),
+        initial_network("small_plain", "random", seed=2, switches={"windows": 1}),
+    )
     assert switched(plain.settings, {"windows": 1}) == full.settings
     assert all(torch.equal(value, full.state_dict()[name]) for name, value in plain.state_dict().items())
     save(tmp_path / "full.safetensors", full, {})
-    again = initial_network("small", str(tmp_path / "full.safetensors"))
+    again = initial_network("small_plain", str(tmp_path / "full.safetensors"))
     assert again.settings == full.settings
     with pytest.raises(InputError, match="weights of a network with windows = 2, found 1"):
-        initial_network("small", str(tmp_path / "full.safetensors"), switches={"windows": 2})
+        initial_network("small_plain", str(tmp_path / "full.safetensors"), switches={"windows": 2})

@@ -107,4 +107,4 @@ def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_pat
     lent = beside.parts()["depth"] | beside.parts()["colour"]
     assert all(torch.equal(beside.state_dict()[name], shipped[name]) for name in lent)
     with pytest.raises(InputError, match="expected a network with a MobileNetV2 class backbone, found one without"):
-        initial_network("small", "random", backbone=str(path))
+        initial_network("small_plain", "random", backbone=str(path))

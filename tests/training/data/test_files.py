@@ -33,7 +33,7 @@ from semgs.training.run.faults import BadScenes
 from semgs.training.run.session import Session
 from semgs.training.training_settings import TrainingSettings
 
-SETTINGS = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)
+SETTINGS = TrainingSettings(model="small_plain", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)
 
 
 @pytest.fixture(scope="session")

@@ -22,7 +22,7 @@ from semgs.training.data.data_check.scene_record import RECORD, scenes_of
 from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=3, batch=2, size=(16, 32), contexts=(2, 3), targets=1, seed=3, validation_scenes=0
+    model="small_plain", steps=3, batch=2, size=(16, 32), contexts=(2, 3), targets=1, seed=3, validation_scenes=0
 )
 NAMES = ("scene0001_00", "scene0001_01", "scene0002_00", "scan")
 
@@ -99,14 +99,14 @@ def test_validation_in_rooms_that_are_trained_in_is_refused_and_names_them(scans
 
 def test_a_run_remembers_its_scenes_and_those_that_its_first_weights_had_seen(archives: Path, tmp_path: Path):
     first = tmp_path / "first.safetensors"
-    save(first, load("small", "random"), {"scenes": json.dumps(["scene0009_00", "scan"])})
+    save(first, load("small_plain", "random"), {"scenes": json.dumps(["scene0009_00", "scan"])})
     scenes = listed(tmp_path, "scene0002_00", "scan")
     settings = replace(SETTINGS, data=(str(archives),), scenes=scenes, init=str(first))
     run_data(settings, tmp_path)
     first.unlink()  # a run goes on without the weights that it began with
     run_data(settings, tmp_path)
     assert scenes_of(tmp_path / RECORD) == ("scene0009_00", "scan", "scene0002_00")
-    save(first, load("small", "random"), {"scenes": json.dumps(["scene0009_00"])})
+    save(first, load("small_plain", "random"), {"scenes": json.dumps(["scene0009_00"])})
     write_labelled(tmp_path / "held" / "scene0009_01", 7)
     held = replace(settings, validation=str(tmp_path / "held"), validation_scenes=1)
     with pytest.raises(InputError, match=r"scene0009_01 \(as scene0009_00\)"):
@@ -121,7 +121,7 @@ def test_rooms_that_semgs_drew_leave_no_names(tmp_path: Path):
 
 def test_weights_that_saw_no_files_name_none(tmp_path: Path):
     assert trained_scenes("small") == ()
-    save(tmp_path / "odd.safetensors", load("small", "random"), {"scenes": '{"a": 1}'})
+    save(tmp_path / "odd.safetensors", load("small_plain", "random"), {"scenes": '{"a": 1}'})
     assert "scenes" in read_header(tmp_path / "odd.safetensors").metadata
     with pytest.raises(InputError, match=r"odd\.safetensors: scenes: expected a list of names"):
         trained_scenes(tmp_path / "odd.safetensors")

@@ -18,7 +18,7 @@ from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
 from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=5, batch=4, size=(16, 24), supervision="pictures", seed=3,
+    model="small_plain", steps=5, batch=4, size=(16, 24), supervision="pictures", seed=3,
     validation_scenes=2,
 )  # fmt: skip
 

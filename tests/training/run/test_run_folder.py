@@ -57,13 +57,13 @@ def test_settings_survive_json(name: str, tmp_path):
 def test_a_run_that_began_before_some_settings_existed_goes_on(tmp_path):
     """They have their defaults then."""
     (tmp_path / "settings.json").write_text(
-        """{"model": "small", "steps": 12000, "batch": 2, "size": [96, 128], "contexts": [2, 3], "targets": 2,
+        """{"model": "small_plain", "steps": 12000, "batch": 2, "size": [96, 128], "contexts": [2, 3], "targets": 2,
         "context_targets": true, "learning_rate": 0.001, "warmup": 0.05, "clip": 0.5, "average_decay": 0.998,
         "losses": {"semantic": 0.1, "colour": 1.0, "smoothness": 0.001}, "class_weights": null, "depth_weight": 0.1,
         "init": "random", "seed": 0, "scene_reuse": 1, "validate_every": 1000,
         "validation_scenes": 16}"""
     )
-    claim_folder(tmp_path, PRESETS["small"]())
+    claim_folder(tmp_path, PRESETS["small_plain"]())
 
 
 def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, tmp_path):
@@ -185,12 +185,12 @@ def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monke
 )
 @pytest.mark.filterwarnings("ignore:Initializing zero-element tensors")
 def test_a_run_with_settings_that_make_no_network_is_refused_with_one_line(tmp_path: Path, damage):
-    settings = TrainingSettings(model="small", steps=1)
+    settings = TrainingSettings(model="small_plain", steps=1)
     (tmp_path / "checkpoints").mkdir()
     save_checkpoint(
-        tmp_path / "checkpoints", TrainingState.begin(load("small", "random"), make_supervision(settings), 1e-3, 0.9)
+        tmp_path / "checkpoints", TrainingState.begin(load("small_plain", "random"), make_supervision(settings), 1e-3, 0.9)
     )
-    (tmp_path / NETWORK).write_text(json.dumps(damage(load("small", "random").settings.as_json())))
+    (tmp_path / NETWORK).write_text(json.dumps(damage(load("small_plain", "random").settings.as_json())))
     with pytest.raises(
         InputError, match="another version of semgs wrote it; resume with that version, or name a new folder"
     ) as told:

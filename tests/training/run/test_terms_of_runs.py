@@ -19,7 +19,7 @@ from semgs.model.weights.weights_file import save
 from semgs.training.data.data_check.scene_record import RECORD, UNSTATED, data_terms_of
 from semgs.training.training_settings import TrainingSettings
 
-SETTINGS = TrainingSettings(model="small", steps=3, batch=2, size=(16, 32), contexts=(2, 3), targets=1, seed=3, validation_scenes=0)  # fmt: skip
+SETTINGS = TrainingSettings(model="small_plain", steps=3, batch=2, size=(16, 32), contexts=(2, 3), targets=1, seed=3, validation_scenes=0)  # fmt: skip
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def archive(tmp_path: Path) -> Path:
 
 def test_a_run_has_the_terms_of_all_its_data_and_of_the_weights_that_it_began_with(archive: Path, tmp_path: Path):
     first = tmp_path / "first.safetensors"
-    save(first, load("small", "random"), {DATA_TERMS: terms_text([REPLICA, SCANNET])})
+    save(first, load("small_plain", "random"), {DATA_TERMS: terms_text([REPLICA, SCANNET])})
     run_data(replace(SETTINGS, data=("rooms", str(archive)), init=str(first)), tmp_path)
     first.unlink()
     assert data_terms_of(tmp_path / RECORD) == (ROOMS, SCANNET, REPLICA)
@@ -46,7 +46,7 @@ def test_a_run_on_rooms_alone_has_theirs_alone(tmp_path: Path):
 
 
 def test_what_is_not_known_is_said(tmp_path: Path):
-    save(tmp_path / "old.safetensors", load("small", "random"), {})
+    save(tmp_path / "old.safetensors", load("small_plain", "random"), {})
     run_data(replace(SETTINGS, init=str(tmp_path / "old.safetensors")), tmp_path)
     assert data_terms_of(tmp_path / RECORD) == (
         ROOMS,

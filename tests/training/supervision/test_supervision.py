@@ -172,7 +172,7 @@ def test_scenes_without_depth_will_do_for_all_but_depth():
 def test_a_training_begins_with_all_frozen_that_does_not_learn(
     supervision, shared_rate: float, classify_with, measures: bool, backbone: bool
 ):
-    model = initial_network("small", "random", switches={"class_backbone": backbone})
+    model = initial_network("small_plain", "random", switches={"class_backbone": backbone})
     rates = relative_rates(model, Rates(shared_rate=shared_rate))
     state = TrainingState.begin(model, supervision, 1e-3, 0.99, rates=rates)
     everything = {name for name, _ in model.named_parameters()}
@@ -253,8 +253,8 @@ def test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is(network, batc
 
 
 def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
-    model = preset("small", class_backbone=True)
-    settings = TrainingSettings(model="small", steps=1, class_rate=0.5, sweep_rate=0.25, backbone_rate=0.1)
+    model = preset("small_plain", class_backbone=True)
+    settings = TrainingSettings(model="small_plain", steps=1, class_rate=0.5, sweep_rate=0.25, backbone_rate=0.1)
     shares = relative_rates(model, settings)
     assert {shares[name] for name in model.pretrained_parameters()} == {0.05}
     assert {shares[name] for name in model.depth_parameters()} == {0.25}
@@ -264,13 +264,13 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
     }.items():  # fmt: skip
         assert shares.get(name, 1.0) == expected
         assert name in dict(model.named_parameters())
-    plain = TrainingSettings(model="small", steps=1)
-    assert relative_rates(preset("small"), plain) == {}, "the paper's network learns at one rate"
+    plain = TrainingSettings(model="small_plain", steps=1)
+    assert rate_shares(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
 
 
 def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
-    model = preset("small", class_backbone=True)
-    settings = TrainingSettings(model="small", steps=10, class_rate=0.0, sweep_rate=0.5)
+    model = preset("small_plain", class_backbone=True)
+    settings = TrainingSettings(model="small_plain", steps=10, class_rate=0.0, sweep_rate=0.5)
     state = TrainingState.begin(model, make_supervision(settings), 1e-3, 0.9, rates=relative_rates(model, settings))
     frozen = {name for name, one in model.named_parameters() if not one.requires_grad}
     refinement = {name for name in frozen if name.startswith("semantic.refinement.")}
@@ -284,4 +284,4 @@ def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
 )
 def test_a_rate_of_zero_that_would_leave_nothing_to_learn_is_refused(name: str, supervision: str):
     with pytest.raises(ValueError, match=f"{name} is 0.*above 0 with supervision by"):
-        TrainingSettings(model="small", steps=1, supervision=supervision, **{name: 0.0})
+        TrainingSettings(model="small_plain", steps=1, supervision=supervision, **{name: 0.0})
