@@ -20,7 +20,7 @@ from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.model.layers.chunks import Chunks
-from semgs.model.memory.memory_plan import NotEnoughMemoryError, memory_plan
+from semgs.model.memory.memory_plan import NotEnoughMemoryError
 from semgs.model.semgs import SemGS
 from semgs.rendering.render import render
 from semgs.rooms.sets.demo_room import demo_scene
@@ -114,7 +114,7 @@ def _chunks(row: BenchRow, model: SemGS, views: Views) -> Chunks:
     if row.batch > 1:
         return Chunks()
     try:
-        return memory_plan(model, views).chunks
+        return model.memory_plan(views).chunks
     except NotEnoughMemoryError as error:
         raise CannotMeasureError(str(error)) from error
 

@@ -32,7 +32,7 @@ def test_an_evaluation_takes_as_few_views_at_a_time_as_memory_asks_for(
     inputs = inputs_of(task, read_views(task))
     whole = NetworkMethod(model, "cpu", "small").predict(inputs)
     few = planning.MemoryPlan(1e9, "heads", Chunks(1, 1), True, 1e9)
-    monkeypatch.setattr("semgs.model.encode.memory_plan", lambda *_: few)
+    monkeypatch.setattr("semgs.model.semgs.SemGS.memory_plan", lambda *_: few)
     chunks: list[object] = []
     hook = model.register_forward_pre_hook(lambda _, arguments: chunks.append(arguments[1]))
     parts = NetworkMethod(model, "cpu", "small").predict(inputs)

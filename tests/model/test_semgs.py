@@ -10,7 +10,7 @@ from posed import posed_views
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 from semgs.model.settings import NetworkSettings
 from semgs.model.sweep.depth import Depth
 from semgs.model.switches import Switches, switches_of
@@ -72,7 +72,7 @@ def test_other_sizes_are_padded_with_their_camera(small):
 
 def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
     views = posed_views(2, (37, 51))
-    padded = Padded.of(views, torch.zeros(1), 2).images
+    padded = NetworkInput.of(views, torch.zeros(1), 2).images
     assert padded.shape == (2, 3, 48, 64)
     for row in range(48):
         for column in (0, 20, 50, 51, 63):

@@ -55,7 +55,7 @@ def test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it():
     pictures = torch.rand(1, 3, 32, 48)
     assert not any(
         cue.requires_grad
-        for cue in model.semantic.refinement.cues(pictures, model.semantic.refinement(pictures, model.cnn).seen)
+        for cue in model.semantic.refinement.cues(pictures, model.semantic.refinement(pictures, model.cnn).cue_maps)
     )
     backbone = model.pretrained_parameters()
     assert not taught & backbone
