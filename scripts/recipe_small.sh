@@ -45,7 +45,7 @@ if [ "$backbone" != random ]; then backbone_given+=(--backbone "$backbone"); fi
 
 # What things look like, from single images: 25,600 small ones, then 13,200 of the size that they are used at.
 train() {  # train OUT STEPS OPTIONS...
-    $semgs train small --supervision pictures --contexts 1 1 --targets 0 --out "$1" --steps "$(steps "$2")" --validate-every "$(steps "$2")" \
+    $semgs train small --supervision pictures --out "$1" --steps "$(steps "$2")" --validate-every "$(steps "$2")" \
         --clip 2 --average-decay 0.998 --class-weights inverse_fourth_root_frequency --augmentation.crop 0.4 --augmentation.flip \
         --augmentation.colour 0.5 --augmentation.roll 10 --augmentation.camera 1 \
         --validation "$folder/held" --validation-scenes 48 "${@:3}"

@@ -14,7 +14,7 @@ from semgs.files.images.pictures import write_png
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.weights_file import save
 from semgs.training.loop import Outcome
-from semgs.training.presets import small
+from semgs.training.presets import small_plain
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import claim_folder, read_settings
 from semgs.training.training_settings import TrainingSettings
@@ -157,7 +157,7 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
 
 def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tmp_path, labelled, trained, capsys):
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--full", str(tmp_path / "table1")]
-    settings = replace(small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)
+    settings = replace(small_plain(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)
     claim_folder(tmp_path / "table1", settings)
     assert main(line) == 2
     assert "is not finished" in capsys.readouterr().err

@@ -44,8 +44,8 @@ class Ablate:
     and ablation.md, the table. To resume, repeat the command.
 
     Examples
-    - semgs ablate small --out ablation --steps 3000 --dry-run
-    - semgs ablate small --out ablation --steps 3000 --seeds 1 2
+    - semgs ablate small_plain --out ablation --steps 3000 --dry-run
+    - semgs ablate small_plain --out ablation --steps 3000 --seeds 1 2
     - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
