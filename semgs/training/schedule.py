@@ -26,13 +26,11 @@ class Schedule:
     def __post_init__(self) -> None:
         check_values(
             self,
-            {
-                "steps": (self.steps >= 1, "at least 1"),
-                "learning_rate": (self.learning_rate > 0, "a positive number"),
-                "warmup": (0 < self.warmup < 1, "a share between 0 and 1"),
-                "clip": (self.clip > 0, "a positive number"),
-                "average_decay": (0 <= self.average_decay < 1, "0 (no average) to below 1"),
-            },
+            steps=(self.steps >= 1, "at least 1"),
+            learning_rate=(self.learning_rate > 0, "a positive number"),
+            warmup=(0 < self.warmup < 1, "a share between 0 and 1"),
+            clip=(self.clip > 0, "a positive number"),
+            average_decay=(0 <= self.average_decay < 1, "0 (no average) to below 1"),
         )
 
     def rate(self, step: int) -> float:

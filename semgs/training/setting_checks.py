@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 
-
-def check_values(values: object, checks: Mapping[str, tuple[bool, str]]) -> None:
+def check_values(values: object, **checks: tuple[bool, str]) -> None:
     """Refuse the first value that does not hold.
 
     Args:
-        values: the settings, whose attributes have the names of the checks; "augmentation.roll" is an attribute of an attribute.
+        values: the settings, whose attributes have the names of the checks; "augmentation.roll" is one of an attribute.
         checks: for each name whether the value holds, and what is expected otherwise.
 
     Raises:

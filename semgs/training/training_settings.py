@@ -59,7 +59,7 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
         factors, classes = self.class_weights, len(self.table)
         check_values(
             self,
-            {
+            **{
                 "semantic_branch": (
                     self.semantic_branch in get_args(SemanticBranch),
                     f"one of {', '.join(get_args(SemanticBranch))}",

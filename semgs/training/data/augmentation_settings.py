@@ -29,10 +29,7 @@ class Augmentation:
 
     def __post_init__(self) -> None:
         bounds = {"colour": (0, 1), "crop": (0.2, 1), "roll": (0, 45), "camera": (0, 1), "exposure": (0, 1)}
-        check_values(
-            self,
-            {
-                name: (least <= getattr(self, name) <= most, f"{least} to {most}")
-                for name, (least, most) in bounds.items()
-            },
-        )
+        checks = {
+            name: (low <= getattr(self, name) <= high, f"{low} to {high}") for name, (low, high) in bounds.items()
+        }
+        check_values(self, **checks)

@@ -66,24 +66,22 @@ class DataSettings:
             Source.parsed(text)
         check_values(
             self,
-            {
-                "batch": (self.batch >= 1, "at least 1"),
-                "size": (min(self.size) >= 16, "at least 16 pixels a side"),
-                "half_size": (
-                    0 <= self.half_size <= 1 and (not self.half_size or min(self.size) >= 32),
-                    "a share in 0..1, and 0 if a side is below 32 pixels",
-                ),
-                "contexts": (2 <= fewest <= most, "fewest and most input views, 2 or more, in this order"),
-                "targets": (self.targets >= 1, "at least 1"),
-                "frames": (self.frames in get_args(Frames), f"one of {', '.join(get_args(Frames))}"),
-                "sampling": (self.sampling in get_args(Sampling), f"one of {', '.join(get_args(Sampling))}"),
-                "seed": (
-                    self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo_room.SEED),
-                    f"0 or more, and neither {VALIDATION_SEED} nor {demo_room.SEED}, which are the seeds of the validation rooms and the demo",
-                ),
-                "scene_reuse": (self.scene_reuse >= 1, "at least 1"),
-                "validation_scenes": (self.validation_scenes >= 0, "0 or more"),
-            },
+            batch=(self.batch >= 1, "at least 1"),
+            size=(min(self.size) >= 16, "at least 16 pixels a side"),
+            half_size=(
+                0 <= self.half_size <= 1 and (not self.half_size or min(self.size) >= 32),
+                "a share in 0..1, and 0 if a side is below 32 pixels",
+            ),
+            contexts=(2 <= fewest <= most, "fewest and most input views, 2 or more, in this order"),
+            targets=(self.targets >= 1, "at least 1"),
+            frames=(self.frames in get_args(Frames), f"one of {', '.join(get_args(Frames))}"),
+            sampling=(self.sampling in get_args(Sampling), f"one of {', '.join(get_args(Sampling))}"),
+            seed=(
+                self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo_room.SEED),
+                f"0 or more, and neither {VALIDATION_SEED} nor {demo_room.SEED}, which are the seeds of the validation rooms and the demo",
+            ),
+            scene_reuse=(self.scene_reuse >= 1, "at least 1"),
+            validation_scenes=(self.validation_scenes >= 0, "0 or more"),
         )
 
     @property

@@ -29,7 +29,7 @@ class Rates:
 
     def __post_init__(self) -> None:
         names = [field.name for field in fields(Rates)]
-        check_values(self, {name: (0 <= getattr(self, name) <= 1, "a share in 0..1") for name in names})
+        check_values(self, **{name: (0 <= getattr(self, name) <= 1, "a share in 0..1") for name in names})
 
 
 def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:

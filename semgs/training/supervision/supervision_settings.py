@@ -44,19 +44,17 @@ class SupervisionSettings:
         rule = isinstance(self.class_weights, str)
         check_values(
             self,
-            {
-                "supervision": (
-                    self.supervision in get_args(SupervisedBy),
-                    f"one of {', '.join(get_args(SupervisedBy))}",
-                ),
-                "class_weights": (
-                    not rule or self.class_weights in CLASS_WEIGHTINGS,
-                    f"a factor for each class of the table, {', '.join(CLASS_WEIGHTINGS)}, or None",
-                ),
-                "depth_weight": (self.depth_weight >= 0, "0 or more"),
-                "teacher": (not self.teacher or self.single_images, "none, except with --supervision pictures"),
-                "teacher_weight": (self.teacher_weight > 0, "a positive number"),
-            },
+            supervision=(
+                self.supervision in get_args(SupervisedBy),
+                f"one of {', '.join(get_args(SupervisedBy))}",
+            ),
+            class_weights=(
+                not rule or self.class_weights in CLASS_WEIGHTINGS,
+                f"a factor for each class of the table, {', '.join(CLASS_WEIGHTINGS)}, or None",
+            ),
+            depth_weight=(self.depth_weight >= 0, "0 or more"),
+            teacher=(not self.teacher or self.single_images, "none, except with --supervision pictures"),
+            teacher_weight=(self.teacher_weight > 0, "a positive number"),
         )
 
     @property

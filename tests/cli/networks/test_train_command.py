@@ -17,7 +17,7 @@ from semgs.cli.usage_errors import UsageError
 from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.training.presets import base, paper, preset_changes, small, small_plain
 from semgs.training.run.differences import differences
-from semgs.training.training_settings import CLASS_WEIGHTINGS
+from semgs.training.supervision.supervision_settings import CLASS_WEIGHTINGS
 
 
 def parsed(line: str) -> Train:

@@ -78,7 +78,11 @@ def test_the_weights_that_ship_are_older_than_checksums_and_load():
 @pytest.mark.parametrize(
     ("keys", "value", "told"),
     [
-        (("colour", "transformer", "camera_aware"), "no", r"colour\.transformer\.camera_aware: expected bool, found 'no'"),
+        (
+            ("colour", "transformer", "camera_aware"),
+            "no",
+            r"colour\.transformer\.camera_aware: expected bool, found 'no'",
+        ),
         (("colour", "from_image"), 0, r"colour\.from_image: expected bool, found 0"),
         (("semantic", "own_cnn"), None, r"semantic\.own_cnn: expected bool, found None"),
         (("channels",), 48.0, r"channels: expected int, found 48\.0"),
@@ -86,7 +90,11 @@ def test_the_weights_that_ship_are_older_than_checksums_and_load():
         (("channels",), 4097, r"channels: expected a whole number in 0\.\.4096, found 4097"),
         (("cnn_widths",), [16, 32], r"cnn_widths: Not enough values in \[16, 32\]"),
         (("cnn_widths",), [16, 32, "48"], r"cnn_widths\[2\]: expected int, found '48'"),
-        (("colour", "depth", "initial_scale"), float("nan"), r"colour\.depth\.initial_scale: expected a finite number, found nan"),
+        (
+            ("colour", "depth", "initial_scale"),
+            float("nan"),
+            r"colour\.depth\.initial_scale: expected a finite number, found nan",
+        ),
         (("conventions", "z_depth"), "false", r"conventions\.z_depth: expected bool, found 'false'"),
         (("conventions", "candidates"), "log", "conventions.candidates: expected inverse or linear"),
         (("colour", "heads"), 3, "expected settings and a class table"),

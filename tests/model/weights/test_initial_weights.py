@@ -111,7 +111,9 @@ def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp
     save(tmp_path / "more.safetensors", model, {})
     there = load("small_plain", tmp_path / "more.safetensors").state_dict()
     for switches in ({}, more):
-        again = initial_network("small_plain", str(tmp_path / "more.safetensors"), seed=4, switches=switches).state_dict()
+        again = initial_network(
+            "small_plain", str(tmp_path / "more.safetensors"), seed=4, switches=switches
+        ).state_dict()
         assert all(torch.equal(tensor, again[name]) for name, tensor in there.items())
     with pytest.raises(InputError, match="cost_filter = 8, found 4"):
         initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})

@@ -188,7 +188,8 @@ def test_a_run_with_settings_that_make_no_network_is_refused_with_one_line(tmp_p
     settings = TrainingSettings(model="small_plain", steps=1)
     (tmp_path / "checkpoints").mkdir()
     save_checkpoint(
-        tmp_path / "checkpoints", TrainingState.begin(load("small_plain", "random"), make_supervision(settings), 1e-3, 0.9)
+        tmp_path / "checkpoints",
+        TrainingState.begin(load("small_plain", "random"), make_supervision(settings), 1e-3, 0.9),
     )
     (tmp_path / NETWORK).write_text(json.dumps(damage(load("small_plain", "random").settings.as_json())))
     with pytest.raises(
