@@ -103,13 +103,13 @@ def matching(file: Path, index: Sequence[Shipped]) -> Shipped:
         InputError: the file cannot be read, or is none of them.
     """
     if not file.is_file():
-        names = " or ".join(one.name for one in index)
+        names = " or ".join(shipped.name for shipped in index)
         raise InputError(file, f"a weights file, or {names}", "a folder" if file.is_dir() else "nothing")
     found = sha256(file)
-    for one in index:
-        if found == one.sha256:
-            return one
-    known = ", ".join(f"{one.name} {one.sha256[:SHOWN]}" for one in index)
+    for shipped in index:
+        if found == shipped.sha256:
+            return shipped
+    known = ", ".join(f"{shipped.name} {shipped.sha256[:SHOWN]}" for shipped in index)
     raise InputError(
         file, f"the sha256 of included weights ({known})", found[:SHOWN],
         advice="the file was changed, or belongs to another version of semgs",

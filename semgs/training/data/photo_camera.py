@@ -72,8 +72,8 @@ class Photo:
     def taken(self, image: Image, rng: np.random.Generator) -> Image:
         """The image as this photo shows it, processed in the order of a camera; the generator is only for the noise."""
         image = blur(image, self.blur * image.shape[0])
-        image = shaken(image, self.motion * image.shape[0], self.direction)
-        image = vignetted(image, self.vignetting)
+        image = shake(image, self.motion * image.shape[0], self.direction)
+        image = darken_corners(image, self.vignetting)
         image = image * np.array(self.balance, dtype=np.float32)
         image = np.clip(add_noise(image, self.noise, rng), 0, 1)
         if self.gamma != 1:
@@ -105,7 +105,7 @@ def blur(image: Image, deviation: float) -> Image:
     return cv2.GaussianBlur(image, (0, 0), deviation, borderType=cv2.BORDER_REFLECT_101) if deviation > 0 else image
 
 
-def shaken(image: Image, length: float, direction: float) -> Image:
+def shake(image: Image, length: float, direction: float) -> Image:
     """The image with motion blur: the mean along a line of that length [px] and direction [rad], centred on each pixel."""
     reach = round(length / 2)
     if reach < 1:
@@ -116,7 +116,7 @@ def shaken(image: Image, length: float, direction: float) -> Image:
     return cv2.filter2D(image, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REFLECT_101)
 
 
-def vignetted(image: Image, loss: float) -> Image:
+def darken_corners(image: Image, loss: float) -> Image:
     """The image darkened with the square of the distance from its centre; the corners lose that share of their light."""
     if loss == 0:
         return image

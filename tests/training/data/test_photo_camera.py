@@ -14,8 +14,8 @@ from semgs.training.data.photo_camera import (
     compress,
     photograph,
     remove_colour,
-    shaken,
-    vignetted,
+    shake,
+    darken_corners,
 )
 
 
@@ -32,7 +32,7 @@ def dot() -> np.ndarray:
 
 
 def test_vignetting_keeps_the_middle_and_takes_its_share_from_the_corners():
-    seen = vignetted(flat(0.8, 61, 81), 0.4)
+    seen = darken_corners(flat(0.8, 61, 81), 0.4)
     assert seen[30, 40, 1] == pytest.approx(0.8)
     edge_y, edge_x = 60 / 61, 80 / 81  # where the centre of a corner's pixel is, the corner itself at 1
     assert seen[0, 80] == pytest.approx(0.8 * (1 - 0.2 * (edge_x**2 + edge_y**2)), rel=1e-5)
@@ -62,10 +62,10 @@ def test_blur_spreads_a_dot_by_its_standard_deviation_and_keeps_its_light():
 
 
 def test_a_shake_draws_a_dot_into_a_line():
-    seen = shaken(dot(), 8.0, 0.0)[..., 0]
+    seen = shake(dot(), 8.0, 0.0)[..., 0]
     assert seen[20, 26:35] == pytest.approx(1 / 9)  # four pixels to either side
     assert seen.sum() == pytest.approx(1)
-    assert shaken(dot(), 8.0, np.pi / 2)[16:25, 30, 0] == pytest.approx(1 / 9)
+    assert shake(dot(), 8.0, np.pi / 2)[16:25, 30, 0] == pytest.approx(1 / 9)
 
 
 def test_jpeg_changes_less_the_better_it_is():
