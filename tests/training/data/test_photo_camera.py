@@ -12,10 +12,10 @@ from semgs.training.data.photo_camera import (
     add_noise,
     blur,
     compress,
+    darken_corners,
     photograph,
     remove_colour,
     shake,
-    darken_corners,
 )
 
 

@@ -265,7 +265,7 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
         assert shares.get(name, 1.0) == expected
         assert name in dict(model.named_parameters())
     plain = TrainingSettings(model="small_plain", steps=1)
-    assert rate_shares(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
+    assert relative_rates(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
 
 
 def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
