@@ -115,7 +115,9 @@ def test_a_run_remembers_its_scenes_and_those_that_its_first_weights_had_seen(ar
 
 def test_rooms_that_semgs_drew_leave_no_names(tmp_path: Path):
     listed = [{"name": "attic"}, {"name": "scene_00000", "drawn": True}, {"name": "hall", "drawn": False}]
-    (tmp_path / "data.json").write_text(json.dumps({"scenes": listed, "before": ["cellar"]}))
+    scenes = [{"frames": 1, "pixels": None, **scene} for scene in listed]
+    record = {"scenes": scenes, "rooms": {"pixels": None}, "before": ["cellar"]}
+    (tmp_path / "data.json").write_text(json.dumps(record))
     assert scenes_of(tmp_path / "data.json") == ("cellar", "attic", "hall")
 
 
