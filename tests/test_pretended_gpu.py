@@ -27,7 +27,7 @@ from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training import presets
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 
 from pretended import Pretended, pretended_device  # isort: skip
 
@@ -88,7 +88,7 @@ def test_a_network_encodes_classifies_and_renders_what_it_does_on_the_cpu(model:
 @pytest.mark.parametrize("supervision", ["rendered", "labels", "pictures", "depth"])
 def test_a_step_of_every_supervision_moves_the_weights_and_validates(model: SemGS, supervision: str):
     settings = replace(presets.small(), supervision=supervision)
-    chosen = supervision_of(settings)
+    chosen = make_supervision(settings)
     state = TrainingState.begin(model, chosen, 1e-3, 0.99)
     report = training_step(state, [labelled(0)], settings)
     assert report.moved

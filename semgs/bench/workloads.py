@@ -151,12 +151,12 @@ def _training(row: BenchRow) -> Run:
     from semgs.training import presets
     from semgs.training.state import TrainingState
     from semgs.training.step import training_step
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
 
     settings = presets.PRESETS[row.network]()
     batch = training_batch(row.views, row.size, settings.targets)
     model = load(row.network, "random").to(row.device)
-    state = TrainingState.begin(model, supervision_of(settings), 1e-6, 0.99)
+    state = TrainingState.begin(model, make_supervision(settings), 1e-6, 0.99)
 
     def run(watch: Watch) -> None:
         with watch(WHOLE):

@@ -17,6 +17,7 @@ from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
+from semgs.files.records import make_record
 from semgs.files.strict_json import read_json
 from semgs.geometry.fusion import LEAST
 from semgs.segmenters.class_source import Source
@@ -190,7 +191,7 @@ def read_fit(path: Path) -> Fit:
     if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("version") != VERSION:
         raise InputError(path, expected, "another file")
     try:
-        classes = ClassTable.from_json(content["classes"])
+        classes = make_record(ClassTable, content["classes"])
         table = np.array(content["table"], dtype=np.float32)
         theirs = tuple(str(name) for name in content["theirs"])
         if table.shape != (len(theirs), len(classes)) or not np.isfinite(table).all() or table.min() < 0:

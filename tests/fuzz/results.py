@@ -100,18 +100,18 @@ def training_run(folder: Path) -> Path:
     from semgs.model import networks
     from semgs.objectives.losses import LossWeights
     from semgs.training.run.checkpoints import save_checkpoint
-    from semgs.training.run.run_folder import claim
+    from semgs.training.run.run_folder import claim_folder
     from semgs.training.state import TrainingState
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
     from semgs.training.training_settings import TrainingSettings
 
     settings = TrainingSettings(
-        model="small", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
+        model="small_plain", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
     )
-    claim(folder / "run", settings)
+    claim_folder(folder / "run", settings)
     torch.manual_seed(0)
     state = TrainingState.begin(
-        nn.Linear(3, 2), supervision_of(settings), settings.learning_rate, settings.average_decay
+        nn.Linear(3, 2), make_supervision(settings), settings.learning_rate, settings.average_decay
     )  # type: ignore[arg-type]
     for state.step in (6, 12):
         save_checkpoint(folder / "run/checkpoints", state)
@@ -137,7 +137,7 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.training.run.log import RunLog
     from semgs.training.run.run_folder import run_folder as run
     from semgs.training.state import TrainingState
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
 
     settings = run.read_settings(path)
     scenes_of(path / run_record())
@@ -150,7 +150,7 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     best_checkpoint(path / "checkpoints")
     run.finished(path)
     if newest is not None:
-        state = TrainingState.begin(nn.Linear(3, 2), supervision_of(settings), 1e-3, 0.9)  # type: ignore[arg-type]
+        state = TrainingState.begin(nn.Linear(3, 2), make_supervision(settings), 1e-3, 0.9)  # type: ignore[arg-type]
         state.restore(newest.tensors, newest.numbers)
     if "run/network.json" in changed:
         run.network(path, settings)

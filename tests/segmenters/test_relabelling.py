@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 from scenes_on_disk import SIZE, write_labelled
+from training_data import run_data
 
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.licences import ROOMS, Terms, labeller_of, terms_of, terms_of_photos
@@ -22,7 +23,6 @@ from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.opening import Opened
 from semgs.segmenters.relabelling import Relabelling, _reduced, likeliest_labels, relabelled, relabelling
 from semgs.segmenters.tables import table_of
-from semgs.training.data.batches import surveyed
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
 from semgs.training.training_settings import TrainingSettings
 
@@ -123,9 +123,9 @@ def test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms(tmp_path: P
     teacher = Columns(SCANNET20, MadeBy("teacher.onnx", "7e", "Apache-2.0"))
     PreparedSet(tmp_path / "taught", Preparation(SIZE), fake(teacher, 0.2)).prepare(sources(tmp_path / "rooms"))
     settings = TrainingSettings(
-        model="small", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
+        model="small_plain", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
     )  # fmt: skip
-    surveyed(settings, tmp_path)
+    run_data(settings, tmp_path)
     (terms,) = data_terms_of(tmp_path / RECORD)
     assert terms == Terms(f"{ROOMS.text}; labels by teacher.onnx (licence Apache-2.0)")
     assert scenes_of(tmp_path / RECORD) == (), "rooms of other seeds have the same names"

@@ -67,8 +67,8 @@ class TinySweep(nn.Module):
         depths = expected_depth(probabilities, candidates)
         return CoarseDepth(widen(depths, 4), probabilities, candidates, "inverse")
 
-    def depth_parameters(self, shared: bool = True) -> set[str]:
-        return {"layer.weight", "layer.bias"} if shared else {"layer.weight"}
+    def depth_parameters(self) -> set[str]:
+        return {"layer.weight", "layer.bias"}
 
 
 def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None, clamp: bool = True) -> Rendering:
@@ -151,7 +151,7 @@ def real_rendering() -> None:
 def settings() -> TrainingSettings:
     """A run of 12 steps."""
     return TrainingSettings(
-        model="small",
+        model="small_plain",
         steps=12,
         size=SIZE,
         learning_rate=1e-2,

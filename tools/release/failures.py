@@ -31,7 +31,7 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.images.colours import depth_limits, depth_picture
 from semgs.model.weights.index import SHOWN
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.training.training_settings import VALIDATION_SEED
+from semgs.training.data.data_settings import VALIDATION_SEED
 from tools.release.pages import CARD, DOCS, write_between
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"

@@ -22,7 +22,7 @@ from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.weights import mvsplat
 from semgs.model.weights.header_temperatures import temperatures_in
-from semgs.model.weights.hub import SCHEME, fetched, is_hub_id
+from semgs.model.weights.hub import SCHEME, fetch, is_hub_id
 from semgs.model.weights.index import shipped_folder
 from semgs.model.weights.weights_file import count_parameters, fill, is_ours, read_header, read_tensors
 
@@ -184,7 +184,7 @@ def shipped(name: str) -> Path | None:
 
 def _local(weights: str | Path) -> Path:
     """The path of weights; those on the hub are downloaded."""
-    return fetched(str(weights)) if is_hub_id(weights) else typed_path(weights)
+    return fetch(str(weights)) if is_hub_id(weights) else typed_path(weights)
 
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
