@@ -49,11 +49,11 @@ def bed(rng: np.random.Generator) -> Piece:
         height = board
     cover, drop = m.bedding(rng), rng.uniform(0.05, 0.3)
     start = rng.uniform(0.35, 0.9)
-    low, high = top - drop, top + rng.uniform(0.025, 0.07)
-    parts.append(block(label, cover, (-0.025, start, low), (width + 0.025, depth + 0.02, high)))
+    under, over = top - drop, top + rng.uniform(0.025, 0.07)
+    parts.append(block(label, cover, (-0.025, start, under), (width + 0.025, depth + 0.02, over)))
     if rng.random() < 0.4:
         fold = depth - rng.uniform(0.3, 0.7)
-        parts.append(block(label, m.fabric(rng), (-0.04, fold, low), (width + 0.04, depth + 0.03, top + 0.085)))
+        parts.append(block(label, m.fabric(rng), (-0.04, fold, under), (width + 0.04, depth + 0.03, top + 0.085)))
     pillow, count = m.bedding(rng), 1 if width < 1.3 else 2
     span = width / count
     for layer in range(int(rng.integers(1, 3))):
@@ -92,7 +92,8 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
 def seat_cushions(
     label: int, cloth: Material, shape: int, across: Range, deep: Range, upwards: tuple[float, float, float]
 ) -> list[Part]:
-    """The two cushions of a seat from its back to its front edge (`deep`); `upwards`: underside and top of the lower one, top of the other."""
+    """The cushion of a seat, from its back to its front edge (`deep`), and the one behind it; `upwards`: underside and top of the first,
+    top of the second."""
     (left, right), (back, front), (low, seat, high) = across, deep, upwards
     left, right = left + 0.006, right - 0.006
     return [

@@ -69,7 +69,7 @@ def _dark(rng: np.random.Generator) -> Material:
 def _laptop(rng: np.random.Generator, size: float) -> Piece:
     """An open laptop, seen from its keyboard at +y."""
     case, dark, width, depth = m.metal(rng), _dark(rng), rng.uniform(0.3, 0.38), rng.uniform(0.21, 0.26)
-    shown = m.artwork(rng) if rng.random() < 0.4 else dark
+    display = m.artwork(rng) if rng.random() < 0.4 else dark
     lean, tilt = 0.95 * depth, rng.uniform(0.1, 0.35)
     y, z = -lean / 2 * np.sin(tilt) + 0.005, lean / 2 * np.cos(tilt) + 0.015
     return _piece(
@@ -77,19 +77,19 @@ def _laptop(rng: np.random.Generator, size: float) -> Piece:
         block(IGNORE, case, (0, 0, 0), (width, depth, 0.014)),
         block(IGNORE, dark, (0.015, 0.02, 0.014), (width - 0.015, 0.55 * depth, 0.017)),
         Part(IGNORE, case, (width / 2, float(y), float(z)), (width, 0.006, lean), tilt=float(tilt)),
-        Part(IGNORE, shown, (width / 2, float(y) + 0.004, float(z)), (width - 0.02, 0.004, lean - 0.02), tilt=float(tilt)),
+        Part(IGNORE, display, (width / 2, float(y) + 0.004, float(z)), (width - 0.02, 0.004, lean - 0.02), tilt=float(tilt)),
     )  # fmt: skip
 
 
 def _screen(rng: np.random.Generator, size: float) -> Piece:
     """A monitor on a foot, with a keyboard before it."""
     dark, width, lift = _dark(rng), rng.uniform(0.45, 0.7), rng.uniform(0.06, 0.15)
-    shown = m.artwork(rng) if rng.random() < 0.3 else dark
+    display = m.artwork(rng) if rng.random() < 0.3 else dark
     height, x = width * rng.uniform(0.55, 0.62), width / 2
     return _piece(
         width, 0.46, height + lift,
         block(IGNORE, dark, (0, 0.06, lift), (width, 0.09, lift + height)),
-        block(IGNORE, shown, (0.01, 0.09, lift + 0.015), (width - 0.01, 0.093, lift + height - 0.01)),
+        block(IGNORE, display, (0.01, 0.09, lift + 0.015), (width - 0.01, 0.093, lift + height - 0.01)),
         block(IGNORE, dark, (x - 0.03, 0.04, 0), (x + 0.03, 0.06, lift + 0.1)),
         block(IGNORE, dark, (x - 0.1, 0, 0), (x + 0.1, 0.18, 0.012)),
         block(IGNORE, m.lacquer(rng), (x - 0.2, 0.32, 0), (x + 0.2, 0.45, 0.02)),

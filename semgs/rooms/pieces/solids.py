@@ -104,7 +104,7 @@ def post(label: int, material: Material, middle: tuple[float, float], radius: fl
 def ring(
     label: int, material: Material, outer: tuple[Range, Range], inner: tuple[Range, Range], upwards: Range
 ) -> list[Part]:
-    """Four blocks around a hole: left and right (over the whole depth), near and far; each rectangle as its ranges of x and of y."""
+    """Four blocks around a hole, left and right over the whole depth, near and far; rectangles are given as ranges of x and y."""
     (left, right), (near, far) = outer
     (start, end), (front, back) = inner
     low, high = upwards
