@@ -41,8 +41,8 @@ from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from semgs.rooms.assets.asset_library import Library, open_library
 from semgs.rooms.drawing.room import Room, build_room
 from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, SHELL
-from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
-from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
+from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -115,12 +115,12 @@ def draw(seed: int, index: int, library: Library | None) -> Drawn:
     rng = generator(seed, index)
     room = build_room(rng, library)
     habit = draw_habit(rng, "home")
-    intrinsics = draw_intrinsics(rng, SIZE, habit)
+    camera = draw_camera(rng, SIZE, habit)
     span = (VIEWS - 1) / 2
-    path = draw_path(rng, room, intrinsics, SIZE, GAP * (span + 0.5), habit).paced(GAP)
-    path = fitted(rng, room, path, intrinsics, SIZE, habit.overlap)
+    path = draw_path(rng, room, camera, GAP * (span + 0.5), habit).change_pace(GAP)
+    path = keep_overlap(rng, room, path, camera, habit.overlap)
     poses = [path.pose(float(place)) for place in np.arange(VIEWS) - span]
-    return Drawn(room, shoot(rng, room, poses, intrinsics, SIZE))
+    return Drawn(room, shoot(rng, room, poses, camera))
 
 
 def scene_of(encoding: Encoding, views: Views, source: str, seed: int) -> SavedScene:

@@ -23,9 +23,9 @@ from semgs.data.scenes import open_scene
 from semgs.geometry.rigid import cameras_in, gaussians_in
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
-from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
+from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
 from semgs.rooms.sets.room_scenes import Recipe, build_room, write_views
-from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 
@@ -37,12 +37,12 @@ def write_room(folder: Path, recipe: Recipe, index: int, pitch: float) -> None:
     rng = generator(recipe.seed, index)
     room = build_room(rng, recipe.library, recipe.style)
     habit = draw_habit(rng, recipe.style)
-    intrinsics = draw_intrinsics(rng, recipe.size, habit)
+    camera = draw_camera(rng, recipe.size, habit)
     reach = (recipe.frames - 1) / 2
-    path = draw_path(rng, room, intrinsics, recipe.size, reach, habit)
-    path = fitted(rng, room, replace(path, pitch=path.pitch + radians(pitch)), intrinsics, recipe.size, habit.overlap)
+    path = draw_path(rng, room, camera, reach, habit)
+    path = keep_overlap(rng, room, replace(path, pitch=path.pitch + radians(pitch)), camera, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
-    write_views(folder, shoot(rng, room, poses, intrinsics, recipe.size))
+    write_views(folder, shoot(rng, room, poses, camera))
 
 
 @torch.no_grad()

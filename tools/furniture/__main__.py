@@ -71,10 +71,8 @@ class Furniture:
         prepare(environment, self.python, lambda line: print(line, flush=True))
         try:
             with show_progress("Generating pieces", self.pieces) as done:
-                made = generate(
-                    self.out, self.seed, self.pieces, environment=environment, limit=self.limit, workers=self.workers,
-                    done=done,
-                )  # fmt: skip
+                settings = {"environment": environment, "limit": self.limit, "workers": self.workers}
+                made = generate(self.out, self.seed, self.pieces, done=done, **settings)
         except ImportError as error:
             raise UsageError(str(error)) from error
         self._report(made.rows, made.left_out | made.late)
