@@ -14,10 +14,11 @@ from semgs import load
 from semgs.data.choosing.choice import choose, given
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
-from semgs.reconstruction.output.files import saved
+from semgs.reconstruction.notes import strangers
 from semgs.reconstruction.output.report import Origin, report_numbers
-from semgs.reconstruction.pipeline import Network, reconstruct, strangers
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.scene_file import load_scene, save_scene
 
@@ -166,7 +167,7 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
     assert asked.centres[0, 0] > 5e6
     mine = result.encoding.render(asked.relative_to(scene.origin))
     assert torch.equal(mine.images[0], result.context.rendering.images[1])
-    save_scene(tmp_path / "a", saved(result))
+    save_scene(tmp_path / "a", result.saved)
     with safe_open(tmp_path / "a", "pt") as file:
         written = file.get_tensor("cameras.world_from_camera")
         assert json.loads(file.metadata()["semgs"])["version"] == 2
