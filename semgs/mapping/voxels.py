@@ -33,7 +33,7 @@ def voxel_keys(means: Float[Tensor, "g 3"], size: float) -> Int64[Tensor, " g"]:
     return (x << 42) + (y << 21) + z
 
 
-def joined_in_voxels(gaussians: Gaussians, places: Places, size: float) -> tuple[Gaussians, Places]:
+def join_in_voxels(gaussians: Gaussians, places: Places, size: float) -> tuple[Gaussians, Places]:
     """The Gaussians with those of one voxel joined.
 
     The one that takes their place has the mean and the covariance of their mixture, weighted by opacity times area; its colour is the weighted mean and its

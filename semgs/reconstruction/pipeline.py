@@ -189,7 +189,7 @@ def reconstruct(
         saved = _saved_scene(scene, rendered_context, encoding, network.name, labelling)
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
-    found = collect_notes(
+    own_notes = collect_notes(
         scene, choice, context, classes, up, placement=placement, plan=plan, labelling=labelling, features=features
     )
     return Reconstruction(
@@ -201,7 +201,7 @@ def reconstruct(
         target=rendered_target,
         saved=saved,
         up=up,
-        notes=(*notes, *found),
+        notes=(*notes, *own_notes),
         plan=plan,
         labelling=labelling,
         features=features,
