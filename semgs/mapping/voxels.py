@@ -32,7 +32,7 @@ def voxel_keys(means: Float[Tensor, "g 3"], size: float) -> Int64[Tensor, " g"]:
     return (x << 42) + (y << 21) + z
 
 
-def joined_in_voxels(
+def join_in_voxels(
     gaussians: Gaussians, places: Int64[Tensor, " g"], size: float
 ) -> tuple[Gaussians, Int64[Tensor, " _"]]:
     """The Gaussians with those of one voxel joined.

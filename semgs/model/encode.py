@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -12,6 +11,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.model.semgs import SemGS
+from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
 
 
@@ -70,10 +70,3 @@ def encode(
     encoding = network(views, planned.chunks) if isinstance(network, SemGS) and planned else network(views)
     seconds = now() - start
     return Encoded(encoding if device is None else encoding.to(device, torch.float32), planned, seconds)
-
-
-def now() -> float:
-    """The time, after all pending work on CUDA is finished [s]."""
-    if torch.cuda.is_initialized():
-        torch.cuda.synchronize()
-    return perf_counter()

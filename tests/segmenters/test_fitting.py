@@ -34,7 +34,7 @@ class Shifted:
     known = np.ones(3, bool)
 
     def of(self, frame, size):
-        labels = frame.view((0.1, 10.0), SCANNET20, size=size, crop=True).labels[0]
+        labels = frame.view((0.1, 10.0), SCANNET20, size=size, fit="crop").labels[0]
         said = torch.zeros(size, dtype=torch.uint8)
         for place, label in enumerate((0, 1, 4)):
             said[labels == label] = (place + 1) % 3

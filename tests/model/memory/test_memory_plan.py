@@ -24,11 +24,12 @@ from torch.autograd.profiler import profile, record_function
 from semgs.cli.main import main
 from semgs.data.choosing.choice import given
 from semgs.data.scene import Scene
+from semgs.model.encode import Network
 from semgs.model.layers.chunks import WHOLE, Chunks
 from semgs.model.memory import memory_plan as planning
 from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
-from semgs.reconstruction.pipeline import Network, reconstruct
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.runtime.free_memory import held_bytes
 
 NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
