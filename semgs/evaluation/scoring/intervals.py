@@ -34,6 +34,11 @@ class Interval:
     low: float
     high: float
 
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether both ends are on one side of 0."""
+        return self.low > 0 or self.high < 0
+
 
 def units(frames: Sequence[FrameScores]) -> Over:
     """What is resampled: scenes if there are five or more, else frames."""

@@ -19,7 +19,7 @@ def bench_table(bench: BenchReport, form: Format = "text") -> str:
     for reason, names in absent.items():
         few = ", ".join(names) if len(names) <= 3 else f"{len(names)} rows, from {names[0]} to {names[-1]}"
         notes.append(f"Not measured ({reason}): {few}.")
-    return printed(Grid("", (), ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), form).lstrip("\n")
+    return printed(Grid("", ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), form).lstrip("\n")
 
 
 def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[str], form: Format = "text") -> str:
@@ -40,7 +40,7 @@ def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[st
         rows.append(tuple(map(Cell, texts)))
     head = ("row", f"{names[0]} [s]", f"{names[1]} [s]", "ratio", f"{names[0]} [MB]", f"{names[1]} [MB]")
     notes = ("ratio: seconds of the second file divided by those of the first.",)
-    return printed(Grid("", (), head, tuple(rows), notes=notes), form).lstrip("\n")
+    return printed(Grid("", head, tuple(rows), notes=notes), form).lstrip("\n")
 
 
 def _cells(result: BenchResult) -> tuple[str, ...]:

@@ -125,7 +125,7 @@ def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
         tuple(map(Cell, (kind, f"{one.temperature:.3f}", f"{one.error_before:.3f}", f"{one.error_after:.3f}")))
         for kind, one in found.items()
     )
-    return Grid(f"Calibration, {data}", (), ("", "temperature", "ECE before", "ECE after"), rows)
+    return Grid(f"Calibration, {data}", ("", "temperature", "ECE before", "ECE after"), rows)
 
 
 def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
