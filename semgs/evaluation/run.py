@@ -93,7 +93,12 @@ class Job:
 
 
 def labelled_scenes(
-    path: Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: str = ""
+    path: Path,
+    as_peers: Collection[str] = (),
+    asked: Asked | None = None,
+    wanted: str = "",
+    *,
+    needs_labels: bool = False,
 ) -> LabelledScenes:
     """Open the scenes at a path, or those of a list.
 
@@ -101,12 +106,15 @@ def labelled_scenes(
         path: a scene or a folder of scenes.
         as_peers, asked: as for `semgs.data.scenes.open_scenes`.
         wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" for all.
+        needs_labels: refuse scenes of which none has labels.
 
     Raises:
-        InputError: there are none, one of the list is missing, or their labels have different class tables.
+        InputError: there are none, one of the list is missing, none has labels, or their labels have different class tables.
     """
     scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None)
     labelled = [scene for scene in scenes if scene.classes is not None]
+    if needs_labels and not labelled:
+        raise InputError(path, "labelled scenes", "none with labels")
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:
             tables = [one.classes.name for one in (labelled[0], scene) if one.classes is not None]

@@ -17,7 +17,6 @@ import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -196,8 +195,7 @@ def command_of(words: Sequence[str]) -> tuple[str, list[str]]:
 def parse_semgs(words: Sequence[str]) -> None:
     """Parse the options of a semgs command."""
     name, rest = command_of(words)
-    command = COMMANDS[name]
-    parse(getattr(import_module(command.module), command.options), f"semgs {name}", rest)
+    parse(COMMANDS[name].load(), f"semgs {name}", rest)
 
 
 def run_semgs(words: Sequence[str]) -> None:

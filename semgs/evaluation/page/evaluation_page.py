@@ -20,7 +20,7 @@ from semgs.evaluation.tables.card import risk_curve
 from semgs.evaluation.tables.comparison_tables import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.figures import html_page as page
-from semgs.figures.class_images import LegendEntry
+from semgs.figures.class_images import legend_of
 from semgs.figures.depth_images import WORST_ERROR, depth_error_bar, depth_error_picture
 from semgs.figures.number_texts import percent
 from semgs.figures.plotting import can_plot
@@ -264,27 +264,17 @@ def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple
     keys: list[page.Block] = []
     if galleries and evaluation.classes is not None and any(frame.confusion is not None for frame in result.frames):
         keys.append(_legend(result, evaluation.classes))
-    scale = page.Scale(
-        page.Picture(depth_error_bar(), "colours of the depth error"),
-        ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more"),
-        "depth error, |z − truth| / truth; grey without truth",
-    )
     if galleries and any(frame.depth is not None for frame in result.frames):
-        keys.append(scale)
+        bar = page.Picture(depth_error_bar(), "colours of the depth error")
+        ticks = ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more")
+        keys.append(page.Scale(bar, ticks, "depth error, |z − truth| / truth; grey without truth"))
     return (*keys, *galleries)
 
 
 def _legend(result: SavedResult, classes: ClassTable) -> page.Legend:
     """The colours of the true or predicted classes, with their share of the true pixels."""
     confusion, truth = total_confusion(result.frames)
-    shown = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
-    order = sorted(shown.tolist(), key=lambda label: -truth[label])
-    return page.Legend(
-        tuple(
-            LegendEntry(classes.names[label], classes.colours[label], float(truth[label] / truth.sum()))
-            for label in order
-        )
-    )
+    return page.Legend(legend_of(truth, np.flatnonzero((truth > 0) | (confusion.sum(0) > 0)), classes))
 
 
 def _gallery(

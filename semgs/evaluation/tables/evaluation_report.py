@@ -263,57 +263,48 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
         LookupError, TypeError, ValueError, OverflowError, AttributeError: the content is no complete report.
     """
     classes = content["classes"]
-    count = len(classes["names"]) if classes else 0
-    for entry in content["results"]:
-        for row in (entry, *entry["trivial"].values()):
-            for name in METRICS:
-                # Reports of older versions have neither metrics of the seen pixels nor of confidence.
-                number(row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name])
-            for low, high in row.get("intervals", {}).values():
-                number(low)
-                number(high)
-        number(entry["fps_encoding_each"])
-        _check_shown(entry)
-        if entry["intervals_over"] not in ("scenes", "frames"):
-            raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
-    results = {
-        int(entry["views"]): SavedResult(
-            views=int(entry["views"]),
-            numbers=entry,
-            trivial={name: entry["trivial"][name] for name in NAMES if name in entry["trivial"]},
-            frames=tuple(frame_of(frame, count) for frame in entry["per_frame"]),
-            truth=str(entry["truth_sha256"]),
-        )
-        for entry in content["results"]
-    }
+    results = [_saved_result(entry, len(classes["names"]) if classes else 0) for entry in content["results"]]
     return SavedReport(
         path=path,
         name=str(content["method"]["name"]),
         protocol=str(content["protocol"]),
         sizes={one["scene"]: (int(one["size"][0]), int(one["size"][1])) for one in content["frames"]["scenes"]},
         classes=classes["name"] if classes else None,
-        results=results,
+        results={result.views: result for result in results},
         data_name=data_name(str(content["data"]["path"]), [str(one["name"]) for one in content["data"]["scenes"]]),
         hardware=dict(content.get("hardware", {})),
         sha256=content["method"].get("sha256"),
     )
 
 
-def _check_shown(entry: Mapping[str, Any]) -> None:
-    """See that what tables show of an entry, besides its metrics, is of the right kind.
+def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
+    """The entry for one number of views, after a check of all that tables show of it.
 
     Raises:
-        KeyError, TypeError, ValueError, AttributeError: it is not.
+        LookupError, TypeError, ValueError, OverflowError, AttributeError: it is incomplete.
     """
-    texts = [*entry["below_copy"], *(one["name"] for one in entry["per_class"])]
-    if wrong := [text for text in texts if not isinstance(text, str)]:
+    values = [entry["fps_encoding_each"]]
+    for row in (entry, *entry["trivial"].values()):
+        # Reports of older versions have neither metrics of the seen pixels nor of confidence.
+        values += [row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name] for name in METRICS]
+        values += [end for low, high in row.get("intervals", {}).values() for end in (low, high)]
+    values += [label[name] for label in entry["per_class"] for name in ("pixels", "iou")]
+    points = entry.get("risk_coverage") or ()
+    values += [point[name] for point in points for name in ("coverage", "risk", "low", "high", "confidence")]
+    for value in values:
+        number(value)
+    names = [*entry["below_copy"], *(label["name"] for label in entry["per_class"])]
+    if wrong := [name for name in names if not isinstance(name, str)]:
         raise TypeError(f"{wrong[0]!r:.40} is not a name")
-    for one in entry["per_class"]:
-        number(one["pixels"])
-        number(one["iou"])
-    for point in entry.get("risk_coverage") or ():
-        for name in ("coverage", "risk", "low", "high", "confidence"):
-            number(point[name])
+    if entry["intervals_over"] not in ("scenes", "frames"):
+        raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
+    return SavedResult(
+        views=int(entry["views"]),
+        numbers=entry,
+        trivial={name: entry["trivial"][name] for name in NAMES if name in entry["trivial"]},
+        frames=tuple(frame_of(frame, classes) for frame in entry["per_frame"]),
+        truth=str(entry["truth_sha256"]),
+    )
 
 
 def data_name(path: str, scenes: Sequence[str]) -> str:

@@ -165,9 +165,7 @@ class Ablate:
             return
         path = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            data = labelled_scenes(path, wanted=self.test_scenes)
-        if data.classes is None:
-            raise InputError(path, "labelled scenes", "none with labels")
+            data = labelled_scenes(path, wanted=self.test_scenes, needs_labels=True)
         plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
         weights = self._run(row, settings.seed) / WEIGHTS
         with what_the_user_gave():

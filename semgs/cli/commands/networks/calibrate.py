@@ -10,10 +10,10 @@ import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.types import AutoSize, Protocol, Views, Weights
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
-from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
@@ -111,10 +111,8 @@ class Calibrate:
             check_plotting()
         self.reading.check()
         for file in (self.out, self.plot):
-            if file is not None and file.exists():
-                raise InputError(file, "a new file", "one that exists", advice="choose another name")
             if file is not None:
-                check_file(file)
+                check_new_file(file)
 
 
 def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
@@ -132,15 +130,9 @@ def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
     """The reliability plot of each kind."""
     from semgs.figures.reliability import ReliabilityPlot, reliability_png
 
-    return reliability_png(
-        [
-            ReliabilityPlot(
-                kind,
-                (
-                    ("before", tuple(map(astuple, one.bins_before))),
-                    (f"temperature {one.temperature:.2f}", tuple(map(astuple, one.bins_after))),
-                ),
-            )
-            for kind, one in found.items()
-        ]
-    )
+    plots = []
+    for kind, effect in found.items():
+        before = ("before", tuple(map(astuple, effect.bins_before)))
+        after = (f"temperature {effect.temperature:.2f}", tuple(map(astuple, effect.bins_after)))
+        plots.append(ReliabilityPlot(kind, (before, after)))
+    return reliability_png(plots)

@@ -16,7 +16,7 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, found_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -119,8 +119,7 @@ class Evaluate:
             raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
-            found = "a file" if self.predictions.exists() else "nothing there"
-            raise InputError(self.predictions, "a folder of predictions", found)
+            raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
         check_folder(self.out, self.overwrite)
         if self.nearest is not None and self.predictions is not None:
             raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")

@@ -10,10 +10,9 @@ import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.types import AutoSize, Weights
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.files.atomic import check_file
-from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
@@ -62,18 +61,14 @@ class FitSegmenter:
         """
         existing_folder(self.data)
         self.reading.check()
-        if self.out.exists():
-            raise InputError(self.out, "a new file", "one that exists", advice="choose another name")
-        check_file(self.out)
+        check_new_file(self.out)
         with show_stage("Starting"):
             from semgs.evaluation.run import labelled_scenes
             from semgs.segmenters.fitting import Fit, fit, save_fit
             from semgs.segmenters.opening import sources
 
-            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
+            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, needs_labels=True)
             scenes = [scene for scene in data.scenes if scene.classes is not None]
-            if not scenes:
-                raise InputError(self.data, "labelled scenes", "none with labels")
             opened = sources(self.segmenter, "own")
         with show_progress("Segmenting", len(scenes)) as done:
             found = fit(opened, scenes, self._read, done)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.arguments import nearest
+from semgs.cli.arguments import did_you_mean
 from semgs.cli.options.types import Probability, at_least, one_word
 from semgs.cli.progress import show_stage
+from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
@@ -166,7 +167,7 @@ class Export:
         if unknown and scene.classes:
             known = scene.classes.names
             raise UsageError(
-                f"--classes: there is no class {unknown[0]!r}{nearest(unknown[0], known)}; expected some of {', '.join(known)}"
+                f"--classes: there is no class {unknown[0]!r}{did_you_mean(unknown[0], known)}; expected some of {', '.join(known)}"
             )
         keep = selected(scene, min_opacity=self.min_opacity, min_confidence=self.min_confidence, classes=self.classes)
         if not keep.any():
@@ -317,8 +318,4 @@ class Export:
             up = "in the scene's coordinates" if file.framed.axes is None else f"up is {file.framed.axes.upper()}"
             rows.append((str(self.out / file.name), f"{file.count:,} {what}, {up}"))
         rows.append((str(self.out / FILE_NAME), "the matrices back to the scene's coordinates"))
-        width = max(len(path) for path, _ in rows)
-        for path, text in rows:
-            print(f"{path:<{width}}  {text}")
-        for note in notes:
-            print(f"note: {note}")
+        print(*aligned(rows), *(f"note: {note}" for note in notes), sep="\n")
