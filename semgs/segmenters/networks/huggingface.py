@@ -21,6 +21,7 @@ from torch import Tensor
 
 from semgs.data.tables.classes import ClassTable
 from semgs.files.errors import InputError, input_error
+from semgs.files.extras import needs_extra
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
 from semgs.files.strict_json import read_json
@@ -173,12 +174,8 @@ def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
         ImportError: transformers is not installed; the message names the extra.
         ValueError: the words make no table.
     """
-    try:
+    with needs_extra("segment", f"{name} is a model of transformers", "transformers"):
         import transformers
-    except ImportError as error:
-        raise ImportError(
-            f"{name} is a model of transformers: pip install '.[segment]' in SemGS's folder", name="transformers"
-        ) from error
     with _quiet(transformers):
         folder = _downloaded(name, transformers) if name.startswith(SCHEME) else typed_path(name)
         kind = _kind(folder)
