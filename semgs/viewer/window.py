@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from semgs.export.scene_objects import PlacedThing, placed
+from semgs.export.scene_objects import PlacedThing, place_things
 from semgs.export.stills import Stills
 from semgs.figures.class_images import overlay
 from semgs.figures.depth_images import depth_bar, depth_ticks
@@ -92,7 +92,7 @@ def viewing(
         InputError: it is not possible to listen on this address.
     """
     splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
-    boxes = () if things is None else placed(things)
+    boxes = () if things is None else place_things(things)
     with serving(host, port) as server:
         yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence, boxes)
 
