@@ -75,7 +75,9 @@ COMMANDS = {
     "segmenters fit": Command(
         "networks.segmenter_fit:FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
     ),
-    "figure": Command("networks.figure:Figure", "Plot the paper's comparison figures for your weights and scenes."),
+    "figure": Command(
+        "networks.figure:PaperFigure", "Plot the paper's comparison figures for your weights and scenes."
+    ),
     "bench": Command("networks.bench:Bench", "Measure time and memory on this machine."),
 }
 

@@ -149,7 +149,7 @@ def photo_paths(folder: Path, scene: SavedScene) -> list[Path]:
     return [folder / "renders" / f"context_{view.get('position')!s:0>3}_input.png" for view in listed]
 
 
-def copy_photos(folder: Path, scene: SavedScene, photos: Sequence[Path]) -> None:
+def copy_input_photos(folder: Path, scene: SavedScene, photos: Sequence[Path]) -> None:
     """Copy the photos of the input views, under the names that the model has.
 
     Raises:

@@ -57,7 +57,7 @@ class Points:
         return Points(self.means[keep], self.colours[keep], labels, self.confidences[keep], instances)
 
 
-def points_of(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None = None) -> Points:
+def make_points(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None = None) -> Points:
     """A point for each Gaussian, in their order.
 
     Args:

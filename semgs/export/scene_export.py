@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Bool, Int64
 from torch import Tensor
 
-from semgs.export.colmap import copy_photos, photos_of, save_model, tracks_of
+from semgs.export.colmap import copy_input_photos, photos_of, save_model, tracks_of
 from semgs.export.export_record import ExportedFile
 from semgs.export.gltf import save_gltf
 from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
 from semgs.export.ply import save_ply, save_semantic_ply
-from semgs.export.points import points_of, save_bag, save_points
+from semgs.export.points import make_points, save_bag, save_points
 from semgs.export.scene_objects import PlacedThing, file_from_scene, occupancy_of, place_things, save_objects
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
@@ -73,7 +73,7 @@ class SceneExport:
 
     def write_points(self, folder: Path, framed: FramedScene, ending: Literal["ply", "mcap"]) -> ExportedFile:
         """Write points.ply or points.mcap."""
-        points = points_of(framed.scene, self._instances).only(self.keep)
+        points = make_points(framed.scene, self._instances).only(self.keep)
         (save_bag if ending == "mcap" else save_points)(folder / f"points.{ending}", points)
         return ExportedFile(f"points.{ending}", framed, len(points))
 
@@ -92,7 +92,7 @@ class SceneExport:
             notes.append("no point is seen by two input views, so points3D.bin is empty")
         model, images = folder / "colmap" / "sparse" / "0", folder / "colmap" / "images"
         model.mkdir(parents=True)
-        save_model(model, framed.scene, points_of(framed.scene).only(keep), tracks.only(keep))
+        save_model(model, framed.scene, make_points(framed.scene).only(keep), tracks.only(keep))
         photos = photos_of(source, framed.scene)
         if photos is None:
             notes.append(
@@ -100,7 +100,7 @@ class SceneExport:
             )
         else:
             images.mkdir()
-            copy_photos(images, framed.scene, photos)
+            copy_input_photos(images, framed.scene, photos)
         return ExportedFile("colmap", framed, int(keep.sum())), notes
 
     def write_objects(self, folder: Path, framed: FramedScene) -> ExportedFile:

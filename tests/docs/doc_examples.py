@@ -30,7 +30,7 @@ from semgs.cli.arguments import parse
 from semgs.cli.main import COMMANDS, main
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
-from semgs.evaluation.frames.frame_plan import pinned_plan
+from semgs.evaluation.frames.frame_plan import read_plan
 from semgs.segmenters.networks.exported import read_description
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -325,7 +325,7 @@ def described(example: Example) -> None:
     content, file = json.loads(example.parsed), Path("example.json")
     file.write_text(example.parsed)
     if content.get("format") == "semgs.frames":
-        assert pinned_plan(file, open_scenes(Path("data/rooms"))).tasks
+        assert read_plan(file, open_scenes(Path("data/rooms"))).tasks
     elif "scaling" in content:
         read_description(file)
     elif "classes" in content:

@@ -110,7 +110,7 @@ class SavedPredictions:
         return len(tasks), [f"{task.stem}{KINDS[kind][0]}" for task in tasks if self._file(kind, task) is None]
 
 
-def views_in(folder: Path) -> tuple[int, ...]:
+def find_view_counts(folder: Path) -> tuple[int, ...]:
     """The numbers of views for which a predictions folder has a subfolder, ascending.
 
     Raises:

@@ -20,7 +20,7 @@ def finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else value
 
 
-def record(frame: FrameScores) -> dict[str, Any]:
+def encode_scores(frame: FrameScores) -> dict[str, Any]:
     """The scores of a target, ready for JSON.
 
     `confusion` lists "true predicted pixels" of each pair that occurs; `truth` likewise "class pixels"; `confidences` "level 0 pixels" and "level 1 pixels
@@ -60,15 +60,15 @@ def seconds(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
 
 
-def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
+def decode_scores(entry: dict[str, Any], classes: int) -> FrameScores:
     """The scores of a target from JSON.
 
     Args:
-        entry: made by `record`.
+        entry: made by `encode_scores`.
         classes: the number of classes.
 
     Raises:
-        KeyError, TypeError, ValueError: it was not made by `record`.
+        KeyError, TypeError, ValueError: it was not made by `encode_scores`.
     """
     shapes = {"confusion": (classes, classes), "truth": (classes,), "confidences": (LEVELS, 2)}
     values: dict[str, Any] = {name: _dense(entry[name], shape) for name, shape in shapes.items() if name in entry}

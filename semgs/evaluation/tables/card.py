@@ -28,7 +28,7 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
     for report, result in pairs:
         name = f"{report.data_name} ({len(report.sizes)}), {result.views} views"
         rows.append((Cell(name), *interval_cells(result.numbers, METRICS, result.numbers["below_copy"])))
-        rows.append((Cell(f"  {ROWS['copy']}"), *interval_cells(result.trivial.get("copy", {}), METRICS)))
+        rows.append((Cell(f"  {ROWS['copy']}"), *interval_cells(result.baselines.get("copy", {}), METRICS)))
     protocols = " and ".join(dict.fromkeys(report.protocol for report in reports))
     marked = any(cell.marked for row in rows for cell in row)
     scores = Grid(

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, SEEN_METRICS
-from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, below
+from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
 from semgs.evaluation.tables.score_cells import score_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid
@@ -126,7 +126,7 @@ def data_grid(reports: Sequence[SavedReport]) -> Grid:
             scenes = len(report.sizes)
             where = f"{report.name} on {report.data_name} ({scenes} scene{'s' * (scenes > 1)}), {views} views"
             rows.append((Cell(where), *score_cells(result.numbers, DATA, result.numbers["below_copy"])))
-            rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.trivial.get("copy", {}), DATA)))
+            rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), DATA)))
     return Grid(
         title=f"{len(reports)} evaluation{'s' * (len(reports) > 1)}, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
         head=("method and data", *[TITLES[metric] for metric in DATA]),
@@ -178,7 +178,7 @@ def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
     Metrics over the seen pixels are shown only if a relevant share was not seen, as in `semgs reconstruct`.
     """
     seen = all((result.numbers.get("unseen") or 0) <= 1 - MOSTLY_SEEN for result in report.results.values())
-    every = [row for result in report.results.values() for row in (result.numbers, *result.trivial.values())]
+    every = [row for result in report.results.values() for row in (result.numbers, *result.baselines.values())]
     wanted = [metric for metric in metrics if not (seen and metric in SEEN_METRICS)]
     shown = [metric for metric in wanted if any(row.get(metric) is not None for row in every)]
     if any(result.numbers["not_given"] for result in report.results.values()):
@@ -187,7 +187,7 @@ def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
     for views, result in report.results.items():
         own = score_cells(result.numbers, shown, result.numbers["below_copy"])
         rows.append((Cell(f"{report.name}, {views} views"), *own))
-        rows += [(Cell(f"  {ROWS[name]}"), *score_cells(numbers, shown)) for name, numbers in result.trivial.items()]
+        rows += [(Cell(f"  {ROWS[name]}"), *score_cells(numbers, shown)) for name, numbers in result.baselines.items()]
     marked = any(cell.marked for row in rows for cell in row)
     samples = next(iter(report.results.values())).numbers["samples"]
     return Grid(
@@ -225,8 +225,8 @@ def _trivial(reports: Sequence[SavedReport]) -> dict[str, dict[int, Mapping[str,
     rows: dict[str, dict[int, Mapping[str, Any]]] = {}
     for name in ROWS:
         for result in (result for report in reports for result in report.results.values()):
-            if name in result.trivial:
-                rows.setdefault(name, {}).setdefault(result.views, result.trivial[name])
+            if name in result.baselines:
+                rows.setdefault(name, {}).setdefault(result.views, result.baselines[name])
     return rows
 
 
@@ -240,7 +240,7 @@ def _paper_row(
     cells = [Cell(name)]
     for count in views:
         ours = numbers.get(count, {})
-        cells += score_cells(ours, PAPER, below(ours, copy.get(count, {})))
+        cells += score_cells(ours, PAPER, worse_than_copy(ours, copy.get(count, {})))
     return tuple(cells)
 
 

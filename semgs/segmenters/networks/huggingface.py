@@ -29,7 +29,7 @@ from semgs.files.text import listed
 from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.networks.network_source import Segmenter
 from semgs.segmenters.networks.words import Words
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.tables import make_class_table
 
 SCHEME = "hf:"
 CONFIG = "config.json"
@@ -161,7 +161,7 @@ def is_model(name: str) -> bool:
     return name.startswith(SCHEME) or (typed_path(name) / CONFIG).is_file()
 
 
-def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
+def open_transformers_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
     """Open a model; downloads it if it is on the hub and not in the cache.
 
     Args:
@@ -211,7 +211,7 @@ def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
         return Words(ClipSeg(folder, model, processor, made_by), words)
     labels = model.config.id2label
     with input_error(folder / CONFIG, "a table of classes", key="id2label"):
-        classes = table_of(shown, [str(labels[label]) for label in sorted(labels)])
+        classes = make_class_table(shown, [str(labels[label]) for label in sorted(labels)])
     options = {"task_inputs": ["semantic"]} if kind == "oneformer" else {}
     return Pretrained(folder, model, processor, kind in MASKS, classes, made_by, options)
 

@@ -69,8 +69,8 @@ class Calibrate:
         self._check()
         with show_stage("Starting"):
             from semgs.data.scene_lists import check_unseen
-            from semgs.evaluation.run import labelled_scenes, plan_of
-            from semgs.evaluation.scoring.confidence_calibration import KINDS, statements, temperature_effect
+            from semgs.evaluation.run import open_labelled_scenes, plan_targets
+            from semgs.evaluation.scoring.confidence_calibration import KINDS, collect_statements, measure_temperature
             from semgs.evaluation.tables.table_grid import printed
             from semgs.files.atomic import write_bytes
             from semgs.model.weights.header_temperatures import KEY, read_temperatures, temperatures_text
@@ -78,7 +78,7 @@ class Calibrate:
             from semgs.model.weights.weights_file import is_ours, read_header, restate
             from semgs.rendering.temperatures import Temperatures
 
-            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
+            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
             if data.classes is None:
                 raise InputError(self.data, "labelled scenes", "none with labels")
             with what_the_user_gave():
@@ -86,7 +86,7 @@ class Calibrate:
             if not is_ours(path) or read_header(path).classes is None:
                 other = "colour-only weights" if is_ours(path) else "another file"
                 raise InputError(path, "weights of semgs with classes", other)
-            plan = plan_of(self.protocol, data.scenes, (self.views,), self.size)
+            plan = plan_targets(self.protocol, data.scenes, (self.views,), self.size)
             tested = [scene.name for scene in plan.scenes]
             check_unseen(self.weights, trained_scenes(path), tested, "use other scenes (--data)")
             held = read_temperatures(path)
@@ -94,9 +94,9 @@ class Calibrate:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
             model = load(network, path, classes=data.classes)
         with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
-            said = statements(plan, model, done=done)
+            said = collect_statements(plan, model, done=done)
         known = held if self.out is None else None
-        found = {kind: temperature_effect(said[kind], getattr(known, kind) if known else None) for kind in KINDS}
+        found = {kind: measure_temperature(said[kind], getattr(known, kind) if known else None) for kind in KINDS}
         if self.plot is not None:
             write_bytes(self.plot, _plot(found))
         if self.out is not None:

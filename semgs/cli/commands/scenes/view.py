@@ -147,13 +147,13 @@ class View:
         with show_stage("Reading the scene"):
             from semgs.scene.scene_file import load_scene
             from semgs.viewer.viewer_cameras import photos_in
-            from semgs.viewer.window import viewing
+            from semgs.viewer.window import open_window
 
             scene = load_scene(path)
             photos = photos_in(path if path.is_dir() else path.parent, scene)
         if self.host != LOOPBACK:
             print(f"semgs: anybody who can reach {self.host} can see this scene, without a password", file=sys.stderr)
-        viewer = viewing(
+        viewer = open_window(
             scene,
             photos,
             up=self.up,
