@@ -19,7 +19,7 @@ from semgs.data.views import Batch, stack
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
 from semgs.reconstruction.pipeline import reconstruct
@@ -107,6 +107,6 @@ def test_a_scene_is_reconstructed_and_exported(model: SemGS, tmp_path: Path):
 
 def test_a_frame_is_predicted_for_an_evaluation(model: SemGS):
     task = make_plan("neighbours", neighbours, [open_scene(demo_scene())], (2,), SIZE).tasks[0]
-    found = NetworkMethod(model, "cuda", "ours").predict(inputs_of(task, read_views(task)))
+    found = NetworkMethod(model, "cuda", "ours").predict(make_inputs(task, read_views(task)))
     assert found.labels.shape == SIZE
     assert not isinstance(found.image, Pretended)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import torch
 
-from semgs.bench.bench_inputs import context_views, generated_scene, network, target_camera, training_batch
+from semgs.bench.bench_inputs import context_views, generated_scene, load_network, target_camera, training_batch
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.rows import BenchRow
 from semgs.data.views import Views, stack
@@ -61,7 +61,7 @@ def prepare(row: BenchRow) -> Run:
 def compile_kernels() -> None:
     """Compile or load all kernels before anything is measured; this takes up to a minute."""
     with torch.no_grad():
-        network("small")(context_views(2, (32, 48)))
+        load_network("small")(context_views(2, (32, 48)))
     _backward(*generated_scene(1, (32, 48)), lambda part: nullcontext())
 
 
@@ -89,7 +89,7 @@ def _check(row: BenchRow) -> None:
 
 def _frame(row: BenchRow) -> Run:
     """Encode views, and render one target with colour, classes and depth."""
-    model = network(row.network).to(row.device)
+    model = load_network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
     chunks = _chunks(row, model, views)
     if row.batch > 1:

@@ -235,7 +235,9 @@ def save_table(folder: Path, classes: ClassTable, made_by: MadeBy) -> None:
     write_json(folder / RECORD, {**asdict(made_by), "photos": {}})
 
 
-def save_map(folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "class rows columns"], photo: str) -> None:
+def save_class_map(
+    folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "class rows columns"], photo: str
+) -> None:
     """Write the map of a frame's undistorted photo, in half precision.
 
     Args:

@@ -33,7 +33,7 @@ def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> di
     return {position: read_frame(task, position, bounds) for position in (*task.sample.contexts, task.sample.target)}
 
 
-def inputs_of(task: Task, views: Mapping[int, Views]) -> Inputs:
+def make_inputs(task: Task, views: Mapping[int, Views]) -> Inputs:
     """What a method gets from `read_views`: no labels and no depths."""
     contexts = joined([views[index] for index in task.sample.contexts]).changed(labels=None, depths=None)
     return Inputs(task, contexts, views[task.sample.target].cameras)

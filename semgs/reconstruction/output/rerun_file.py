@@ -20,7 +20,7 @@ import numpy as np
 import torch
 
 from semgs.data.tables.classes import ClassTable
-from semgs.export.scene_objects import occupancy_of, placed, things_of
+from semgs.export.scene_objects import occupancy_of, place_things, things_of
 from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import partial_name
@@ -139,7 +139,7 @@ def _write_found(rr: Any, recording: Any, scene: SavedScene, up: UpDirection) ->
 
 def _boxes(rr: Any, found: Objects) -> Any:
     """Boxes with class, number and confidence."""
-    things = placed(found)
+    things = place_things(found)
     return rr.Boxes3D(
         centers=[one.centre for one in things],
         half_sizes=[np.array(one.thing.box.size) / 2 for one in things],

@@ -157,7 +157,7 @@ class Ablate:
 
     def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str) -> None:
         """Evaluate a trained variant, unless that was done before."""
-        from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
+        from semgs.evaluation.run import Job, load_candidate, open_labelled_scenes, plan_targets, run_evaluation
         from semgs.training.run.run_folder import WEIGHTS
 
         folder = self._folder(row, settings.seed)
@@ -165,15 +165,13 @@ class Ablate:
             return
         path = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            data = labelled_scenes(path, wanted=self.test_scenes)
-        if data.classes is None:
-            raise InputError(path, "labelled scenes", "none with labels")
-        plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
+            data = open_labelled_scenes(path, wanted=self.test_scenes, needs_labels=True)
+        plan = plan_targets((self.protocol,), data.scenes, (self.views,), settings.size)
         weights = self._run(row, settings.seed) / WEIGHTS
         with what_the_user_gave():
-            candidate = network_candidate(weights, data.classes, device, row.title)
+            candidate = load_candidate(weights, data.classes, device, row.title)
         with what_fits(), show_progress(f"Evaluating {row.title}", len(plan.tasks)) as done:
-            evaluate_into(folder / EVALUATION, Job(data, plan, candidate), done=done)
+            run_evaluation(folder / EVALUATION, Job(data, plan, candidate), done=done)
 
     def _rooms(self, settings: TrainingSettings) -> Path:
         """Rooms to evaluate on; they are generated if they do not exist yet."""
