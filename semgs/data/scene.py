@@ -12,16 +12,16 @@ from typing import Literal
 import numpy as np
 
 from semgs.data.bounds.depth_range import DepthRange, depth_range
-from semgs.data.bounds.parallax import Seen
+from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.frames import Frame
 from semgs.data.origin.labeller import Labeller
 from semgs.data.resampling import Fit, default_size
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, Views, joined
 from semgs.files.errors import InputError
-from semgs.files.images.notebook import MOST, Strip, html, small
+from semgs.files.images.notebook import MOST, Strip, html, subsample
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.summaries import summary
+from semgs.geometry.summaries import describe
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Scene:
 
     def __repr__(self) -> str:
         sizes = sorted({frame.lens.size for frame in self.frames})
-        return summary(
+        return describe(
             "Scene",
             name=self.name,
             path=self.path,
@@ -95,7 +95,7 @@ class Scene:
         for index in np.unique(np.linspace(0, len(self) - 1, MOST).round().astype(int)).tolist():
             frame = self.frames[index]
             try:
-                pictures.append(small(frame.read_image()))
+                pictures.append(subsample(frame.read_image()))
                 said.append(f"{index}: {frame.name}")
             except InputError as error:
                 said.append(f"{index}: {error}")
@@ -152,7 +152,7 @@ class Scene:
         return position
 
     def depth_range(
-        self, frames: Sequence[int | str] | None = None, features: dict[int, Seen] | None = None
+        self, frames: Sequence[int | str] | None = None, features: dict[int, FrameFeatures] | None = None
     ) -> DepthRange:
         """Near and far for some frames, with the reason.
 

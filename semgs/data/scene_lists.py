@@ -58,7 +58,7 @@ class SceneList:
         """The scenes of a folder that are in the list, in the list's order, each once.
 
         Args:
-            known: the scenes of the folder by every name that a list may use, as from `calls`.
+            known: the scenes of the folder by every name that a list may use, as from `scenes_by_name`.
             where: the folder, for errors.
 
         Raises:
@@ -141,7 +141,7 @@ def check_unseen(path: str | Path, trained: Iterable[str], tested: Iterable[str]
         )
 
 
-def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
+def scenes_by_name(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
     """The scenes below a folder, by every name that a list may use.
 
     These are the path below the folder (with _ or /), the name of the scene's own folder, and for 7-Scenes "sequence1". If two scenes share a

@@ -19,8 +19,8 @@ from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.zoo import zoo_scenes as zoo
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
-from semgs.data.scene_lists import SceneList, calls
+from semgs.data.scene_details import SceneDetails
+from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path
 
@@ -34,7 +34,7 @@ class Layout:
         open: opens the scene; also takes `as_peers` if the layout has `readings`, and `asked` if it `asks`.
         looked_for: what the layout is recognised by, in words.
         readings: the names from `semgs.data.paper_variants` that it supports.
-        asks: the fields of `semgs.data.scene_details.Asked` that it uses.
+        asks: the fields of `semgs.data.scene_details.SceneDetails` that it uses.
     """
 
     recognises: Callable[[Path], bool]
@@ -43,7 +43,7 @@ class Layout:
     readings: tuple[str, ...] = ()
     asks: tuple[str, ...] = ()
 
-    def scene(self, path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
+    def scene(self, path: Path, as_peers: Collection[str], asked: SceneDetails) -> Scene:
         """The scene at a path with this layout.
 
         Raises:
@@ -58,12 +58,12 @@ class Layout:
 
 LAYOUTS = (
     Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
-    Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
+    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR),
     Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.ASKS),
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, asks=tum.ASKS),
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
-    Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
-    Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
+    Layout(scannet.recognises, scannet.open_scannet, scannet.LOOKED_FOR, scannet.APPLICABLE),
+    Layout(scannetpp.recognises, scannetpp.open_scannetpp, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
     Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, asks=ros.ASKS),
     Layout(polycam.recognises, polycam.open_polycam, polycam.LOOKED_FOR, asks=polycam.ASKS),
     Layout(record3d.recognises, record3d.open_record3d, record3d.LOOKED_FOR, asks=record3d.ASKS),
@@ -98,7 +98,7 @@ def open_scene(
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.Asked`.
+        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
 
     Raises:
@@ -106,10 +106,14 @@ def open_scene(
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit, scenezoo), needs_labels)
+    return open_with_details(
+        path, as_peers, SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo), needs_labels
+    )
 
 
-def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene:
+def open_with_details(
+    path: str | Path, as_peers: Collection[str], asked: SceneDetails, needs_labels: bool = True
+) -> Scene:
     """As `open_scene`, with the details in one object."""
     check_readings(as_peers)
     path = typed_path(path)
@@ -122,7 +126,7 @@ def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_
 
 
 def open_scenes(
-    path: str | Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: SceneList | None = None
+    path: str | Path, as_peers: Collection[str] = (), asked: SceneDetails | None = None, wanted: SceneList | None = None
 ) -> tuple[Scene, ...]:
     """The scene at a path, or the scenes in that folder, or else those one level below, sorted by name.
 
@@ -139,7 +143,7 @@ def open_scenes(
         ValueError: as `open_scene`.
     """
     check_readings(as_peers)
-    details = asked or Asked()
+    details = asked or SceneDetails()
     paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
     with readable(path):
         scenes = tuple(scene for one in paths if (scene := _opened(one, as_peers, details)) is not None)
@@ -161,7 +165,7 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
         found = _found(typed_path(path))
     if wanted is None:
         return found
-    chosen = set(wanted.choose(calls(Path(path), found), str(path)))
+    chosen = set(wanted.choose(scenes_by_name(Path(path), found), str(path)))
     return tuple(one for one in found if one in chosen)
 
 
@@ -190,7 +194,7 @@ def _found(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _opened(path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene | None:
+def _opened(path: Path, as_peers: Collection[str], asked: SceneDetails, needs_labels: bool = True) -> Scene | None:
     """The scene at a path, None if it has no known layout."""
     layout = ZOO if asked.scenezoo else next((one for one in LAYOUTS if one.recognises(path)), None)
     if layout is None:

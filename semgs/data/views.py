@@ -15,7 +15,7 @@ from torch import Tensor
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.files.images.notebook import class_row, depth_row, html, photo_row
 from semgs.geometry.cameras import Arrays, Cameras, as_float64
-from semgs.geometry.summaries import array_of, summary
+from semgs.geometry.summaries import array_of, describe
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
 """Near and far of rooms [m], if nothing better is known."""
@@ -149,7 +149,7 @@ class Views:
         return cls(pictures, cameras, bounds)
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "Views",
             images=self.images,
             cameras=self.cameras,

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import ClassTable
@@ -95,7 +95,7 @@ class Job:
 def open_labelled_scenes(
     path: Path,
     as_peers: Collection[str] = (),
-    asked: Asked | None = None,
+    asked: SceneDetails | None = None,
     wanted: str = "",
     *,
     needs_labels: bool = False,

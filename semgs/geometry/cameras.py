@@ -16,7 +16,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from semgs.geometry.rotations import nearest_rotation
-from semgs.geometry.summaries import tensor_summary
+from semgs.geometry.summaries import describe_tensor
 
 Arrays = np.ndarray | Tensor | Sequence
 """Numbers in any of the forms that callers have."""
@@ -66,7 +66,7 @@ class Cameras:
 
     def __repr__(self) -> str:
         views = " ".join(map(str, self.batch))
-        return f"Cameras([{views}] of {self.size[0]}x{self.size[1]}; focal lengths {tensor_summary(self.focal_px)} px)"
+        return f"Cameras([{views}] of {self.size[0]}x{self.size[1]}; focal lengths {describe_tensor(self.focal_px)} px)"
 
     def arranged(self, function: Callable[..., Tensor], *others: Cameras) -> Cameras:
         """The cameras rearranged: `function` indexes, joins or reshapes the leading axes of poses and intrinsics.
@@ -244,7 +244,7 @@ def _first(bad: Tensor) -> str:
     return str(bad.nonzero()[0].tolist())
 
 
-def shrunk(cameras: Cameras, stride: int) -> Cameras:
+def shrink_cameras(cameras: Cameras, stride: int) -> Cameras:
     """The cameras of images whose sides are `stride` times smaller."""
     if stride == 1:
         return cameras

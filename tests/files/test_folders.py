@@ -13,7 +13,7 @@ from privileges import permissions_hold
 
 from semgs.files import folders
 from semgs.files.errors import InputError
-from semgs.files.folders import MARK, alone, check_folder, check_writable, own_folder
+from semgs.files.folders import MARK, check_folder, check_writable, lock_folder, own_folder
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -239,9 +239,9 @@ def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
         assert other.stdout.readline() == "held\n"
         with (
             pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
-            alone(record, "a quiet folder", "a busy one"),
+            lock_folder(record, "a quiet folder", "a busy one"),
         ):
             raise AssertionError("both have it")
         other.kill()
-    with alone(record, "a quiet folder", "a busy one"):
+    with lock_folder(record, "a quiet folder", "a busy one"):
         assert record.read_text() == "{}"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semgs.data.bounds.parallax import Seen, inverse_depths, seen
+from semgs.data.bounds.parallax import FrameFeatures, find_features, inverse_depths
 from semgs.data.frames import Frame
 from semgs.data.views import INDOOR_DEPTH_RANGE
 
@@ -61,7 +61,7 @@ def depth_range(
     asked: Sequence[int],
     unit: str,
     points: np.ndarray | None = None,
-    features: dict[int, Seen] | None = None,
+    features: dict[int, FrameFeatures] | None = None,
 ) -> DepthRange:
     """Near and far for some frames of a scene.
 
@@ -126,7 +126,7 @@ def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tu
 
 
 def _triangulated(
-    frames: Sequence[Frame], trials: list[list[tuple[int, int]]], pictures: dict[int, Seen]
+    frames: Sequence[Frame], trials: list[list[tuple[int, int]]], pictures: dict[int, FrameFeatures]
 ) -> np.ndarray:
     """Inverse depths from the first pair of each trial that shows parallax; `pictures` stores features between calls."""
     found = []
@@ -134,7 +134,7 @@ def _triangulated(
         for first, second in trial:
             for index in (first, second):
                 if index not in pictures:
-                    pictures[index] = seen(frames[index])
+                    pictures[index] = find_features(frames[index])
             inverse = inverse_depths(pictures[first], pictures[second])
             if len(inverse):
                 found.append(inverse)

@@ -8,7 +8,7 @@ from typing import final
 import cv2
 import numpy as np
 
-from semgs.data.cameras.lens import HALF, AbstractLens, matrix, shifted
+from semgs.data.cameras.lens import HALF, AbstractLens, matrix, shift_principal_point
 
 
 @final
@@ -71,7 +71,7 @@ class FisheyeLens(AbstractLens):
             self._opencv_matrix,
             np.array(self.fisheye),
             np.eye(3),
-            shifted(pinhole, -self._half),
+            shift_principal_point(pinhole, -self._half),
             size[::-1],
             cv2.CV_32FC1,
         )

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.text_numbers import pairs, rows
-from semgs.data.scene_details import Asked
+from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.text_numbers import read_pairs, read_rows
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
@@ -78,7 +78,7 @@ class Calibration:
             return Lens(size, self.focal, self.centre)
 
 
-def asked_calibration(asked: Asked) -> Calibration | None:
+def calibration_from_details(asked: SceneDetails) -> Calibration | None:
     """The calibration that the user gave, None if there is none."""
     if asked.intrinsics is None:
         return None
@@ -96,7 +96,7 @@ def read_calibration(path: Path) -> Calibration:
         return _from_json(path)
     if path.name in ("info.txt", "_info.txt"):
         return _from_info(path)
-    return calibration_of(path, [value for _, values in rows(path) for value in values])
+    return calibration_of(path, [value for _, values in read_rows(path) for value in values])
 
 
 def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None) -> Calibration:
@@ -131,7 +131,7 @@ def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[fl
 
 def _from_json(path: Path) -> Calibration:
     """The calibration in a JSON file."""
-    outer = parsed(path)
+    outer = read_fields(path)
     inner = next((outer.values[key] for key in INSIDE if isinstance(outer.values.get(key), dict)), None)
     fields = Fields(path, inner, "", outer) if inner else outer
     width, height = fields.whole("width") or fields.whole("w"), fields.whole("height") or fields.whole("h")
@@ -170,7 +170,7 @@ def _depth_unit(fields: Fields) -> float | None:
 
 def _from_info(path: Path) -> Calibration:
     """The calibration in an info.txt: lines KEY = VALUES."""
-    held = pairs(path)
+    held = read_pairs(path)
     try:
         shift = float(held.get("m_depthShift", 1000))
     except ValueError:

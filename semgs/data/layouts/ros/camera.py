@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.calibrations import asked_calibration
-from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, frame_of
+from semgs.data.layouts.parts.calibrations import calibration_from_details
+from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, frame_id_of
 from semgs.data.layouts.ros.image_messages import GREYS, encoding_of, is_depth
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError, input_error
 
 INFO = "sensor_msgs/msg/CameraInfo"
@@ -55,7 +55,7 @@ def choose_pictures(bag: Bag, asked: str | None) -> str:
     return min(topics, key=lambda topic: (not _is_rectified(topic), bag.topics[topic] == COMPRESSED, topic))
 
 
-def find_lens(bag: Bag, pictures: str, size: tuple[int, int], asked: Asked) -> Lens:
+def find_lens(bag: Bag, pictures: str, size: tuple[int, int], asked: SceneDetails) -> Lens:
     """The lens of images.
 
     Args:
@@ -67,11 +67,11 @@ def find_lens(bag: Bag, pictures: str, size: tuple[int, int], asked: Asked) -> L
     Raises:
         InputError: there is no CameraInfo, it is for other images, or its distortion is not supported.
     """
-    given = asked_calibration(asked)
+    given = calibration_from_details(asked)
     if given is not None:
         return given.lens(Path(pictures), size)
-    frame, wanted = frame_of(bag.first(pictures)), f"{_name(pictures)[0]}/camera_info"
-    topics = [topic for topic in bag.of(INFO) if frame_of(bag.first(topic)) == frame]
+    frame, wanted = frame_id_of(bag.first(pictures)), f"{_name(pictures)[0]}/camera_info"
+    topics = [topic for topic in bag.of(INFO) if frame_id_of(bag.first(topic)) == frame]
     if wanted in bag.topics:
         topics = [wanted]
     if len(topics) != 1:

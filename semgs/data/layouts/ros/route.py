@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from semgs.data.layouts.ros.bag import Bag, stamp_of
-from semgs.data.layouts.ros.motions import Motion, above, motion
-from semgs.data.scene_details import Asked
+from semgs.data.layouts.ros.motions import Motion, make_motion, motions_above
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -21,7 +21,7 @@ TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
 
-def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], list[str]]:
+def find_route(bag: Bag, frame_id: str, asked: SceneDetails) -> tuple[list[Motion], list[str]]:
     """The motions from the camera's frame up to the world, and notes about them.
 
     Raises:
@@ -33,9 +33,9 @@ def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], lis
     ]
     if asked.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
         raise InputError(bag.path, "a topic whose poses do not name their frame", str(bag), "body")
-    routes = {"TF": above(tree, frame_id)}
+    routes = {"TF": motions_above(tree, frame_id)}
     for step in moving:
-        routes[step.source] = above({**tree, step.child: step}, frame_id)
+        routes[step.source] = motions_above({**tree, step.child: step}, frame_id)
     routes = {source: route for source, route in routes.items() if _leads(source, route)}
     if asked.world in routes:
         routes = {asked.world: routes[asked.world]}
@@ -89,7 +89,7 @@ def _tree(bag: Bag) -> dict[str, Motion]:
             samples.setdefault(key, {})[time] = _sample(one.transform.translation, one.transform.rotation)
     found: dict[str, Motion] = {}
     for (parent, child, fixed), held in sorted(samples.items(), key=lambda item: (not item[0][2], len(item[1]))):
-        step = motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
+        step = make_motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
         if step is not None:
             found[step.child] = step
     return found
@@ -103,7 +103,7 @@ def _moving(bag: Bag, topic: str, frame_id: str, body: str | None) -> Motion | N
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         parent, child = message.header.frame_id, getattr(message, "child_frame_id", "") or body or frame_id
         samples[stamp_of(message)] = _sample(pose.position, pose.orientation)
-    return motion(parent or topic, child, samples, topic)
+    return make_motion(parent or topic, child, samples, topic)
 
 
 def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def _ways(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -> str:
     """The poses that there are, for errors."""
-    route = above(tree, frame_id)
+    route = motions_above(tree, frame_id)
     chain = " < ".join([frame_id, *(step.parent for step in route)])
     still = "" if any(not step.fixed for step in route) else ", which never moves"
     ways = [f"TF from the camera up: {chain}{still}", *(f"{one.source}: {one.parent} > {one.child}" for one in moving)]
