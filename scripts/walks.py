@@ -105,7 +105,7 @@ def chosen_pair(walk: Walk, grids: DepthGrids, target: int) -> tuple[int, int]:
     """The window that the choice of views would take for one held-out frame."""
     typical = walk.scene.depth_range().typical
     few = [target, *walk.used]
-    together = Covisibility(walk.scene, few, grids.of(few, typical))
+    together = Covisibility.of(walk.scene, few, grids.of(few, typical))
     overlaps = together.overlaps()
     depths = np.sqrt(together.medians[:, None] * together.medians)
     fit = overlaps * preference(together.baselines / depths)
@@ -175,7 +175,7 @@ def singles(walk: Walk, windows: Windows, walked: Sequence[tuple[int, ...]]) -> 
         tried = [chosen[-1]]
         for window in walked:
             every = [target, *window]
-            together = Covisibility(walk.scene, every, grids.of(every, typical))
+            together = Covisibility.of(walk.scene, every, grids.of(every, typical))
             if together.covered(range(1, len(every)))[0] >= 0.5:
                 tried += numbers_of(windows(window).render(truth.cameras), truth)
         best.append({name: (max if LARGER_IS_BETTER[name] else min)(one[name] for one in tried) for name in chosen[-1]})

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int, Num
 
+from semgs.files.errors import import_error
+
 REACH = 1e30
 """The length of an unlimited ray [m]; Embree reports anything beyond as a miss."""
 
@@ -90,11 +92,8 @@ class Raycaster:
 
 def _embree() -> tuple[type, type]:
     """Embree's scene and mesh types."""
-    try:
+    advice = "casting rays needs embreex, which is not installed; pip install '.[raycast]' in SemGS's folder"
+    with import_error(advice, "embreex"):
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
-    except ImportError as error:
-        raise ImportError(
-            "casting rays needs embreex, which is not installed; pip install '.[raycast]' in SemGS's folder"
-        ) from error
     return EmbreeScene, TriangleMesh
