@@ -28,7 +28,7 @@ from semgs.evaluation.frames.frame_plan import Task, make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_views
 from semgs.geometry.cameras import back_project, project
-from semgs.geometry.fusion import fused
+from semgs.geometry.fusion import fuse_classes
 from semgs.model.weights.load import load
 from semgs.objectives.metrics import confusion_matrix, miou
 from semgs.rendering.rendering import likeliest
@@ -84,7 +84,7 @@ def measured(task: Task, number: int, model: object) -> dict[tuple[float, str], 
         generator = np.random.default_rng((number, round(100 * level)))
         assert contexts.labels is not None
         said = torch.stack([spoiled(one.numpy(), level, generator) for one in contexts.labels])
-        agreed = fused(said, encoding.depths, encoding.depth_spread, contexts.cameras)
+        agreed = fuse_classes(said, encoding.depths, encoding.depth_spread, contexts.cameras)
         depths = None
         for row, maps in (("none", said), ("fused", agreed)):
             rendering = encoding.with_classes(maps, SCANNET20).render(target.cameras)

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import ClassTable
@@ -93,7 +93,7 @@ class Job:
 
 
 def labelled_scenes(
-    path: Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: str = ""
+    path: Path, as_peers: Collection[str] = (), asked: SceneDetails | None = None, wanted: str = ""
 ) -> LabelledScenes:
     """Open the scenes at a path, or those of a list.
 

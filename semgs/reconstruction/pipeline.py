@@ -23,7 +23,7 @@ from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.scores import ViewScores, scores
 from semgs.reconstruction.sensor_depth import DepthSource, Placed, check_listed, check_measured, placed
-from semgs.rendering.depth_spread import rendered_depth_spread
+from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import Rendering, check_may_be_unknown, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
@@ -48,7 +48,7 @@ class Shown:
         views: the true views, at the size of the reconstruction.
         rendering: of the Gaussians from the same cameras.
         scores: one per view.
-        depth_spread: standard deviation of log depth at every pixel, as `rendered_depth_spread` gives it.
+        depth_spread: standard deviation of log depth at every pixel, as `render_depth_spread` gives it.
     """
 
     positions: tuple[int, ...]
@@ -262,7 +262,7 @@ def rendered_from(
         views,
         rendering,
         scores(rendering, comparable),
-        rendered_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
+        render_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
     )
 
 

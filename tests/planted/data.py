@@ -42,8 +42,8 @@ DATA = (
     ),
     Mutant(
         "ScanNet's depth is taken to be the colour camera's", MAPS,
-        "carried_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
-        "fitted(self.map.path, self.map.metres(), pixels.lens.size)",
+        "carry_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
+        "fit_to_image(self.map.path, self.map.metres(), pixels.lens.size)",
         of_scannet("a_recording_is_read_as_it_was_written"),
     ),
     Mutant(

@@ -105,9 +105,9 @@ class AbstractLens(ABC):
 
     def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
-        target, straight, distortion = shifted(pinhole, -self._half), np.eye(3), np.array(self.coefficients)
+        target = shift_principal_point(pinhole, -self._half)
         x, y = self._model.initUndistortRectifyMap(
-            self._opencv_matrix, distortion, straight, target, size[::-1], cv2.CV_32FC1
+            self._opencv_matrix, np.array(self.coefficients), np.eye(3), target, size[::-1], cv2.CV_32FC1
         )
         return np.asarray(x), np.asarray(y)
 
@@ -192,12 +192,12 @@ def matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarra
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
 
 
-def shifted(pinhole: np.ndarray, pixels: float) -> np.ndarray:
+def shift_principal_point(pinhole: np.ndarray, pixels: float) -> np.ndarray:
     """K [3 3] with its principal point moved along both axes [px]."""
     return pinhole + pixels * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
 
 
-def carried_over(values: np.ndarray, source: AbstractLens, target: AbstractLens) -> np.ndarray:
+def carry_over(values: np.ndarray, source: AbstractLens, target: AbstractLens) -> np.ndarray:
     """A map [h w] of one pinhole as seen by another with the same pose; 0 outside.
 
     Each pixel gets the value of the pixel that its ray hits. Values are not interpolated, so z-depths stay valid.

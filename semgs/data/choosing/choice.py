@@ -14,8 +14,8 @@ from itertools import zip_longest
 import numpy as np
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.bounds.parallax import Seen
-from semgs.data.choosing.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat
+from semgs.data.bounds.parallax import FrameFeatures
+from semgs.data.choosing.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat_grid
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -83,7 +83,7 @@ def choose(scene: Scene, count: int) -> Choice:
         InputError: no two frames share that much.
     """
     _check_count(scene, count)
-    features: dict[int, Seen] = {}
+    features: dict[int, FrameFeatures] = {}
     typical = scene.depth_range(features=features).typical
     grids = DepthGrids(scene)
     few = _spread(range(len(scene)), max(_most(grids), count))
@@ -127,7 +127,7 @@ def choose(scene: Scene, count: int) -> Choice:
     return _with_targets(scene, grids, context, scene.depth_range(context, features), "chosen: ", notes)
 
 
-def given(scene: Scene, context: Sequence[int | str]) -> Choice:
+def choose_named(scene: Scene, context: Sequence[int | str]) -> Choice:
     """The input views that the user named, in that order, and frames between them as targets.
 
     Raises:
@@ -140,7 +140,7 @@ def given(scene: Scene, context: Sequence[int | str]) -> Choice:
     return _with_targets(scene, DepthGrids(scene), indices, scene.depth_range(indices), "as requested: ")
 
 
-def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
+def draw_sample(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
     """Random frames for training: input views that go together by the measure of `choose`, and targets between and around them.
 
     The first input view is any frame. Each further one is sampled by how well it goes with the nearest of the others. Targets are sampled
@@ -159,7 +159,7 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
     _check_frames(scene, contexts + targets, f"for {contexts} input views and {targets} to compare with")
     first = int(rng.integers(len(scene)))
     few = np.array([first, *_beside(scene, first, bounds, max(DRAWN_FROM, contexts + targets), rng)])
-    together = Covisibility.of(scene, few, [flat(bounds.middle)] * len(few))
+    together = Covisibility.of(scene, few, [flat_grid(bounds.middle)] * len(few))
     overlaps, baselines = together.overlaps(), together.baselines
     scores = overlaps * preference(baselines / bounds.middle)
     chosen = [0]
@@ -174,7 +174,7 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
     return Choice(context, tuple(sorted(int(few[index]) for index in others)), "drawn", bounds)
 
 
-def consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
+def draw_consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
     """Random frames for training, arranged as in the protocol `neighbours`: a target, the input views around it, more targets beside them.
 
     The first target is any inner frame. Its input views are the nearest frames in file order, and further targets the next nearest.
@@ -192,11 +192,11 @@ def consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, r
     _check_frames(scene, max(contexts + targets, 3), f"for {contexts} input views around one to compare with")
     target = int(rng.integers(1, len(scene) - 1))
     forward = bool(rng.integers(2))
-    order = around(target, len(scene), contexts + targets - 1, forward)
+    order = frames_around(target, len(scene), contexts + targets - 1, forward)
     return Choice(tuple(sorted(order[:contexts])), tuple(sorted((target, *order[contexts:]))), "consecutive", bounds)
 
 
-def around(frame: int, frames: int, count: int, forward: bool = False) -> tuple[int, ...]:
+def frames_around(frame: int, frames: int, count: int, forward: bool = False) -> tuple[int, ...]:
     """The `count` frames nearest to one in file order, alternately before and after it; if one side ends, the rest comes from the other.
 
     Args:

@@ -48,7 +48,7 @@ class DepthGrid:
         return float(np.nanmedian(self.depths))
 
 
-def flat(depth: float) -> DepthGrid:
+def flat_grid(depth: float) -> DepthGrid:
     """The grid of a frame without any depth: every cell at one assumed depth."""
     return DepthGrid(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
 
@@ -64,7 +64,7 @@ class DepthGrids:
 
     def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[DepthGrid]:
         """The grids of some frames; frames without depth get the depth `otherwise`."""
-        return [self._grid(int(index)) or flat(otherwise) for index in indices]
+        return [self._grid(int(index)) or flat_grid(otherwise) for index in indices]
 
     def _grid(self, index: int) -> DepthGrid | None:
         """The grid of a frame, None if its depth is unknown."""
@@ -119,7 +119,7 @@ def _middles() -> np.ndarray:
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
-def points_of(grid: DepthGrid, camera: Cameras) -> np.ndarray:
+def world_points(grid: DepthGrid, camera: Cameras) -> np.ndarray:
     """The known points of a grid in the world [n 3]."""
     height, width = camera.size
     pose, pixels = camera.world_from_camera.numpy(), _middles() * (width, height)

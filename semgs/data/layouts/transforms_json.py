@@ -16,10 +16,10 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import listed_poses
-from semgs.data.layouts.parts.sentences import lacking, on_white
-from semgs.data.layouts.parts.sparse_points import points_in_view, read_points
+from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
+from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import read_class_file
@@ -88,7 +88,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         name_of_scene: the name of the scene.
         beside: finds the files that it lists.
     """
-    shared = parsed(file)
+    shared = read_fields(file)
     listed = shared.objects("frames")
     names = _names(listed)
     poses = listed_poses(listed)
@@ -118,7 +118,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         unread = error
     sparse = shared.text("ply_file_path")
     stored_points = beside(sparse.replace("\\", "/")) if sparse else None
-    points = read_points(stored_points) if stored_points is not None else None
+    points = read_ply_points(stored_points) if stored_points is not None else None
     if points is not None:
         frames = [replace(frame, points=points_in_view(frame, points)) for frame in frames]
     return Scene(
@@ -149,10 +149,10 @@ class _Notes:
         """The notes on a scene."""
         masked = any(frame.value("mask_path") for frame in listed)
         return [
-            *lacking(absent, len(listed), "listed images are missing"),
-            *on_white(self.transparent),
-            *lacking(self.missing_maps, self.maps, "listed depth and label files are missing"),
-            *lacking(self.unread_maps, self.maps, "listed depth and label files have an unsupported format"),
+            *note_lacking(absent, len(listed), "listed images are missing"),
+            *note_transparent(self.transparent),
+            *note_lacking(self.missing_maps, self.maps, "listed depth and label files are missing"),
+            *note_lacking(self.unread_maps, self.maps, "listed depth and label files have an unsupported format"),
             *(["The frames list masks, which are ignored."] if masked else []),
         ]
 

@@ -15,7 +15,8 @@ def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
     Raises:
         InputError: one of its files cannot be used.
     """
-    return task.scene.local(task.scene.frames[position].read(bounds, task.scene.classes, size=task.size))
+    view = task.scene.frames[position].view(bounds, task.scene.classes, size=task.size)
+    return task.scene.local(view.checked())
 
 
 def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> dict[int, Views]:

@@ -18,7 +18,7 @@ def is_heic(data: bytes) -> bool:
     return data[4:8] == b"ftyp" and data[8:12] in BRANDS
 
 
-def opened_heic(path: str | Stored, data: bytes) -> ImageFile:
+def open_heic(path: str | Stored, data: bytes) -> ImageFile:
     """A HEIC as an image of Pillow with only its header read. Its rotation is already applied.
 
     Args:

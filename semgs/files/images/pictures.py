@@ -24,7 +24,7 @@ from PIL import Image, UnidentifiedImageError
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.images.heic import is_heic, opened_heic
+from semgs.files.images.heic import is_heic, open_heic
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
@@ -356,7 +356,7 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
         data = read_bytes(file, "an image") if data is None else data
         if not is_heic(data):
             raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
-        image = opened_heic(path, data)
+        image = open_heic(path, data)
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG image", str(error)) from error
     if image.width * image.height > MOST_PIXELS:

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.choosing.choice import consecutive, drawn
+from semgs.data.choosing.choice import draw_consecutive, draw_sample
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, ClassTable
@@ -127,7 +127,7 @@ class Samples:
         self._seed, self._form, self._group = seed, form, group
         self._rooms, self._folders = mixture.rooms, mixture.folders
         self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
-        self._choose = {"covisible": drawn, "consecutive": consecutive}[form.frames]
+        self._choose = {"covisible": draw_sample, "consecutive": draw_consecutive}[form.frames]
         self._turns, self._teacher = turns, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.text_numbers import pairs, rows
-from semgs.data.scene_details import Asked
+from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.text_numbers import read_pairs, read_rows
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
@@ -77,11 +77,11 @@ class Calibration:
             return Lens(size, self.focal, self.centre)
 
 
-def asked_calibration(asked: Asked) -> Calibration | None:
+def calibration_from_details(details: SceneDetails) -> Calibration | None:
     """The calibration that the user gave, None if there is none."""
-    if asked.intrinsics is None:
+    if details.intrinsics is None:
         return None
-    fx, fy, cx, cy = asked.intrinsics
+    fx, fy, cx, cy = details.intrinsics
     return Calibration((fx, fy), (cx, cy))
 
 
@@ -95,7 +95,7 @@ def read_calibration(path: Path) -> Calibration:
         return _from_json(path)
     if path.name in ("info.txt", "_info.txt"):
         return _from_info(path)
-    return calibration_of(path, [value for _, values in rows(path) for value in values])
+    return calibration_of(path, [value for _, values in read_rows(path) for value in values])
 
 
 def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None) -> Calibration:
@@ -130,7 +130,7 @@ def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[fl
 
 def _from_json(path: Path) -> Calibration:
     """The calibration in a JSON file."""
-    outer = parsed(path)
+    outer = read_fields(path)
     inner = next((outer.values[key] for key in INSIDE if isinstance(outer.values.get(key), dict)), None)
     fields = Fields(path, inner, "", outer) if inner else outer
     size = fields.size("width", "height") or fields.size("w", "h")
@@ -159,7 +159,7 @@ def _depth_unit(fields: Fields) -> float | None:
 
 def _from_info(path: Path) -> Calibration:
     """The calibration in an info.txt: lines KEY = VALUES."""
-    held = pairs(path)
+    held = read_pairs(path)
     try:
         shift = float(held.get("m_depthShift", 1000))
     except ValueError:

@@ -14,7 +14,7 @@ from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
 
 
-def parsed(path: Stored) -> Fields:
+def read_fields(path: Stored) -> Fields:
     """The object in a JSON file.
 
     Raises:

@@ -15,21 +15,21 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration
-from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details
+from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.trajectories import FoundPose, poses_of_rows
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList
 from semgs.data.layouts.phones.capture import Capture, find_capture
 from semgs.data.layouts.phones.lzfse_files import LzfseFile, can_inflate
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 
 LAYOUT = "Record3D"
 LOOKED_FOR = "an .r3d file, or metadata with rgbd/ or metadata.json with rgb/ (Record3D)"
-ASKS = ("intrinsics",)
+DETAILS = ("intrinsics",)
 
 ENDING = ".r3d"
 PLACES = (("metadata", "rgbd", ENDING), ("metadata.json", "rgb", ".zip"))
@@ -45,12 +45,12 @@ def recognises(path: Path) -> bool:
     return _found(path) is not None
 
 
-def open_record3d(path: Path, asked: Asked) -> Scene:
+def open_record3d(path: Path, details: SceneDetails) -> Scene:
     """The scene of a recording, frames in the order of their numbers.
 
     Args:
         path: its folder or archive.
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: the metadata are damaged or have no poses, or fewer than two frames have an image and a pose.
@@ -61,7 +61,7 @@ def open_record3d(path: Path, asked: Asked) -> Scene:
     capture, fields, folder = found
     images = capture.numbered(folder, PICTURES)
     poses = _poses(fields)
-    calibrations, given = _calibrations(fields), asked_calibration(asked)
+    calibrations, given = _calibrations(fields), calibration_from_details(details)
     by_image = {image: given or calibrations[min(number, len(calibrations) - 1)] for number, image in images.items()}
     depths, notes = _depths(capture, fields, folder)
     return ShotList(
@@ -81,7 +81,7 @@ def _found(path: Path) -> tuple[Capture, Fields, str] | None:
         capture = find_capture(path, name, ending)
         metadata = capture.file(name) if capture else None
         if capture and metadata and capture.numbered(folder, PICTURES):
-            fields = parsed(metadata)
+            fields = read_fields(metadata)
             return (capture, fields, folder) if "K" in fields.values else None
     return None
 

@@ -16,7 +16,7 @@ import numpy as np
 from semgs.data.cameras.fisheye import FisheyeLens
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
-from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import checked_poses, listed_poses
 from semgs.files.errors import input_error
 
@@ -51,12 +51,10 @@ DSLR = Device(
     None,
     "download the dslr assets of the scan",
 )
-DSLR_UNDISTORTED = Device(
-    "dslr",
-    ("undistorted_images", "resized_undistorted_images"),
-    ("undistorted_anon_masks", "resized_undistorted_masks"),
-    None,
-    DSLR.advice,
+DSLR_UNDISTORTED = replace(
+    DSLR,
+    pictures=("undistorted_images", "resized_undistorted_images"),
+    masks=("undistorted_anon_masks", "resized_undistorted_masks"),
 )
 IPHONE = Device(
     "iphone",
@@ -125,7 +123,7 @@ def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
     )
     splits = _splits(folder)
     if splits is None and (folder / TRANSFORMS).is_file():
-        splits = _splits_of(parsed(folder / TRANSFORMS))
+        splits = _splits_of(read_fields(folder / TRANSFORMS))
     return Posed(
         device,
         tuple(image.name for image in images),
@@ -137,7 +135,7 @@ def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
 
 def _from_transforms(folder: Path, path: Path, device: Device, as_toolbox: bool) -> Posed:
     """The cameras from a `transforms.json`, in the world of the mesh."""
-    shared = parsed(path)
+    shared = read_fields(path)
     listed = [*shared.objects("frames"), *_frames(shared, "test_frames")]
     names = [frame.text("file_path") for frame in listed]
     for frame, name in zip(listed, names, strict=True):
@@ -200,7 +198,7 @@ def _splits(folder: Path) -> dict[str, set[str]] | None:
     path = folder / LISTS
     if not path.is_file():
         return None
-    fields = parsed(path)
+    fields = read_fields(path)
     splits = {}
     for part in ("train", "test"):
         names = fields.values.get(part, [])
@@ -230,5 +228,5 @@ def bad_pictures(folder: Path) -> set[str]:
     """Names of the images that `transforms.json` marks as bad."""
     if not (folder / TRANSFORMS).is_file():
         return set()
-    listed = _frames(parsed(folder / TRANSFORMS), "frames", "test_frames")
+    listed = _frames(read_fields(folder / TRANSFORMS), "frames", "test_frames")
     return {_file_name(frame) for frame in listed if frame.values.get("is_bad") is True}

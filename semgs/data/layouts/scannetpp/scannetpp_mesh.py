@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64, Int, UInt8
 
-from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannet.scannet_labels import normal
 from semgs.data.raycast import Raycaster
@@ -88,7 +88,7 @@ def object_names(path: Path) -> dict[str, int]:
         InputError: it is damaged.
     """
     names: dict[str, int] = {}
-    for group in parsed(path).objects("segGroups"):
+    for group in read_fields(path).objects("segGroups"):
         name = normal(group.text("label") or "")
         names[name] = names.get(name, 0) + 1
     return names
@@ -144,7 +144,7 @@ def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[
     Raises:
         InputError: a file is damaged, or the segments belong to another mesh.
     """
-    fields = parsed(folder / SEGMENTS)
+    fields = read_fields(folder / SEGMENTS)
     segments = _whole_numbers(fields, "segIndices")
     if len(segments) != count:
         raise InputError(
@@ -155,7 +155,7 @@ def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[
         )
     sizes = np.bincount(segments)
     groups = []
-    for order, group in enumerate(parsed(folder / ANNOTATIONS).objects("segGroups")):
+    for order, group in enumerate(read_fields(folder / ANNOTATIONS).objects("segGroups")):
         parts = np.unique(_whole_numbers(group, "segments"))
         parts = parts[parts < len(sizes)]
         label = labels.get(normal(group.text("label") or ""), IGNORE)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_lists import calls, read_list
+from semgs.data.scene_lists import read_list, scenes_by_name
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.files.errors import InputError
 from semgs.training.data.data_sources import Source
@@ -28,7 +28,7 @@ def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path,
     if settings.scenes:
         known: dict[str, Path] = {}
         for source, paths in zip(sources, found, strict=True):
-            known = calls(Path(source.path), paths) | known
+            known = scenes_by_name(Path(source.path), paths) | known
         chosen = set(read_list(settings.scenes).choose(known, ", ".join(settings.data)))
         found = [tuple(path for path in paths if path in chosen) for paths in found]
         for source, paths in zip(sources, found, strict=True):
