@@ -237,7 +237,7 @@ def test_layouts_share_parts_and_know_nothing_of_one_another():
     [
         ("data/layouts/parts/pose_files.py", "from semgs.data.layouts.colmap.colmap_files import read_images"),
         ("data/layouts/replica/sequence.py", "from semgs.data.layouts.rgbd.tum import open_tum"),
-        ("training/loop.py", "from semgs.data.layouts.scannet.scannet_scan import open_scan"),
+        ("training/loop.py", "from semgs.data.layouts.scannet.scannet_scan import open_scannet"),
     ],
 )
 def test_a_planted_arrow_between_layouts_is_found(tmp_path: Path, module: str, line: str):

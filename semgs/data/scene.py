@@ -91,15 +91,15 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """A few of the images for a notebook, or why they cannot be read."""
-        pictures, said = [], []
+        images, captions = [], []
         for index in np.unique(np.linspace(0, len(self) - 1, MOST).round().astype(int)).tolist():
             frame = self.frames[index]
             try:
-                pictures.append(subsample(frame.read_image()))
-                said.append(f"{index}: {frame.name}")
+                images.append(subsample(frame.read_image()))
+                captions.append(f"{index}: {frame.name}")
             except InputError as error:
-                said.append(f"{index}: {error}")
-        return html(repr(self), [Strip("frames", tuple(pictures), ", ".join(said))])
+                captions.append(f"{index}: {error}")
+        return html(repr(self), [Strip("frames", tuple(images), ", ".join(captions))])
 
     def __len__(self) -> int:
         """The number of usable frames."""
@@ -134,14 +134,14 @@ class Scene:
         if isinstance(frame, str):
             wanted = frame.replace("\\", "/").removeprefix("./")
             for key in (lambda name: name, lambda name: Path(name).name, lambda name: Path(name).stem):
-                found = [index for index, one in enumerate(self.frames) if key(one.name) == wanted]
-                if len(found) > 1:
+                matches = [index for index, candidate in enumerate(self.frames) if key(candidate.name) == wanted]
+                if len(matches) > 1:
                     raise ValueError(
-                        f"frame {frame!r} may be {self.frames[found[0]].name} or {self.frames[found[1]].name} "
+                        f"frame {frame!r} may be {self.frames[matches[0]].name} or {self.frames[matches[1]].name} "
                         f"of {self.path}; give the full name or the position"
                     )
-                if found:
-                    return found[0]
+                if matches:
+                    return matches[0]
             reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
         position = operator.index(frame)
@@ -164,14 +164,14 @@ class Scene:
             ValueError: no frame has that position or name, or the list is empty.
             InputError: the scale has to be found from images, and one cannot be read.
         """
-        return depth_range(self.frames, self._asked(frames), self.unit, self.points, features)
+        return depth_range(self.frames, self._positions(frames), self.unit, self.points, features)
 
-    def _asked(self, frames: Sequence[int | str] | None) -> Sequence[int]:
+    def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""
-        asked = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
-        if not asked:
+        positions = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
+        if not positions:
             raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")
-        return asked
+        return positions
 
     def read(
         self,
@@ -194,7 +194,7 @@ class Scene:
             ValueError: no frame has that position or name, the list is empty, sizes differ and `size` is "native", or `size` is invalid.
             InputError: an image, depth or label file cannot be used.
         """
-        chosen = [self.frames[index] for index in self._asked(frames)]
+        chosen = [self.frames[index] for index in self._positions(frames)]
         bounds = depth_range or self.depth_range(frames)
         wanted = _wanted(chosen, size)
         near_far = bounds if isinstance(bounds, tuple) else (bounds.near, bounds.far)

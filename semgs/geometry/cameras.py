@@ -75,10 +75,9 @@ class Cameras:
             function: takes the array of these cameras, then that of each of the others.
             others: of the same size.
         """
-        every = (self, *others)
-        return Cameras.trusted(
-            function(*(one.world_from_camera for one in every)), function(*(one.intrinsics for one in every)), self.size
-        )
+        cameras = (self, *others)
+        poses = function(*(each.world_from_camera for each in cameras))
+        return Cameras.trusted(poses, function(*(each.intrinsics for each in cameras)), self.size)
 
     def adjusted(self, new_from_old: Float64[Tensor, "3 3"], size: tuple[int, int]) -> Cameras:
         """The cameras of cropped or resized images.
@@ -141,7 +140,7 @@ def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
     if isinstance(numbers, Tensor):
         return numbers.detach().to("cpu", torch.float64)
     if isinstance(numbers, list | tuple) and numbers and isinstance(numbers[0], Tensor):
-        return torch.stack([as_float64(one) for one in numbers])
+        return torch.stack([as_float64(tensor) for tensor in numbers])
     return torch.as_tensor(np.asarray(numbers, dtype=np.float64))
 
 

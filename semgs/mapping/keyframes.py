@@ -102,7 +102,7 @@ def judge_frame(camera: Cameras, known: Sequence[Known], partners: int, typical:
         return Verdict(True, (), 0.0)
     grid = predict_depths(camera, [known[index] for index in some], typical)
     grids = [grid, *(known[index].grid or flat_grid(grid.median) for index in some)]
-    together = Covisibility.between([camera, *(known[index].camera for index in some)], grids)
+    together = Covisibility([camera, *(known[index].camera for index in some)], grids)
     with_gaussians = [place for place, index in enumerate(some, 1) if known[index].grid is not None]
     covered = float(together.covered(with_gaussians)[0]) if with_gaussians else 0.0
     if covered >= COVERED:

@@ -231,7 +231,7 @@ def test_a_mount_point_is_told_before_the_work(tmp_path: Path, monkeypatch: pyte
 def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
     record = tmp_path / "settings.json"
     record.write_text("{}")
-    hold = "import sys, pathlib; from semgs.files.folders import alone\nwith alone(pathlib.Path(sys.argv[1]), '', ''): print('held', flush=True); input()"
+    hold = "import sys, pathlib; from semgs.files.folders import lock_folder\nwith lock_folder(pathlib.Path(sys.argv[1]), '', ''): print('held', flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", hold, str(record)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:

@@ -87,7 +87,7 @@ def choose(scene: Scene, count: int) -> Choice:
     typical = scene.depth_range(features=features).typical
     grids = DepthGrids(scene)
     few = _spread(range(len(scene)), max(_most(grids), count))
-    together = Covisibility(scene, few, grids.of(few, typical))
+    together = Covisibility.of(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
     depths = np.sqrt(together.medians[:, None] * together.medians)
     scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(baselines / depths), -1)
@@ -156,15 +156,10 @@ def draw_sample(scene: Scene, bounds: DepthRange, contexts: int, targets: int, r
     Raises:
         InputError: the scene has fewer frames than that.
     """
-    if contexts + targets > len(scene):
-        raise InputError(
-            scene.path,
-            f"at least {contexts + targets} usable frames, for {contexts} input views and {targets} to compare with",
-            f"{len(scene)}",
-        )
+    _check_frames(scene, contexts + targets, f"for {contexts} input views and {targets} to compare with")
     first = int(rng.integers(len(scene)))
     few = np.array([first, *_beside(scene, first, bounds, max(DRAWN_FROM, contexts + targets), rng)])
-    together = Covisibility(scene, few, [flat_grid(bounds.middle)] * len(few))
+    together = Covisibility.of(scene, few, [flat_grid(bounds.middle)] * len(few))
     overlaps, baselines = together.overlaps(), together.baselines
     scores = overlaps * preference(baselines / bounds.middle)
     chosen = [0]
@@ -194,13 +189,7 @@ def draw_consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: i
     Raises:
         InputError: the scene has fewer frames than that, or fewer than three.
     """
-    wanted = max(contexts + targets, 3)
-    if wanted > len(scene):
-        raise InputError(
-            scene.path,
-            f"at least {wanted} usable frames, for {contexts} input views around one to compare with",
-            f"{len(scene)}",
-        )
+    _check_frames(scene, max(contexts + targets, 3), f"for {contexts} input views around one to compare with")
     target = int(rng.integers(1, len(scene) - 1))
     forward = bool(rng.integers(2))
     order = frames_around(target, len(scene), contexts + targets - 1, forward)
@@ -251,6 +240,12 @@ def _check_count(scene: Scene, count: int) -> None:
         )
 
 
+def _check_frames(scene: Scene, count: int, purpose: str) -> None:
+    """Refuse a scene with fewer usable frames."""
+    if count > len(scene):
+        raise InputError(scene.path, f"at least {count} usable frames, {purpose}", f"{len(scene)}")
+
+
 def preference(relative: np.ndarray) -> np.ndarray:
     """How good a baseline relative to the depth is: 1 in the middle of the ideal band, towards 0 far from it."""
     best = (IDEAL_BASELINE[0] * IDEAL_BASELINE[1]) ** 0.5
@@ -296,9 +291,8 @@ def _with_targets(
     well = [index for index in seen if seen[index] >= WELL_SEEN]
     targets = _spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
     if not targets:
-        targets = sorted((index for index in seen if seen[index] >= LEAST_SEEN), key=lambda index: -seen[index])[
-            :TARGETS
-        ]
+        enough = [index for index in seen if seen[index] >= LEAST_SEEN]
+        targets = sorted(enough, key=lambda index: -seen[index])[:TARGETS]
         if targets:
             notes = [
                 *notes,
@@ -313,7 +307,7 @@ def _covered(
 ) -> dict[int, float]:
     """For some frames, the share of what they see that the input views also see."""
     every = list(dict.fromkeys((*context, *frames)))
-    together = Covisibility(scene, every, grids.of(every, depth))
+    together = Covisibility.of(scene, every, grids.of(every, depth))
     parts = together.covered(range(len(context))).tolist()
     return dict(zip(every[len(context) :], parts[len(context) :], strict=True))
 
@@ -321,7 +315,7 @@ def _covered(
 def _reason(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: DepthRange) -> str:
     """One sentence with the figures of the input views."""
     found = grids.of(context, bounds.typical)
-    together = Covisibility(scene, context, found)
+    together = Covisibility.of(scene, context, found)
     overlaps, baselines = together.overlaps(), together.baselines[np.triu_indices(len(context), 1)]
     np.fill_diagonal(overlaps, 0)
     shares = overlaps.max(axis=1)

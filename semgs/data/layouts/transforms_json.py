@@ -17,7 +17,7 @@ import numpy as np
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
-from semgs.data.layouts.parts.pose_files import checked_poses
+from semgs.data.layouts.parts.pose_files import listed_poses
 from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap
@@ -91,11 +91,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
     shared = read_fields(file)
     listed = shared.objects("frames")
     names = _names(listed)
-    poses = checked_poses(
-        file,
-        [frame.values.get("transform_matrix") for frame in listed],
-        [f"{one.place}transform_matrix" for one in listed],
-    )
+    poses = listed_poses(listed)
     poses[:, :3, 1:3] *= -1
     lenses: dict[Lens, Lens] = {}
     frames, labels, absent, notes = list[Frame](), dict[int, Stored](), [], _Notes()
@@ -287,13 +283,9 @@ def _classes(shared: Fields, beside: Beside) -> tuple[ClassTable, tuple[int | No
 
 def _applied_transform(shared: Fields) -> np.ndarray | None:
     """nerfstudio's transform from the original world to that of the poses, [3 4]."""
-    value = shared.value("applied_transform")
+    value, matrix = shared.value("applied_transform"), shared.array("applied_transform")
     if value is None:
         return None
-    try:
-        matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        matrix = np.zeros(0)
-    if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
+    if matrix is None or matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
         raise shared.refused("applied_transform", "a 3x4 matrix of finite numbers", f"{value!r:.40}")
     return matrix[:3]

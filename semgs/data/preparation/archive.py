@@ -157,7 +157,7 @@ def read_prepared_view(scene: Scene, frame: Frame, size: tuple[int, int]) -> Vie
     Raises:
         InputError: a file of the frame cannot be used.
     """
-    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes)
+    view = frame.view(INDOOR_DEPTH_RANGE, scene.classes).checked()
     rows, columns = view.size
     height, width = size if (rows <= columns) == (size[0] <= size[1]) else size[::-1]
     return reframed(view, (height, width))

@@ -79,12 +79,12 @@ class Reading:
 
     Attributes:
         as_peers: as for `open_scene`.
-        asked: details that apply to all scenes.
+        details: details that apply to all scenes.
         needs_labels: as for `open_scene`.
     """
 
     as_peers: tuple[str, ...] = ()
-    asked: SceneDetails = SceneDetails()  # noqa: RUF009
+    details: SceneDetails = SceneDetails()  # noqa: RUF009
     needs_labels: bool = True
 
     def open(self, source: SceneSource) -> Scene:
@@ -93,12 +93,12 @@ class Reading:
         Raises:
             InputError: as `open_scene`.
         """
-        return open_with_details(source.path, self.as_peers, self.asked, self.needs_labels)
+        return open_with_details(source.path, self.as_peers, self.details, self.needs_labels)
 
     def as_json(self) -> dict[str, Any]:
         """The given details for `settings.json`."""
-        details = {name: value for name, value in vars(self.asked).items() if value is not None}
-        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(details))}
+        given = {name: value for name, value in vars(self.details).items() if value is not None}
+        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(given))}
 
 
 def find_sources(path: Path, wanted: SceneList | None = None, scenezoo: str | None = None) -> list[SceneSource]:

@@ -45,7 +45,7 @@ def wall(depth: float) -> np.ndarray:
 
 def covisibility(opened: Scene) -> Covisibility:
     every = range(len(opened))
-    return Covisibility(opened, every, DepthGrids(opened).of(every, 2.0))
+    return Covisibility.of(opened, every, DepthGrids(opened).of(every, 2.0))
 
 
 def test_frames_side_by_side_before_a_wall_share_what_the_shift_leaves(tmp_path):

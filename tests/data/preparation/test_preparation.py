@@ -74,7 +74,7 @@ def test_other_aspects_lose_their_margins_and_pixels_stay_square():
     k = view.cameras.intrinsics[0]
     assert view.size == (100, 200)
     assert k[0, 0] == k[1, 1] == 370 * 200 / 320
-    middle = resized(cropped(wide.read((0.5, 10.0), scene.classes), 40, 0, (160, 320)), (100, 200))
+    middle = resized(cropped(wide.view((0.5, 10.0), scene.classes), 40, 0, (160, 320)), (100, 200))
     assert torch.equal(view.labels, middle.labels)
     torch.testing.assert_close(view.cameras.intrinsics, middle.cameras.intrinsics)
     assert read_prepared_view(scene, scene.frames[0], (239, 320)).size == (239, 320)  # a hundredth is stretched
@@ -86,8 +86,8 @@ def test_pictures_that_are_higher_than_wide_get_the_size_turned(tmp_path: Path):
     class Turned(type(scene.frames[0])):
         """A frame whose picture lies on its side."""
 
-        def read(self, *arguments, **named):
-            return cropped(super().read(*arguments, **named), 0, 70, (240, 180))
+        def view(self, *arguments, **named):
+            return cropped(super().view(*arguments, **named), 0, 70, (240, 180))
 
     frame = Turned(**vars(scene.frames[0]))
     assert read_prepared_view(scene, frame, (48, 64)).size == (64, 48)
@@ -171,7 +171,7 @@ def test_other_settings_and_other_folders_are_refused(rooms: Path, tmp_path: Pat
     with pytest.raises(ValueError, match=r"other settings: every is 1 there, not 2"):
         PreparedSet(tmp_path / "out", Preparation((48, 64), every=2), Reading()).check()
     with pytest.raises(ValueError, match=r"told is \{\} there, not \{'depth_unit': 0\.001\}"):
-        PreparedSet(tmp_path / "out", SMALL, Reading(asked=SceneDetails(depth_unit=0.001))).check()
+        PreparedSet(tmp_path / "out", SMALL, Reading(details=SceneDetails(depth_unit=0.001))).check()
     with pytest.raises(InputError, match="a new or empty folder"):
         PreparedSet(rooms, SMALL, Reading()).check()
     (tmp_path / "out" / "settings.json").write_text("[]")

@@ -15,7 +15,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -78,11 +77,11 @@ class Calibration:
             return Lens(size, self.focal, self.centre)
 
 
-def calibration_from_details(asked: SceneDetails) -> Calibration | None:
+def calibration_from_details(details: SceneDetails) -> Calibration | None:
     """The calibration that the user gave, None if there is none."""
-    if asked.intrinsics is None:
+    if details.intrinsics is None:
         return None
-    fx, fy, cx, cy = asked.intrinsics
+    fx, fy, cx, cy = details.intrinsics
     return Calibration((fx, fy), (cx, cy))
 
 
@@ -134,26 +133,16 @@ def _from_json(path: Path) -> Calibration:
     outer = read_fields(path)
     inner = next((outer.values[key] for key in INSIDE if isinstance(outer.values.get(key), dict)), None)
     fields = Fields(path, inner, "", outer) if inner else outer
-    width, height = fields.whole("width") or fields.whole("w"), fields.whole("height") or fields.whole("h")
-    size = (height, width) if width and height else None
+    size = fields.size("width", "height") or fields.size("w", "h")
     unit = _depth_unit(fields)
     four = [number for key in ("fx", "fy", "cx", "cy") if (number := fields.number(key)) is not None]
     if len(four) == 4:
         return replace(calibration_of(path, four, "fx"), size=size, depth_unit=unit)
     for key in MATRICES:
-        flat = _flat(fields.value(key))
-        if flat is not None:
-            return replace(calibration_of(path, flat, key), size=size, depth_unit=unit)
+        matrix = fields.array(key)
+        if matrix is not None and matrix.size in (9, 16):
+            return replace(calibration_of(path, matrix.ravel().tolist(), key), size=size, depth_unit=unit)
     raise InputError(path, "intrinsics as fx, fy, cx, cy or as a matrix", "keys " + ", ".join(sorted(outer.values)))
-
-
-def _flat(value: Any) -> list[float] | None:
-    """The numbers of a list or nested list of 9 or 16, None for anything else."""
-    try:
-        numbers = np.array(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
-        return None
-    return numbers.tolist() if numbers.size in (9, 16) else None
 
 
 def _depth_unit(fields: Fields) -> float | None:

@@ -30,7 +30,7 @@ from semgs.files.stored import Stored
 
 LAYOUT = "Polycam"
 LOOKED_FOR = "keyframes/cameras/ with keyframes/images/ (Polycam's raw data; also in a .zip)"
-ASKS = ("intrinsics",)
+DETAILS = ("intrinsics",)
 
 KEYFRAMES = "keyframes"
 CAMERAS, IMAGES, DEPTH, CONFIDENCE = (f"{KEYFRAMES}/{name}" for name in ("cameras", "images", "depth", "confidence"))
@@ -51,12 +51,12 @@ def recognises(path: Path) -> bool:
     return capture is not None and any(capture.numbered(folder, JSON) for folder in (CAMERAS, CORRECTED_CAMERAS))
 
 
-def open_polycam(path: Path, asked: SceneDetails) -> Scene:
+def open_polycam(path: Path, details: SceneDetails) -> Scene:
     """The scene of a capture, frames in the order of their times.
 
     Args:
         path: its folder or archive.
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: a camera is damaged, or fewer than two sharp frames have an image.
@@ -68,11 +68,11 @@ def open_polycam(path: Path, asked: SceneDetails) -> Scene:
     optimised = bool(corrected and capture.numbered(CORRECTED_IMAGES, PICTURES))
     folder = CORRECTED_IMAGES if optimised else IMAGES
     cameras = {time: read_fields(file) for time, file in (corrected if optimised else raw).items()}
-    sharp = {time: camera for time, camera in cameras.items() if _number(camera, "blur_score", SHARP) >= SHARP}
+    sharp = {time: camera for time, camera in cameras.items() if _sharpness(camera) >= SHARP}
     blurred = [str(time) for time in cameras if time not in sharp]
     images = capture.numbered(folder, PICTURES)
     depths, confidences = (capture.numbered(place, (".png",)) for place in (DEPTH, CONFIDENCE))
-    given, calibrations, shots = calibration_from_details(asked), dict[Stored, Calibration](), list[Shot]()
+    given, calibrations, shots = calibration_from_details(details), dict[Stored, Calibration](), list[Shot]()
     for time, camera in sharp.items():
         image = images.get(time) or path / folder / f"{time}.jpg"
         calibrations[image] = given or _calibration(camera)
@@ -93,27 +93,23 @@ def open_polycam(path: Path, asked: SceneDetails) -> Scene:
 
 def _calibration(camera: Fields) -> Calibration:
     """The intrinsics in a camera file."""
-    width, height = camera.whole("width"), camera.whole("height")
-    if width is None or height is None:
+    size = camera.size("width", "height")
+    if size is None:
         raise camera.refused("width", "the size of the image in width and height", "nothing")
-    fx, fy, cx, cy = (_number(camera, key) for key in ("fx", "fy", "cx", "cy"))
-    return Calibration((fx, fy), (cx, cy), (height, width), camera.path, of_a_sensor=True)
+    fx, fy, cx, cy = (camera.required(key) for key in ("fx", "fy", "cx", "cy"))
+    return Calibration((fx, fy), (cx, cy), size, camera.path, of_a_sensor=True)
 
 
 def _pose(camera: Fields) -> FoundPose:
     """The pose in a camera file, with OpenCV axes."""
-    rows = [[_number(camera, f"t_{row}{column}") for column in range(4)] for row in range(3)]
+    rows = [[camera.required(f"t_{row}{column}") for column in range(4)] for row in range(3)]
     return FoundPose(np.array([*rows, [0, 0, 0, 1]]) * (1, -1, -1, 1), camera.path, "t_00")
 
 
-def _number(camera: Fields, key: str, default: float | None = None) -> float:
-    """A finite number; it has to be there if there is no default."""
-    number = camera.number(key)
-    if number is None:
-        number = default
-    if number is None:
-        raise camera.refused(key, "a number", "nothing")
-    return number
+def _sharpness(camera: Fields) -> float:
+    """The `blur_score` of a camera file: high is sharp, as are images without a score."""
+    score = camera.number("blur_score")
+    return SHARP if score is None else score
 
 
 def _depth(measured: DepthMap | None, camera_file: Stored | None) -> MapSource | None:

@@ -35,7 +35,7 @@ from semgs.files.stored import Stored
 LAYOUT = "Replica"
 LOOKED_FOR = "traj_w_c.txt with rgb/rgb_0.png (Replica, Semantic-NeRF's)"
 APPLICABLE = (ROW_229,)
-ASKS = ("intrinsics",)
+DETAILS = ("intrinsics",)
 
 POSES, RGB, DEPTH, CLASSES = "traj_w_c.txt", "rgb", "depth", "semantic_class"
 INFO = "info_semantic.json"
@@ -48,13 +48,13 @@ def recognises(path: Path) -> bool:
     return (path / POSES).is_file() and bool(numbered_files(path / RGB, "rgb_", (".png",)))
 
 
-def open_replica(path: Path, as_peers: Collection[str], asked: SceneDetails) -> Scene:
+def open_replica(path: Path, as_peers: Collection[str], details: SceneDetails) -> Scene:
     """The scene of a sequence, frames in the order of their numbers.
 
     Args:
         path: its folder (`office_0/Sequence_1`).
         as_peers: readings of `APPLICABLE`.
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: the poses are damaged, or fewer than two frames have an image and a pose.
@@ -70,7 +70,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: SceneDetails) -> 
         names, names_file = _names(path)
     except InputError as error:
         names, names_file, unread = {}, None, error
-    given = calibration_from_details(asked)
+    given = calibration_from_details(details)
     by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     shots = [
         Shot(

@@ -29,7 +29,7 @@ from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"
 LOOKED_FOR = "rgb.txt with groundtruth.txt (TUM RGB-D)"
-ASKS = ("intrinsics", "depth_unit")
+DETAILS = ("intrinsics", "depth_unit")
 
 RGB, DEPTH, POSES, CALIBRATION = "rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"
 COUNTS_PER_METRE = 5000
@@ -42,12 +42,12 @@ def recognises(path: Path) -> bool:
     return (path / RGB).is_file() and ((path / POSES).is_file() or (path / DEPTH).is_file())
 
 
-def open_tum(path: Path, asked: SceneDetails) -> Scene:
+def open_tum(path: Path, details: SceneDetails) -> Scene:
     """The scene of a recording, frames in the order of `rgb.txt`.
 
     Args:
         path: its folder.
-        asked: may give intrinsics and the depth unit.
+        details: may give intrinsics and the depth unit.
 
     Raises:
         InputError: a list is damaged, there are no poses, no times match, or the images have another size than the camera.
@@ -71,13 +71,13 @@ def open_tum(path: Path, asked: SceneDetails) -> Scene:
     if (path / DEPTH).is_file():
         depth_times, depths = _listed(path / DEPTH)
         mapped = associate(times, depth_times)
-    unit = asked.depth_unit or 1 / COUNTS_PER_METRE
+    unit = details.depth_unit or 1 / COUNTS_PER_METRE
     maps = {
         index: DepthMap(path / depths[other], unit)
         for index, other in mapped.items()
         if (path / depths[other]).is_file()
     }
-    calibration, why = _calibration(path, asked)
+    calibration, why = _calibration(path, details)
     return ShotList(
         path=path,
         layout=LAYOUT,
@@ -92,9 +92,9 @@ def open_tum(path: Path, asked: SceneDetails) -> Scene:
     ).scene()
 
 
-def _calibration(path: Path, asked: SceneDetails) -> tuple[Calibration, list[str]]:
+def _calibration(path: Path, details: SceneDetails) -> tuple[Calibration, list[str]]:
     """The intrinsics, and notes about them."""
-    given = calibration_from_details(asked)
+    given = calibration_from_details(details)
     if given is not None:
         return given, []
     if (path / CALIBRATION).is_file():

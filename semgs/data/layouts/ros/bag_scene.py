@@ -27,7 +27,7 @@ from semgs.files.images.pictures import read_header
 
 LAYOUT = "ROS bag"
 LOOKED_FOR = "a ROS bag (metadata.yaml with .db3 or .mcap; .mcap; .bag)"
-ASKS = ("camera", "world", "body", "intrinsics")
+DETAILS = ("camera", "world", "body", "intrinsics")
 ENDINGS = (".mcap", ".db3", ".bag")
 
 MILLIMETRE = 0.001
@@ -45,30 +45,30 @@ def recognises(path: Path) -> bool:
         return False
 
 
-def open_recording(path: Path, asked: SceneDetails) -> Scene:
+def open_recording(path: Path, details: SceneDetails) -> Scene:
     """The scene of a bag: the images of one camera, sorted by time.
 
     Args:
         path: its folder or file.
-        asked: camera and world, if there are several; the body of poses that do not say; other intrinsics.
+        details: camera and world, if there are several; the body of poses that do not say; other intrinsics.
 
     Raises:
         InputError: it is damaged, or has no images, intrinsics or poses, or several and no choice; the error lists what there is.
         ImportError: rosbags is not installed.
     """
     bag = open_bag(path)
-    topic = choose_pictures(bag, asked.camera)
+    topic = choose_pictures(bag, details.camera)
     frame = frame_id_of(bag.first(topic))
     if not frame:
         raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
     pictures = bag.files(topic)
-    lens = find_lens(bag, topic, read_header(pictures[0]).size, asked)
+    lens = find_lens(bag, topic, read_header(pictures[0]).size, details)
     notes = [f"Images are from {topic}."]
-    if "optical" not in frame and asked.intrinsics is None:
+    if "optical" not in frame and details.intrinsics is None:
         notes.append(
             f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
         )
-    route, about_poses = find_route(bag, frame, asked)
+    route, about_poses = find_route(bag, frame, details)
     poses = poses_along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
     posed = np.isfinite(poses).all(axis=(1, 2))
     depths, about_depth = _depths(bag, frame, pictures)

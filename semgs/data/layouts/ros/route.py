@@ -21,7 +21,7 @@ TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
 
-def find_route(bag: Bag, frame_id: str, asked: SceneDetails) -> tuple[list[Motion], list[str]]:
+def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Motion], list[str]]:
     """The motions from the camera's frame up to the world, and notes about them.
 
     Raises:
@@ -29,24 +29,24 @@ def find_route(bag: Bag, frame_id: str, asked: SceneDetails) -> tuple[list[Motio
     """
     tree = _tree(bag)
     moving = [
-        one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, asked.body))
+        one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, details.body))
     ]
-    if asked.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
+    if details.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
         raise InputError(bag.path, "a topic whose poses do not name their frame", str(bag), "body")
     routes = {"TF": motions_above(tree, frame_id)}
     for step in moving:
         routes[step.source] = motions_above({**tree, step.child: step}, frame_id)
     routes = {source: route for source, route in routes.items() if _leads(source, route)}
-    if asked.world in routes:
-        routes = {asked.world: routes[asked.world]}
-    elif asked.world is not None:
-        cut = {source: _cut(route, asked.world.lstrip("/")) for source, route in routes.items()}
+    if details.world in routes:
+        routes = {details.world: routes[details.world]}
+    elif details.world is not None:
+        cut = {source: _cut(route, details.world.lstrip("/")) for source, route in routes.items()}
         routes = {source: route for source, route in cut.items() if _leads(source, route)}
     if not routes:
-        wanted = frame_id if asked.world is None else f"{frame_id} in {asked.world},"
+        wanted = frame_id if details.world is None else f"{frame_id} in {details.world},"
         raise InputError(
             bag.path, f"poses of {wanted} by TF, Odometry or PoseStamped", _ways(tree, moving, frame_id), "world",
-            advice=None if asked.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static",
+            advice=None if details.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static",
         )  # fmt: skip
     if "TF" in routes:
         routes = {"TF": routes["TF"]}
@@ -56,7 +56,7 @@ def find_route(bag: Bag, frame_id: str, asked: SceneDetails) -> tuple[list[Motio
     source, route = next(iter(routes.items()))
     chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
     notes = [f"Poses are from {source}: {chain}, interpolated in time."]
-    if source in bag.topics and asked.body is None and not _says_of_what(bag.first(source)):
+    if source in bag.topics and details.body is None and not _says_of_what(bag.first(source)):
         notes.append(
             f"The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame_id} (--body)."
         )

@@ -26,25 +26,25 @@ from semgs.data.scene_details import SceneDetails
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError, input_error
 
-ASKS = ("scenezoo",)
+DETAILS = ("scenezoo",)
 
 CAMERAS = ("rgb_intrinsics", "world_to_camera")
 LENSES = ("PINHOLE", "OPENCV")
 """The camera models of scenezoo that are read: without distortion, and with k1, k2, p1, p2, k3."""
 
 
-def open_zoo(path: Path, asked: SceneDetails) -> Scene:
+def open_zoo(path: Path, details: SceneDetails) -> Scene:
     """A scene of a data set that scenezoo reads.
 
     Args:
         path: the folder of the data set.
-        asked: `scenezoo` says which data set it is, and which of its scenes.
+        details: `scenezoo` says which data set it is, and which of its scenes.
 
     Raises:
         InputError: the data set is not known or not supported, or scenezoo cannot read the scene.
         ImportError: scenezoo is not installed.
     """
-    name, scene, part = (*str(asked.scenezoo).split(":"), "")[:3]
+    name, scene, part = (*str(details.scenezoo).split(":"), "")[:3]
     data, source = choose_camera(path, name.lower(), part)
     named = [
         one for place in (path, path / "metadata") if data.names_file and (one := place / data.names_file).is_file()
