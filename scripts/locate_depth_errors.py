@@ -27,7 +27,7 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
 from semgs.geometry.plane_sweep import expected_depth
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load
 from semgs.scene.coarse_depth import SHRINK
@@ -48,7 +48,7 @@ class Found:
 @torch.no_grad()
 def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
     """The depths after each step of the network."""
-    scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
+    scene = NetworkInput.of(views, model.cnn.conv1.weight, model.stride)
     features = model.colour.transformer(model.cnn(scene.images), scene)
     cost = model.colour.depth.cost(features, scene, None)
     swept = model.sweep(views)

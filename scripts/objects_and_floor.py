@@ -33,7 +33,7 @@ from semgs.export.scene_objects import occupancy_of, things_of
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import back_project, project
 from semgs.model.weights.load import load
-from semgs.reconstruction.sensor_depth import placed
+from semgs.reconstruction.sensor_depth import place_gaussians
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.floor import NoFloorError
 from semgs.robotics.objects import STUFF, Objects
@@ -126,7 +126,7 @@ def draw(seed: int, index: int, library: Library | None) -> Drawn:
 def scene_of(encoding: Encoding, views: Views, source: str, seed: int) -> SavedScene:
     """The scene with its depth from a source."""
     if source == "sensor":
-        encoding = placed(encoding, replace(views, depths=measured(views, seed)), "sensor").encoding
+        encoding = place_gaussians(encoding, replace(views, depths=measured(views, seed)), "sensor")[0]
     if source == "truth":
         assert views.depths is not None
         assert views.labels is not None

@@ -27,10 +27,10 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import Task, make_plan
 from semgs.evaluation.frames.predictions import Inputs, Method, Prediction
 from semgs.evaluation.frames.protocols import TargetSample, neighbours
-from semgs.evaluation.frames.reading import inputs_of, read_views
-from semgs.evaluation.run import labelled_scenes, network_candidate
+from semgs.evaluation.frames.reading import make_inputs, read_views
+from semgs.evaluation.run import load_candidate, open_labelled_scenes
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.scoring.summary import summarise
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
@@ -144,7 +144,7 @@ def _cameras(scene: Scene, frames: Sequence[int], like: Cameras) -> Cameras:
 def scores(method: Method, task: Task, conditions: Sequence[Condition]) -> list[FrameScores]:
     """The scores of a target under each condition."""
     views = read_views(task)
-    target, inputs = views[task.sample.target], inputs_of(task, views)
+    target, inputs = views[task.sample.target], make_inputs(task, views)
     return [score(task, WithNoise(method, one).predict(inputs), target, None) for one in conditions]
 
 
@@ -219,8 +219,8 @@ def main() -> None:
     found: dict[str, dict[int, dict[Condition, dict[str, float]]]] = {}
     for one in arguments.data:
         name, _, folder = one.partition("=")
-        data = labelled_scenes(Path(folder))
-        method = network_candidate(arguments.weights, data.classes, "cpu").method
+        data = open_labelled_scenes(Path(folder))
+        method = load_candidate(arguments.weights, data.classes, "cpu").method
         found[name] = {}
         for views in arguments.views:
             plan = make_plan(
@@ -234,7 +234,7 @@ def main() -> None:
                 each.append(scores(method, task, conditions))
                 print(f"{name}, N = {views}: {number} of {len(plan.tasks)}", file=sys.stderr)
             found[name][views] = {
-                condition: summary(frames)
+                condition: summarise(frames)
                 for condition, frames in zip(conditions, zip(*each, strict=True), strict=True)
             }
         print(table(name, found[name]), end="\n\n", flush=True)

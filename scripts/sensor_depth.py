@@ -31,7 +31,7 @@ from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project
 from semgs.model.weights.load import load
 from semgs.objectives.map_scores import Maps, map_scores
-from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, placed, sensor_spread
+from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, place_gaussians, sensor_spread
 from semgs.rendering.rendering import Rendering, likeliest
 
 SOURCES = ("network", "sensor", "both")
@@ -136,7 +136,7 @@ def scored(network: torch.nn.Module, scene: Scene, chosen: Pair, seed: int) -> d
     own = network(context)
     found = {}
     for source in SOURCES:
-        encoding = own if source == "network" else placed(own, views, source).encoding
+        encoding = own if source == "network" else place_gaussians(own, views, source)[0]
         found[source] = frame_scores(str(scene.path), encoding.render(target.cameras), target)
     return found
 

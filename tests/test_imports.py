@@ -50,8 +50,15 @@ FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in 
 FOLDERS = {
     "rooms": ("pieces", "assets", "plans", "drawing", "sets"),
     "evaluation": ("frames", "scoring", "tables", "page", "run"),
-}
-"""Packages whose folders have an order too: modules of one import their own folder and those before it."""
+    "model": (
+        "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "stages", "semgs", "build",
+        "weights", "encode",
+    ),
+}  # fmt: skip
+"""Packages whose folders have an order too: modules of one import their own folder and those before it. Modules beside folders may take part."""
+
+WITHOUT_NETWORK = ("segmenters", "robotics", "objectives", "doctor", "sfm", "rooms", "figures", "export", "viewer")
+"""Packages that work on scenes and views, wherever these come from."""
 
 MOST_MODULES = 18
 """So many Python files fit into one folder; with more, it needs folders of its own."""
@@ -154,6 +161,38 @@ def wrong_arrows_of_layouts(root: Path) -> list[str]:
             if not may:
                 wrong.append(f"{name} imports {target}")
     return wrong
+
+
+def reached(root: Path, package: str) -> set[str]:
+    """The modules that a package imports, directly or through others, wherever in their text."""
+    known, reached = modules(root), set()
+    ahead = [name for name in known if package_of(name) == package]
+    while ahead:
+        name = ahead.pop()
+        if name in reached:
+            continue
+        reached.add(name)
+        nodes = [node for node in ast.walk(tree(known[name].read_text())) if isinstance(node, ast.ImportFrom)]
+        whole = {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
+        ahead += {*whole, *imported(name, known[name])} & known.keys()
+    return reached
+
+
+@pytest.mark.parametrize("package", WITHOUT_NETWORK)
+def test_what_works_on_scenes_reaches_no_network(package: str):
+    assert [name for name in reached(ROOT, package) if package_of(name) == "model"] == []
+
+
+def test_a_planted_way_to_the_network_is_found(tmp_path: Path):
+    texts = {
+        "semgs/export/ply.py": "def f():\n    from semgs.scene import confidence",
+        "semgs/scene/confidence.py": "from semgs.model.semgs import SemGS",
+        "semgs/model/semgs.py": "import torch",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert reached(tmp_path, "export") == {"semgs.export.ply", "semgs.scene.confidence", "semgs.model.semgs"}
 
 
 @pytest.mark.parametrize("package", FOLDERS)

@@ -36,7 +36,7 @@ def views() -> Views:
 
 @pytest.fixture(scope="module")
 def encoding(views: Views) -> Encoding:
-    return fill_golden(preset("small")).requires_grad_(False)(views)
+    return fill_golden(preset("small_plain")).requires_grad_(False)(views)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from semgs.data.bounds.depth_range import DepthRange, depth_range
 from semgs.data.bounds.parallax import Seen
 from semgs.data.frames import Frame
 from semgs.data.origin.labeller import Labeller
-from semgs.data.resampling import default_size
+from semgs.data.resampling import Fit, default_size
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, Views, joined
 from semgs.files.errors import InputError
@@ -177,15 +177,18 @@ class Scene:
         self,
         frames: Sequence[int | str],
         size: Sequence[int] | Literal["native"] | None = None,
-        depth_range: DepthRange | None = None,
+        depth_range: DepthRange | tuple[float, float] | None = None,
+        *,
+        fit: Fit = "crop",
     ) -> Views:
         """Read frames as undistorted views in the world around `origin`, with labels and depths if all of them have some.
 
         Args:
             frames: positions or names, in the order you want.
-            size: (height, width); images of another aspect are cropped (`semgs.data.resampling.reframed`). None is the size that
-                `semgs reconstruct` uses: `default_size` of the first frame, at most 76,800 pixels. "native" keeps the full size.
+            size: (height, width). None is the size that `semgs reconstruct` uses: `default_size` of the first frame, at most
+                76,800 pixels. "native" keeps the full size.
             depth_range: near and far of the views; None for `depth_range` of these frames.
+            fit: what is done with images of another aspect than `size`.
 
         Raises:
             ValueError: no frame has that position or name, the list is empty, sizes differ and `size` is "native", or `size` is invalid.
@@ -194,8 +197,8 @@ class Scene:
         chosen = [self.frames[index] for index in self._asked(frames)]
         bounds = depth_range or self.depth_range(frames)
         wanted = _wanted(chosen, size)
-        near_far = bounds.near, bounds.far
-        views = [frame.view(near_far, self.classes, size=wanted, crop=True) for frame in chosen]
+        near_far = bounds if isinstance(bounds, tuple) else (bounds.near, bounds.far)
+        views = [frame.view(near_far, self.classes, size=wanted, fit=fit) for frame in chosen]
         return self.local(joined(views)).checked()
 
 

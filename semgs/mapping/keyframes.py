@@ -60,7 +60,7 @@ def near(camera: Cameras, known: Sequence[Known]) -> list[int]:
     return sorted(alike[np.argsort(distances, kind="stable")[:NEIGHBOURS]].tolist())
 
 
-def predicted(camera: Cameras, known: Sequence[Known], typical: float) -> DepthGrid:
+def predict_depths(camera: Cameras, known: Sequence[Known], typical: float) -> DepthGrid:
     """The depths that a frame sees by what keyframes saw: of each cell the nearest point; cells without a point get the median of all.
 
     Args:
@@ -84,7 +84,7 @@ def predicted(camera: Cameras, known: Sequence[Known], typical: float) -> DepthG
     return DepthGrid(np.where(np.isfinite(cells), cells, np.median(depths)), np.full(GRID * GRID, np.inf))
 
 
-def judged(camera: Cameras, known: Sequence[Known], partners: int, typical: float) -> Verdict:
+def judge_frame(camera: Cameras, known: Sequence[Known], partners: int, typical: float) -> Verdict:
     """Whether a frame becomes a keyframe, and its window.
 
     It does if keyframes see less than `COVERED` of what it sees. Partners share at least `LEAST_SHARED` with it, and go best with it by overlap and
@@ -100,7 +100,7 @@ def judged(camera: Cameras, known: Sequence[Known], partners: int, typical: floa
     some = near(camera, known)
     if not some:
         return Verdict(True, (), 0.0)
-    grid = predicted(camera, [known[index] for index in some], typical)
+    grid = predict_depths(camera, [known[index] for index in some], typical)
     grids = [grid, *(known[index].grid or flat(grid.median) for index in some)]
     together = Covisibility.between([camera, *(known[index].camera for index in some)], grids)
     with_gaussians = [place for place, index in enumerate(some, 1) if known[index].grid is not None]

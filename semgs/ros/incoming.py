@@ -33,7 +33,7 @@ LEAST_NORM = 1e-6
 
 
 @dataclass(frozen=True)
-class Pinhole:
+class UndistortedImage:
     """A message's image without distortion.
 
     Attributes:
@@ -125,7 +125,7 @@ def _camera_pose(image: Any, pose: Any) -> Float64[np.ndarray, "4 4"]:
     return pose_matrix(pose)
 
 
-def _pinhole(image: Any, info: Any, rectified: bool) -> Pinhole:
+def _pinhole(image: Any, info: Any, rectified: bool) -> UndistortedImage:
     """An image without distortion, with its lens."""
     if is_depth(image):
         raise ValueError(f"the image in the frame {frame_of(image)} has depth; expected colours or grey")
@@ -136,7 +136,7 @@ def _pinhole(image: Any, info: Any, rectified: bool) -> Pinhole:
     height, width = colours.shape[:2]
     lens = lens_of(Path("CameraInfo"), frame_of(info), info, (height, width), rectified=rectified)
     maps = undistortion(lens)
-    return Pinhole(colours if maps is None else lens.undistorted(colours, maps), lens)
+    return UndistortedImage(colours if maps is None else lens.undistorted(colours, maps), lens)
 
 
 def _registered_depth(depth: Any, image: Any, info: Any, rectified: bool) -> Float32[np.ndarray, "h w"]:

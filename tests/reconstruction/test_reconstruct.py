@@ -14,10 +14,12 @@ from semgs import load
 from semgs.data.choosing.choice import choose, given
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
-from semgs.reconstruction.output.files import saved
+from semgs.reconstruction.notes import strangers
 from semgs.reconstruction.output.report import Origin, report_numbers
-from semgs.reconstruction.pipeline import Network, reconstruct, strangers
+from semgs.reconstruction.pipeline import reconstruct
+from semgs.reconstruction.recording import Walk
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.scene_file import load_scene, save_scene
 
@@ -166,7 +168,7 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
     assert asked.centres[0, 0] > 5e6
     mine = result.encoding.render(asked.relative_to(scene.origin))
     assert torch.equal(mine.images[0], result.context.rendering.images[1])
-    save_scene(tmp_path / "a", saved(result))
+    save_scene(tmp_path / "a", result.saved)
     with safe_open(tmp_path / "a", "pt") as file:
         written = file.get_tensor("cameras.world_from_camera")
         assert json.loads(file.metadata()["semgs"])["version"] == 2
@@ -216,3 +218,17 @@ def test_views_that_cannot_overlap_are_told(wall_scene: Callable[..., Scene], or
 
 def test_a_view_beside_two_that_overlap_is_the_stranger(wall_scene: Callable[..., Scene]) -> None:
     assert strangers(wall_scene(shifts=(0.0, 0.1, 15.0)).read([0, 2, 1])) == [1]
+
+
+def test_a_walk_passes_the_same_pipeline_and_has_the_same_notes(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """Images of 40x56 are cropped, and the scale is unknown; only the walk says what became of its frames."""
+    scene = wall_scene(metric=False, shifts=(0.0, 0.3, 0.6, 0.9))
+    few, walk = (reconstruct(scene, frames, oracle, (32, 32)) for frames in (given(scene, [0, 3]), Walk()))
+    for start in ("4 of 4 images have another aspect ratio", "The scale of this scene is unknown"):
+        (note,) = [note for note in few.notes if note.startswith(start)]
+        assert note in walk.notes
+    assert any("were joined" in note for note in walk.notes)
+    assert walk.saved.frames == walk.context.names
+    assert walk.classes == few.classes == oracle.classes

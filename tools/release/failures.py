@@ -19,19 +19,19 @@ from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.page.paper_figure import Compared, FigurePart, comparison_legend
-from semgs.evaluation.run import network_candidate
+from semgs.evaluation.page.paper_figure import ComparedTarget, FigurePart, comparison_legend
+from semgs.evaluation.run import load_candidate
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
-from semgs.evaluation.scoring.summary import summary, total_confusion
+from semgs.evaluation.scoring.summary import sum_confusions, summarise
 from semgs.figures.class_images import class_picture, true_class_picture
-from semgs.figures.comparison import Block, PictureRow, comparison
+from semgs.figures.comparison import PictureRow, comparison
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.colours import depth_limits, depth_picture
 from semgs.model.weights.index import SHOWN
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.training.training_settings import VALIDATION_SEED
+from semgs.training.data.data_settings import VALIDATION_SEED
 from tools.release.pages import CARD, DOCS, write_between
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"
@@ -81,13 +81,13 @@ class ScoredTarget:
         scores: of the prediction.
     """
 
-    compared: Compared
+    compared: ComparedTarget
     scores: FrameScores
 
     @property
     def miou(self) -> float:
         """Mean IoU over the classes in the target's truth."""
-        return summary([self.scores])["miou_per_image"]
+        return summarise([self.scores])["miou_per_image"]
 
 
 def write_failures(weights: str, data: Path | None = None, out: Path | None = None) -> str:
@@ -124,7 +124,7 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[ScoredTarget, ...], 
         classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
         plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
         with input_error(weights, "weights"):
-            candidate = network_candidate(weights, classes, "cpu")
+            candidate = load_candidate(weights, classes, "cpu")
         found = score_targets(tuple(FigurePart("", plan, (candidate.method,), classes).compare()))
     if not found:
         raise InputError(data or drawn, "labelled scenes", "none with labels")
@@ -136,12 +136,12 @@ def card_text(found: tuple[ScoredTarget, ...], sha256: str) -> str:
     scores = [one.scores for one in found]
     scenes = len({one.scene for one in scores})
     return (
-        f"{len(found)} targets in {scenes} rooms, weights {sha256[:SHOWN]}: mIoU {summary(scores)['miou']:.3f}, "
-        f"accuracy {summary(scores)['accuracy']:.3f}. The commonest mistakes:\n\n{mistakes_table(found, MISTAKES)}"
+        f"{len(found)} targets in {scenes} rooms, weights {sha256[:SHOWN]}: mIoU {summarise(scores)['miou']:.3f}, "
+        f"accuracy {summarise(scores)['accuracy']:.3f}. The commonest mistakes:\n\n{mistakes_table(found, MISTAKES)}"
     )
 
 
-def score_targets(frames: Sequence[Compared]) -> tuple[ScoredTarget, ...]:
+def score_targets(frames: Sequence[ComparedTarget]) -> tuple[ScoredTarget, ...]:
     """Targets with the scores of the first method's predictions, without targets that have no labels."""
     labelled = [frame for frame in frames if frame.target.labels is not None]
     return tuple(ScoredTarget(frame, score(frame.task, frame.predictions[0], frame.target)) for frame in labelled)
@@ -157,7 +157,7 @@ def worst(targets: Sequence[ScoredTarget], count: int) -> tuple[ScoredTarget, ..
 
 def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[ClassMistake, ...]:
     """All confusions between classes, those with the most pixels first."""
-    confusion, truth = total_confusion(frames)
+    confusion, truth = sum_confusions(frames)
     wrong = confusion.copy()
     np.fill_diagonal(wrong, 0)
     pairs = sorted(np.argwhere(wrong).tolist(), key=lambda pair: -wrong[tuple(pair)])
@@ -170,7 +170,7 @@ def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[ClassM
 
 def caption(target: ScoredTarget, most: int = 3) -> str:
     """The caption of a target: its scores and its largest confusions."""
-    values = summary([target.scores])
+    values = summarise([target.scores])
     scores = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
     if "depth_abs_rel" in values:
         scores.append(f"depth error {values['depth_abs_rel']:.2f}")

@@ -17,6 +17,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import check_utf8
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import opened_tensors
 from semgs.model.semgs import SemGS
@@ -138,8 +139,8 @@ def read_header(path: str | Path) -> Header:
     try:
         settings = NetworkSettings.from_json(parse_json(fields.pop("settings")))
         classes = parse_json(fields.pop("classes"))
-        table = None if classes is None else ClassTable.from_json(classes)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        table = None if classes is None else make_record(ClassTable, classes)
+    except (KeyError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
 

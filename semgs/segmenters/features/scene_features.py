@@ -184,7 +184,7 @@ class Featuring:
         maps, tally = [], _Tally(compression)
         for frame in frames:
             values = self.source.of(frame)
-            coordinates = torch.cat([tally.add(part) for part in units(values)])
+            coordinates = torch.cat([tally.add(part) for part in unit_features(values)])
             plane = coordinates.mT.unflatten(1, values.shape[1:])
             maps.append(resampled(plane, frame, views.size, undistorted=False))
         coordinates = torch.stack(maps).to(encoding.depths)
@@ -208,7 +208,7 @@ class Featuring:
                 raise InputError(self.source.title, expected, f"{len(values)}", key=frame.name)
             pixels = values.reshape(len(values), -1)
             chosen = _spread(pixels.shape[1], SAMPLE // len(frames))
-            found += units(pixels[:, chosen])
+            found += unit_features(pixels[:, chosen])
         sample = torch.cat(found)
         sample = sample[sample.norm(dim=1) > 0]
         if not len(sample):
@@ -247,7 +247,7 @@ class _Tally:
         return 1 - self._lost / max(energy, EVEN * self._count)
 
 
-def units(values: Float[np.ndarray, "n ..."]) -> Iterator[Float[Tensor, "some n"]]:
+def unit_features(values: Float[np.ndarray, "n ..."]) -> Iterator[Float[Tensor, "some n"]]:
     """The features of maps, pixel by pixel and some at a time, of length 1; zeros stay."""
     pixels = values.reshape(len(values), -1)
     for start in range(0, pixels.shape[1], AT_A_TIME):

@@ -53,8 +53,8 @@ def test_gaussians_lie_at_the_depth_that_the_layout_gives(layout: str, network: 
     result = reconstruct(scene, given(scene, [0, 2]), network, (32, 48), depth="sensor")
     depths, cameras = result.context.views.depths, result.context.views.cameras
     assert depths is not None
-    assert result.placed is not None
-    assert min(fit.measured for fit in result.placed.fits) > 0.5
+    assert result.placement is not None
+    assert min(fit.measured for fit in result.placement.fits) > 0.5
     for view in range(2):
         own = slice(view * 16 * 24, (view + 1) * 16 * 24)
         x, y, z = project(result.encoding.gaussians.means[own], cameras[view]).unbind(-1)

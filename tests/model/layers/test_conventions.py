@@ -19,8 +19,8 @@ from semgs.geometry.harmonics_rotation import rotated_harmonics
 from semgs.geometry.plane_sweep import sweep
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.attention.swin import Windows
-from semgs.model.gaussians.heads import upsampled
 from semgs.model.gaussians.placing import Rays, points
+from semgs.model.layers.branch_head import upsample
 from semgs.model.layers.conventions import MVSPLAT, OURS, Conventions
 from semgs.model.semgs import SemGS
 from semgs.model.sweep.cost_volume import cost_volume
@@ -183,7 +183,7 @@ def test_d6_texels_have_their_centres_at_a_half_and_theirs_at_integers(centres: 
 def test_d6_upsampling_keeps_the_corners_of_the_picture_and_theirs_the_centres_of_the_corner_texels(centres: bool):
     """A ramp over the columns, upsampled four times: ours has a texel's value at its centre, 1.5 pixels inside it."""
     ramp = torch.arange(5, dtype=torch.float64).expand(1, 1, 3, 5)
-    wide = upsampled(ramp, 4, centres)[0, 0, 6]
+    wide = upsample(ramp, 4, centres)[0, 0, 6]
     if centres:
         expected = [min(max((column + 0.5) / 4 - 0.5, 0), 4) for column in range(20)]
     else:

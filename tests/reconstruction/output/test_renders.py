@@ -11,8 +11,9 @@ from semgs.data.choosing.choice import given
 from semgs.data.scene import Scene
 from semgs.figures.depth_images import millimetres
 from semgs.files.images.pictures import read_rgb, read_uint8, read_uint16
+from semgs.model.encode import Network
 from semgs.reconstruction.output.renders import per_thousand, percent, write_renders
-from semgs.reconstruction.pipeline import Network, reconstruct
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.rendering.rendering import label_maps
 
 

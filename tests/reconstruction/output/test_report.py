@@ -10,10 +10,11 @@ import pytest
 from semgs.data.choosing.choice import given
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
+from semgs.model.encode import Network
 from semgs.reconstruction.output.report import Origin, outputs, report_numbers, rounded
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.output.score_table import score_lines, score_table
-from semgs.reconstruction.pipeline import Network, reconstruct
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.temperatures import Temperatures
 
@@ -131,7 +132,9 @@ def test_where_much_is_not_seen_the_scores_over_the_seen_pixels_have_a_line_of_t
 ) -> None:
     scene = wall_scene(shifts=(0.0, 0.08))
     result = reconstruct(scene, given(scene, [0, 1]), colour_oracle)
-    lines = score_lines(replace(result, target=replace(result.context, scores=(ViewScores(9.7, 0.66, 19.1),) * 2)))
+    lines = score_lines(
+        replace(result, target=replace(result.context, role="target", scores=(ViewScores(9.7, 0.66, 19.1),) * 2))
+    )
     assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, the 66 % that is seen: PSNR (seen) 19.10 dB"]
 
 

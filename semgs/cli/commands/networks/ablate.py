@@ -44,8 +44,8 @@ class Ablate:
     and ablation.md, the table. To resume, repeat the command.
 
     Examples
-    - semgs ablate small --out ablation --steps 3000 --dry-run
-    - semgs ablate small --out ablation --steps 3000 --seeds 1 2
+    - semgs ablate small_plain --out ablation --steps 3000 --dry-run
+    - semgs ablate small_plain --out ablation --steps 3000 --seeds 1 2
     - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
@@ -131,12 +131,12 @@ class Ablate:
         """Refuse --full if that run has other settings or is not finished."""
         if self.full is None:
             return
-        from semgs.training.run.differences import changed, listed
-        from semgs.training.run.run_folder import finished, read_settings
+        from semgs.training.run.differences import find_changes, list_changes
+        from semgs.training.run.run_folder import is_finished, read_settings
 
-        if other := changed(settings, read_settings(self.full)):
-            raise UsageError(f"--full {self.full} has other settings: {listed(other, 'here')}")
-        if not finished(self.full):
+        if other := find_changes(settings, read_settings(self.full)):
+            raise UsageError(f"--full {self.full} has other settings: {list_changes(other, 'here')}")
+        if not is_finished(self.full):
             raise UsageError(f"--full {self.full} is not finished; repeat its semgs train command first")
 
     def _folder(self, row: AblationRow, seed: int) -> Path:
@@ -157,7 +157,7 @@ class Ablate:
 
     def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str) -> None:
         """Evaluate a trained variant, unless that was done before."""
-        from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
+        from semgs.evaluation.run import Job, load_candidate, open_labelled_scenes, plan_targets, run_evaluation
         from semgs.training.run.run_folder import WEIGHTS
 
         folder = self._folder(row, settings.seed)
@@ -165,21 +165,19 @@ class Ablate:
             return
         path = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            data = labelled_scenes(path, wanted=self.test_scenes)
-        if data.classes is None:
-            raise InputError(path, "labelled scenes", "none with labels")
-        plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
+            data = open_labelled_scenes(path, wanted=self.test_scenes, needs_labels=True)
+        plan = plan_targets((self.protocol,), data.scenes, (self.views,), settings.size)
         weights = self._run(row, settings.seed) / WEIGHTS
         with what_the_user_gave():
-            candidate = network_candidate(weights, data.classes, device, row.title)
+            candidate = load_candidate(weights, data.classes, device, row.title)
         with what_fits(), show_progress(f"Evaluating {row.title}", len(plan.tasks)) as done:
-            evaluate_into(folder / EVALUATION, Job(data, plan, candidate), done=done)
+            run_evaluation(folder / EVALUATION, Job(data, plan, candidate), done=done)
 
     def _rooms(self, settings: TrainingSettings) -> Path:
         """Rooms to evaluate on; they are generated if they do not exist yet."""
         from semgs.rooms.assets.asset_library import Library
         from semgs.rooms.sets.dataset import Recipe, write_dataset
-        from semgs.training.training_settings import VALIDATION_SEED
+        from semgs.training.data.data_settings import VALIDATION_SEED
 
         library = Library(settings.assets, "validation", check=False) if settings.assets else None
         recipe = Recipe(VALIDATION_SEED, settings.size, library=library)

@@ -76,11 +76,11 @@ class Label:
             from semgs.files.atomic import write_json
             from semgs.segmenters.class_map_files import TABLE
             from semgs.segmenters.class_source import notes_of
-            from semgs.segmenters.relabelling import relabelling
+            from semgs.segmenters.relabelling import open_relabelling
 
             found = sources(self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo)
             reading = Reading(self.reading.as_peers, self.reading.asked, needs_labels=False)
-            labelled = relabelling(
+            labelled = open_relabelling(
                 self.segmenter, reading, self.answers.classes, self.confidence,
                 correspondence=self.answers.correspondence, words=self.answers.words, alone=len(found) == 1,
             )  # fmt: skip

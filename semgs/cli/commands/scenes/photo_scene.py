@@ -16,7 +16,7 @@ from semgs.data.scenes import open_asked
 from semgs.files.atomic import partial_name
 from semgs.files.errors import readable
 from semgs.sfm.photos import has_only_photos
-from semgs.sfm.scene_folder import write_scene
+from semgs.sfm.scene_folder import write_photo_scene
 from semgs.sfm.writing import IMAGES
 
 CAMERAS = "cameras"
@@ -83,7 +83,7 @@ def photo_scene(path: Path, out: Path, posing: PosingOptions) -> Iterator[PhotoS
     folder.mkdir(parents=True)
     try:
         with what_the_user_gave():
-            notes = write_scene(path, folder, known).notes
+            notes = write_photo_scene(path, folder, known).notes
         yield PhotoScene(path, folder, out, notes)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
