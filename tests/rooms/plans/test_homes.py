@@ -127,7 +127,7 @@ def test_desks_have_screens_and_tables_have_plates():
             seen: list[str] = []
             builder.swap = lambda piece, seen=seen: seen.append(piece.name) or piece
             assert builder.stand(snug(maker(rng)), 0.0, 0.0, 0.0)
-            home.dressing.clutter(builder, builder.outline.zones[0])
+            home.dressing.scatter_clutter(builder, builder.outline.zones[0])
             names.update((kind, name) for name in seen)
     assert names["study", "on a desk"] > 30
     assert names["dining", "on a table"] > 60
