@@ -27,7 +27,7 @@ LAYOUTS = "semgs.data.layouts"
 LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
-    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json"),
+    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json", "labelled_images"),
     ("zoo",),
 )
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
@@ -41,7 +41,7 @@ FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in 
 
 FOLDERS = {
     "rooms": ("pieces", "assets", "plans", "drawing", "sets"),
-    "evaluation": ("frames", "scoring", "tables", "page", "run"),
+    "evaluation": ("frames", "scoring", "tables", "page", "run", "single"),
 }
 """Packages whose folders have an order too: modules of one import their own folder and those before it."""
 

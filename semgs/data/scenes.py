@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.asked import Asked
-from semgs.data.layouts import transforms_json
+from semgs.data.layouts import labelled_images, transforms_json
 from semgs.data.layouts.colmap import model as colmap
 from semgs.data.layouts.parts.recordings import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
@@ -68,6 +68,7 @@ LAYOUTS = (
     Layout(polycam.recognises, polycam.open_polycam, polycam.LOOKED_FOR, asks=polycam.ASKS),
     Layout(record3d.recognises, record3d.open_record3d, record3d.LOOKED_FOR, asks=record3d.ASKS),
     Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
+    Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
 )
 """The known layouts. If a folder has several, the first one counts."""
 
@@ -92,6 +93,7 @@ def open_scene(
     depth_unit: float | None = None,
     scenezoo: str | None = None,
     needs_labels: bool = True,
+    needs_cameras: bool = True,
 ) -> Scene:
     """The scene at a path; its layout is detected automatically.
 
@@ -100,29 +102,37 @@ def open_scene(
         as_peers: names from `semgs.data.readings.READINGS`: read files the way another paper's code does.
         camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.asked.Asked`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
+        needs_cameras: whether labelled images without cameras are an error.
 
     Raises:
         InputError: nothing is there, no layout is recognised (the error lists the known ones), the scene's files are damaged, the class
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    return open_asked(path, as_peers, Asked(camera, world, body, intrinsics, depth_unit, scenezoo), needs_labels)
+    asked = Asked(camera, world, body, intrinsics, depth_unit, scenezoo)
+    return open_asked(path, as_peers, asked, needs_labels, needs_cameras)
 
 
-def open_asked(path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene:
+def open_asked(
+    path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True, needs_cameras: bool = True
+) -> Scene:
     """As `open_scene`, with the details in one object."""
     check_readings(as_peers)
     path = typed_path(path)
     existing_folder(path)
     with readable(path):
-        scene = _opened(path, as_peers, asked, needs_labels)
+        scene = _opened(path, as_peers, asked, needs_labels, needs_cameras)
         if scene is None:
             raise _unknown(path, "a scene")
     return scene
 
 
 def open_scenes(
-    path: str | Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: SceneList | None = None
+    path: str | Path,
+    as_peers: Collection[str] = (),
+    asked: Asked | None = None,
+    wanted: SceneList | None = None,
+    needs_cameras: bool = True,
 ) -> tuple[Scene, ...]:
     """The scene at a path, or the scenes in that folder, or else those one level below, sorted by name.
 
@@ -133,6 +143,7 @@ def open_scenes(
         as_peers: as for `open_scene`, for all scenes.
         asked: details that apply to all scenes.
         wanted: the scenes to open; None for all.
+        needs_cameras: as for `open_scene`.
 
     Raises:
         InputError: as `open_scene`; there is no scene, or one in `wanted` is missing; or two have the same name.
@@ -142,7 +153,8 @@ def open_scenes(
     details = asked or Asked()
     paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
     with readable(path):
-        scenes = tuple(scene for one in paths if (scene := _opened(one, as_peers, details)) is not None)
+        opened = (_opened(one, as_peers, details, needs_cameras=needs_cameras) for one in paths)
+        scenes = tuple(scene for scene in opened if scene is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -190,12 +202,19 @@ def _found(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _opened(path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True) -> Scene | None:
+def _opened(
+    path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True, needs_cameras: bool = True
+) -> Scene | None:
     """The scene at a path, None if it has no known layout."""
     layout = ZOO if asked.scenezoo else next((one for one in LAYOUTS if one.recognises(path)), None)
     if layout is None:
         return None
     scene = layout.scene(path, as_peers, asked)
+    if needs_cameras and not scene.posed:
+        raise InputError(
+            path, "images with cameras", f"{scene.layout}, which have none",
+            advice="they are for semgs train --supervision pictures and semgs evaluate --single",
+        )  # fmt: skip
     if scene.unread_labels is None:
         return scene
     if needs_labels:

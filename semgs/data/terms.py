@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from semgs.data.class_files import read_class_file
 from semgs.data.labeller import Labeller
+from semgs.data.layouts import labelled_images
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scan as scannet
 from semgs.data.layouts.scannetpp import scan as scannetpp
@@ -95,6 +97,8 @@ def terms_of_photos(scene: Scene) -> Terms:
         if "terms" in record:
             return Terms(**record["terms"])
         layout = str(record.get("source", {}).get("layout", layout))
+    if layout == labelled_images.LAYOUT and (stated := read_class_file(scene.path / labelled_images.CLASSES).terms):
+        return Terms(f"{scene.name}: {stated}")
     if known := _of_layout(layout):
         return known
     folder = scene.path if scene.path.is_dir() else scene.path.parent

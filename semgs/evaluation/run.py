@@ -36,6 +36,7 @@ from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
 from semgs.model.nearest import NearestViews
+from semgs.model.semgs import SemGS
 from semgs.segmenters.labelling import Labelling
 from semgs.weights.load import find, load, table_of
 
@@ -93,7 +94,11 @@ class Job:
 
 
 def labelled_scenes(
-    path: Path, as_peers: Collection[str] = (), asked: Asked | None = None, wanted: str = ""
+    path: Path,
+    as_peers: Collection[str] = (),
+    asked: Asked | None = None,
+    wanted: str = "",
+    needs_cameras: bool = True,
 ) -> LabelledScenes:
     """Open the scenes at a path, or those of a list.
 
@@ -101,11 +106,12 @@ def labelled_scenes(
         path: a scene or a folder of scenes.
         as_peers, asked: as for `semgs.data.scenes.open_scenes`.
         wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" for all.
+        needs_cameras: as for `semgs.data.scenes.open_scenes`.
 
     Raises:
         InputError: there are none, one of the list is missing, or their labels have different class tables.
     """
-    scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None)
+    scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None, needs_cameras)
     labelled = [scene for scene in scenes if scene.classes is not None]
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:
@@ -170,12 +176,17 @@ def network_candidate(
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    network, path = find(weights)
-    model = load(network, path, classes=(None if labelling else classes) or table_of(path))
-    parameters = sum(parameter.numel() for parameter in model.parameters())
-    subject = Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
+    model, subject = network_subject(weights, None if labelling else classes, name)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    return Candidate(NetworkMethod(model.eval(), device, subject.name, labelling, chosen), subject, device)
+    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen), subject, device)
+
+
+def network_subject(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, Subject]:
+    """A network in evaluation mode, and its description; arguments and errors as for `network_candidate`."""
+    network, path = find(weights)
+    model = load(network, path, classes=classes or table_of(path))
+    parameters = sum(parameter.numel() for parameter in model.parameters())
+    return model.eval(), Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
 
 
 def saved_candidate(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:

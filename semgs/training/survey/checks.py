@@ -65,6 +65,21 @@ def check_depth(settings: TrainingSettings, scenes: Sequence[Scene]) -> None:
         )  # fmt: skip
 
 
+def check_cameras(settings: TrainingSettings, scenes: Sequence[Scene]) -> None:
+    """Refuse images without cameras, unless each sample is a single image.
+
+    Raises:
+        InputError: there are such images.
+    """
+    for scene in scenes:
+        if not scene.posed and not settings.single_pictures:
+            raise InputError(
+                scene.path, f"images with cameras, for --supervision {settings.supervision}",
+                f"{scene.layout}, which have none",
+                advice="train on single images: --supervision pictures --contexts 1 1 --targets 0",
+            )  # fmt: skip
+
+
 def check_validation(settings: TrainingSettings, classes: ClassTable, trained: Sequence[str]) -> None:
     """Refuse validation scenes that cannot be used, by the same rules as training scenes.
 
@@ -76,6 +91,7 @@ def check_validation(settings: TrainingSettings, classes: ClassTable, trained: S
     if not source.is_rooms and settings.validation_scenes:
         opened = open_source(source, scene_paths(source.path), settings.contexts[0], settings)
         check_bad(opened.bad, len(opened.scenes) + len(opened.bad))
+        check_cameras(settings, opened.scenes)
         check_tables(settings, opened.scenes, classes)
         check_depth(settings, opened.scenes)
         names = [scene.name for scene in opened.scenes]

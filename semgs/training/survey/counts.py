@@ -17,7 +17,7 @@ from semgs.training.settings import TrainingSettings
 from semgs.training.survey.opened import Opened
 
 FRAMES_COUNTED = 4
-"""Frames of each scene in which classes are counted."""
+"""Frames of each scene in which classes are counted; of images without cameras, which all show other rooms, every one is."""
 
 BALANCE = 0.5
 """Balanced sampling chooses a scene in proportion to the mean `inverse_frequency` of its pixels, with this power."""
@@ -56,7 +56,8 @@ def count_pixels(
 def _some(scene: Scene) -> list[Views]:
     """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
     views = []
-    for index in np.unique(np.linspace(0, len(scene) - 1, FRAMES_COUNTED).round().astype(int)):
+    count = FRAMES_COUNTED if scene.posed else len(scene)
+    for index in np.unique(np.linspace(0, len(scene) - 1, count).round().astype(int)):
         with contextlib.suppress(InputError):
             views.append(scene.read([int(index)], "native"))
     return views

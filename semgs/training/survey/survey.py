@@ -12,7 +12,7 @@ from semgs.rooms.sets.stream import RoomSamples
 from semgs.training.samples import Folder
 from semgs.training.settings import CLASS_WEIGHTINGS, TrainingSettings
 from semgs.training.source import ROOMS
-from semgs.training.survey.checks import check_depth, check_labels, check_validation, notes_on
+from semgs.training.survey.checks import check_cameras, check_depth, check_labels, check_validation, notes_on
 from semgs.training.survey.counts import class_shares, count_pixels, inverse_frequency, with_chances
 from semgs.training.survey.opened import check_bad, open_source, training_paths
 from semgs.training.survey.record import RECORD, remember, remembered, started_on, terms_of_run
@@ -62,6 +62,7 @@ def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSample
         if not folder.scenes:
             path, why = folder.bad[0]
             raise InputError(folder.source.path, "usable scenes", f"none; {path}: {why}")
+    check_cameras(settings, good)
     check_labels(settings, good, classes)
     check_depth(settings, good)
     pixels = remembered(out / RECORD, good)
